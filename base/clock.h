@@ -1,7 +1,7 @@
-// Time that only moves forward, for measuring and pacing. Nanoseconds.
+// Time for measuring and pacing. Nanoseconds. Any thread may call.
 #pragma once
 #include "base/status.h"
 
-int64_t clock_now_ns(void); // monotonic; the origin means nothing
-int64_t clock_cpu_ns(void); // this thread's own processor time
-void clock_sleep_until_ns(int64_t when_ns);
+int64_t clock_now_ns(void);                 // CLOCK_MONOTONIC: never runs backwards; its origin has no meaning
+int64_t clock_cpu_ns(void);                 // processor time of the calling thread
+void clock_sleep_until_ns(int64_t when_ns); // when_ns as from clock_now_ns()

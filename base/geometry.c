@@ -1,8 +1,9 @@
 #include "base/geometry.h"
+#include "base/portable_math.h"
 
 struct vec3 v3_perpendicular(struct vec3 a)
 {
-    // Cross with the axis that `a` leans on least, so the product cannot vanish.
+    // Cross product with the axis along which `a` is smallest, so that it cannot vanish.
     double ax = fabs(a.x), ay = fabs(a.y), az = fabs(a.z);
     struct vec3 other = ax <= ay && ax <= az ? v3(1, 0, 0) : ay <= az ? v3(0, 1, 0) : v3(0, 0, 1);
     struct vec3 p = v3_unit(v3_cross(a, other));
@@ -31,8 +32,8 @@ struct quat quat_from_rotation_vector(struct vec3 r)
 {
     double angle = v3_length(r);
     // sin(a/2)/a by series near zero, where the quotient loses all digits
-    double s = angle < 1e-4 ? 0.5 - angle * angle / 48 : sin(angle / 2) / angle;
-    return quat_unit((struct quat){r.x * s, r.y * s, r.z * s, cos(angle / 2)});
+    double s = angle < 1e-4 ? 0.5 - angle * angle / 48 : portable_sin(angle / 2) / angle;
+    return quat_unit((struct quat){r.x * s, r.y * s, r.z * s, portable_cos(angle / 2)});
 }
 
 struct vec3 quat_to_rotation_vector(struct quat q)
@@ -41,7 +42,7 @@ struct vec3 quat_to_rotation_vector(struct quat q)
         q = (struct quat){-q.x, -q.y, -q.z, -q.w};
     struct vec3 u = v3(q.x, q.y, q.z);
     double s = v3_length(u);
-    double scale = s < 1e-8 ? 2 / q.w : 2 * atan2(s, q.w) / s;
+    double scale = s < 1e-8 ? 2 / q.w : 2 * portable_atan2(s, q.w) / s;
     return v3_scale(u, scale);
 }
 
@@ -91,8 +92,8 @@ struct quat quat_between(struct vec3 a, struct vec3 b)
 
 struct quat quat_slerp(struct quat a, struct quat b, double t)
 {
-    struct quat turn = quat_multiply(b, quat_conjugate(a));
-    return quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(quat_to_rotation_vector(turn), t)), a));
+    struct quat b_from_a = quat_multiply(b, quat_conjugate(a));
+    return quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(quat_to_rotation_vector(b_from_a), t)), a));
 }
 
 struct pose pose_multiply(struct pose a_from_b, struct pose b_from_c)

@@ -25,7 +25,7 @@ struct pose {
 
 #define POSE_IDENTITY ((struct pose){{0, 0, 0, 1}, {0, 0, 0}})
 
-// (Plain initialisers here: this header is also read by the C++ wrappers.)
+// (No compound literals here: C++ files include this header.)
 static inline struct vec3 v3(double x, double y, double z)
 {
     struct vec3 v = {x, y, z};
@@ -67,7 +67,7 @@ struct quat quat_from_rotation_vector(struct vec3 r); // axis times angle; serie
 struct vec3 quat_to_rotation_vector(struct quat q);   // angle in [0, pi]
 struct quat quat_from_matrix(double m[3][3]);         // a rotation matrix, row-major
 void quat_to_matrix(struct quat q, double m[3][3]);
-struct quat quat_between(struct vec3 a, struct vec3 b); // shortest turn taking a's direction to b's
+struct quat quat_between(struct vec3 a, struct vec3 b); // shortest rotation taking a's direction to b's
 struct quat quat_slerp(struct quat a, struct quat b, double t);
 static inline struct quat quat_conjugate(struct quat q)
 {
@@ -82,4 +82,4 @@ static inline struct vec3 pose_apply(struct pose a_from_b, struct vec3 p_b)
 struct pose pose_multiply(struct pose a_from_b, struct pose b_from_c); // a_from_c
 struct pose pose_inverse(struct pose a_from_b);                        // b_from_a
 bool pose_finite(struct pose a_from_b);
-double pose_angle(struct pose a, struct pose b); // the turn between them, [0, pi]
+double pose_angle(struct pose a, struct pose b); // of the rotation between them, [0, pi]

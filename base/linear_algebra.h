@@ -1,14 +1,32 @@
-// Small dense symmetric systems, as the fits of this folder need them.
-// Row-major, n up to LINEAR_MAX. Pure.
+// Small dense symmetric systems, as normal equations need them: Cholesky decomposition and Gaussian elimination.
+// Matrices are row-major, n x n doubles. Pure functions: no memory is allocated, any thread may call. The order of the
+// floating-point operations is fixed, so the same input gives the same bits.
 #pragma once
 #include "base/status.h"
 
-enum { LINEAR_MAX = 16 };
+enum { LINEAR_MAX = 16 }; // the largest n of the functions that keep a copy: marginal_information, invert_symmetric
 
-// a = L L^T, L in a's lower triangle. False: not positive definite (or not finite).
-bool cholesky(double *a, int n);
-void cholesky_solve(const double *l, int n, double *b); // b becomes the solution
-// The information of the first or the second half of 2 n numbers, whatever the others are: a is 2n x 2n,
-// out n x n. False: nothing is known of the others.
+// A = L L'. Reads and writes the lower triangle only, which becomes L. False: A is not positive definite or not finite;
+// the triangle is then undefined.
+bool cholesky_factor(double *a, int n);
+
+// The same for a matrix that is positive semidefinite but for rounding: a pivot below min_pivot is set to it.
+void cholesky_factor_clamped(double *a, int n, double min_pivot);
+
+// Solves L L' x = b in place.
+void cholesky_solve(const double *l, int n, double *b);
+
+// Entry (i, i) of the inverse of L L': the variance of unknown i where L L' is an information matrix.
+// scratch: n doubles.
+double cholesky_variance(const double *l, int n, int i, double *scratch);
+
+// Solves A x = b by Gaussian elimination without pivoting, for a positive definite A of which all n x n entries are
+// given. Overwrites A; x replaces b.
+void gauss_solve(double *a, int n, double *b);
+
+// The information of the first (or second) half of 2 n unknowns with the other half marginalised: the Schur complement.
+// a is 2n x 2n, out n x n. False: the other half's block is not positive definite; out is then undefined.
 bool marginal_information(const double *a, int n, bool second, double *out);
-bool invert_symmetric(const double *a, int n, double *inverse); // a positive definite
+
+// The inverse of a positive definite matrix. False: it is not; inverse is then untouched.
+bool invert_symmetric(const double *a, int n, double *inverse);

@@ -1,6 +1,6 @@
 #include "base/memory.h"
 
-#include <stdlib.h> // says which C library this is
+#include <stdlib.h> // defines __GLIBC__
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
@@ -13,7 +13,7 @@ void *alloc_cache_aligned(size_t bytes)
     size_t whole = (bytes + alignment - 1) / alignment * alignment;
     void *memory = aligned_alloc(alignment, whole > 0 ? whole : alignment);
     if (memory && alignment == PAGE)
-        (void)madvise(memory, whole, MADV_HUGEPAGE); // a wish: without, all is as slow as before
+        (void)madvise(memory, whole, MADV_HUGEPAGE); // a hint; without it the memory is only slower
     return memory;
 }
 

@@ -1,14 +1,15 @@
-// Memory as the machine likes it: in whole lines of the caches and large pages, and given back when it is not needed.
+// Memory for large tables that are read at random: aligned to cache lines and huge pages; and returning freed memory to
+// the system. Any thread may call.
 #pragma once
 #include <stddef.h>
 
-enum { CACHE_LINE_BYTES = 64 }; // bytes that the caches move at once
+enum { CACHE_LINE_BYTES = 64 };
 
-// From the first byte of a line on, not cleared; the caller's, who frees it with free(). NULL: there is none. From 2
-// MiB on in pages of that size, where the system has them: who looks here and there in pages of 4 KiB waits longer to
-// find the page than to read it. Any thread may call.
+// Memory that begins at a cache line, not cleared; the caller frees it with free(). NULL: out of memory. From 2 MiB on
+// it is aligned to 2 MiB and the system is asked for huge pages: with pages of 4 KiB, random access spends more time in
+// the page-table walk than in the read.
 void *alloc_cache_aligned(size_t bytes);
 
-// Gives it back to the system, where the C library can: after work that took much more than what is left of it, which
-// else stays a process's own for as long as it runs. Takes some 10 ms a hundred megabytes. Any thread may call.
+// Returns freed heap memory to the system, where the C library can (glibc). For use after work whose peak was far above
+// what stays allocated; otherwise the process keeps the peak for as long as it runs. Takes about 10 ms per 100 MB.
 void trim_heap(void);

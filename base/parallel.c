@@ -2,7 +2,7 @@
 
 #include <pthread.h>
 
-enum { MOST_THREADS = 16 };
+enum { MAX_THREADS = 16 };
 
 struct parallel_share {
     int first, step, count;
@@ -21,10 +21,10 @@ static void *run_share(void *argument)
 void parallel_for(int threads, int count, void (*work)(void *context, int i), void *context)
 {
     int n = threads < count ? threads : count;
-    n = n < 1 ? 1 : n > MOST_THREADS ? MOST_THREADS : n;
-    struct parallel_share shares[MOST_THREADS];
-    pthread_t thread[MOST_THREADS];
-    bool runs[MOST_THREADS] = {false};
+    n = n < 1 ? 1 : n > MAX_THREADS ? MAX_THREADS : n;
+    struct parallel_share shares[MAX_THREADS];
+    pthread_t thread[MAX_THREADS];
+    bool runs[MAX_THREADS] = {false};
     for (int i = 0; i < n; i++)
         shares[i] = (struct parallel_share){i, n, count, work, context};
     for (int i = 1; i < n; i++)
@@ -34,5 +34,5 @@ void parallel_for(int threads, int count, void (*work)(void *context, int i), vo
         if (runs[i])
             pthread_join(thread[i], NULL);
         else
-            run_share(&shares[i]); // no thread to be had: do it here
+            run_share(&shares[i]); // no thread could be created: do it here
 }

@@ -1,28 +1,26 @@
 #include "base/pipeline.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 
-enum { MOST_THREADS = 16 };
+enum { MAX_THREADS = 16 }; // besides the caller's
 
 struct item_progress {
-    int stage; // that is done next
-    bool busy;
+    int stage; // the next one
+    bool busy; // a thread is running it
 };
 
 struct pipeline_state {
     const struct pipeline *p;
     struct item_progress *items;
-    int ended;                     // all items before it have gone through all stages
-    int next[PIPELINE_MAX_STAGES]; // of stages in order: the item that is next
-    enum status status;            // not OK: all ends
-    char sentence[512];            // of an error, which is known on the thread that met it
-    pthread_mutex_t lock;          // of all above
+    int ended;                     // all items before it have passed all stages
+    int next[PIPELINE_MAX_STAGES]; // of an ordered stage: the item that is next
+    struct failure failure;        // not OK: the run ends
+    pthread_mutex_t lock;          // guards all above
     pthread_cond_t changed;
 };
 
-// The oldest item that can be gone on with; -1: none now.
+// The oldest item whose next stage may run now; -1: none.
 static int find_ready_item(const struct pipeline_state *r)
 {
     const struct pipeline *p = r->p;
@@ -36,11 +34,8 @@ static int find_ready_item(const struct pipeline_state *r)
 
 static void stop(struct pipeline_state *r, enum status status)
 {
-    if (r->status != OK)
-        return;
-    r->status = status;
-    if (status < 0)
-        snprintf(r->sentence, sizeof r->sentence, "%s", status_message());
+    if (r->failure.status == OK)
+        failure_keep(&r->failure, status);
 }
 
 static void advance(struct pipeline_state *r, int i)
@@ -64,17 +59,17 @@ static void run_items(struct pipeline_state *r, bool reports_progress)
 {
     const struct pipeline *p = r->p;
     pthread_mutex_lock(&r->lock);
-    while (r->status == OK && r->ended < p->items) {
+    while (r->failure.status == OK && r->ended < p->items) {
         const int i = find_ready_item(r);
         if (i >= 0)
             advance(r, i);
         else
             pthread_cond_wait(&r->changed, &r->lock);
         const double share = (double)r->ended / p->items;
-        if (!reports_progress || r->status != OK)
+        if (!reports_progress || r->failure.status != OK)
             continue;
         pthread_mutex_unlock(&r->lock);
-        const bool wanted = p->went_on(p->context, share);
+        const bool wanted = p->on_progress(p->context, share);
         pthread_mutex_lock(&r->lock);
         if (!wanted)
             stop(r, NOTHING);
@@ -93,13 +88,13 @@ enum status pipeline_run(const struct pipeline *p, int threads)
 {
     assert(p->stages <= PIPELINE_MAX_STAGES && p->in_flight > 0);
     struct pipeline_state r = {.p = p, .items = calloc((size_t)p->items + 1, sizeof *r.items)};
-    pthread_t thread[MOST_THREADS];
+    pthread_t thread[MAX_THREADS];
     int helping = 0;
     if (!r.items)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&r.lock, NULL);
     pthread_cond_init(&r.changed, NULL);
-    while (helping + 1 < threads && helping < MOST_THREADS && pthread_create(&thread[helping], NULL, worker, &r) == 0)
+    while (helping + 1 < threads && helping < MAX_THREADS && pthread_create(&thread[helping], NULL, worker, &r) == 0)
         helping++;
     run_items(&r, true);
     for (int i = 0; i < helping; i++)
@@ -107,5 +102,5 @@ enum status pipeline_run(const struct pipeline *p, int threads)
     pthread_cond_destroy(&r.changed);
     pthread_mutex_destroy(&r.lock);
     free(r.items);
-    return r.status < 0 ? fail(r.status, "%s", r.sentence) : r.status;
+    return r.failure.status < 0 ? failure_restore(&r.failure) : r.failure.status;
 }

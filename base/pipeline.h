@@ -1,5 +1,7 @@
-// Items that each go through the same stages, on a few threads: while some are in the last stage, others are in those
-// before it. Nobody waits for anything but what the item itself needs.
+// Items that pass through the same stages on several threads: while some are in the last stage, others are in the
+// stages before it. An item waits only for the stage before it and, in an ordered stage, for the item before it.
+//
+// The threads are created by pipeline_run and joined before it returns; no pool outlives it.
 #pragma once
 #include "base/status.h"
 
@@ -7,16 +9,18 @@ enum { PIPELINE_MAX_STAGES = 4 };
 
 struct pipeline {
     int items, stages;
-    int in_flight;                      // items that are begun and not ended, at most
-    bool in_order[PIPELINE_MAX_STAGES]; // the stage takes one item at a time, in their order; else as many as there
-                                        // are threads, in any
-    // What a stage does with an item, on any thread; what it did in the stage before is seen there. An error ends all.
+    int in_flight;                      // the most items that have begun and not ended
+    bool in_order[PIPELINE_MAX_STAGES]; // the stage takes one item at a time, in order; otherwise any number, in any
+                                        // order
+    // Runs a stage on an item, on any thread; what the stage before it wrote is visible. An error ends the run.
     enum status (*work)(void *context, int stage, int item);
-    // Told now and then, on the thread that called, which share is done; false: it is not wanted any more. Not NULL.
-    bool (*went_on)(void *context, double share);
+    // Called repeatedly on the caller's thread with the share done, 0..1. False: stop, the result is not needed.
+    // Not NULL.
+    bool (*on_progress)(void *context, double share);
     void *context;
 };
 
-// On up to `threads` threads, the caller's among them, fewer where the system gives no more. NOTHING: it is not wanted
-// any more; ERR_MEMORY. Else the first error that came up, with its sentence; no work goes on when it returns.
+// Runs on up to `threads` threads, at most 17, the caller's among them; fewer where the system gives no more.
+// NOTHING: on_progress returned false. ERR_MEMORY. Otherwise the first error that a stage returned, with its sentence.
+// No stage is running when it returns.
 MUST_CHECK enum status pipeline_run(const struct pipeline *p, int threads);

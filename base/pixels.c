@@ -1,6 +1,6 @@
 #include "base/pixels.h"
 
-// Of ITU-R BT.601 and BT.709; for the narrow range with 255/219 and 255/224 in them.
+// ITU-R BT.601 and BT.709; those of the narrow range include the factors 255/219 and 255/224.
 struct yuv_coefficients yuv_coefficients_of(struct yuv_encoding encoding)
 {
     static const struct yuv_coefficients table[2][2] = {
@@ -10,7 +10,7 @@ struct yuv_coefficients yuv_coefficients_of(struct yuv_encoding encoding)
     return table[encoding.matrix == YUV_BT709][encoding.full_range];
 }
 
-static uint8_t clamp(int32_t value) // 16.16, rounded
+static uint8_t clamp(int32_t value) // 16.16 fixed point, rounded half up
 {
     value = (value + 32768) >> 16;
     return (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
@@ -37,11 +37,12 @@ void pixels_from_packed(const uint8_t *in, size_t stride, enum packed_order orde
         }
 }
 
-void pixels_from_yuv422(const uint8_t *in, size_t stride, bool luma_first, struct yuv_encoding encoding, int width,
-                        int height, uint8_t *rgb)
+void pixels_from_yuv422(const uint8_t *in, size_t stride, bool luma_first, const struct yuv_layout *layout,
+                        uint8_t *rgb)
 {
+    const int width = layout->width, height = layout->height;
     assert(width % 2 == 0);
-    struct yuv_coefficients c = yuv_coefficients_of(encoding);
+    struct yuv_coefficients c = yuv_coefficients_of(layout->encoding);
     int luma = luma_first ? 0 : 1, chroma = 1 - luma;
     for (int y = 0; y < height; y++, in += stride)
         for (int x = 0; x < width; x += 2, rgb += 6) {
@@ -52,10 +53,11 @@ void pixels_from_yuv422(const uint8_t *in, size_t stride, bool luma_first, struc
 }
 
 void pixels_from_nv12(const uint8_t *luma, size_t luma_stride, const uint8_t *chroma, size_t chroma_stride,
-                      struct yuv_encoding encoding, int width, int height, uint8_t *rgb)
+                      const struct yuv_layout *layout, uint8_t *rgb)
 {
+    const int width = layout->width, height = layout->height;
     assert(width % 2 == 0 && height % 2 == 0);
-    struct yuv_coefficients c = yuv_coefficients_of(encoding);
+    struct yuv_coefficients c = yuv_coefficients_of(layout->encoding);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++, rgb += 3) {
             const uint8_t *pair = chroma + (size_t)(y / 2) * chroma_stride + x / 2 * 2;

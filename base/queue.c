@@ -17,7 +17,7 @@ enum status queue_open(struct queue **out, int capacity)
     struct queue *q = calloc(1, sizeof *q + (size_t)capacity * sizeof q->items[0]);
     *out = q;
     if (!q)
-        return fail(ERR_MEMORY, "no memory for a queue of %d pictures", capacity);
+        return fail(ERR_MEMORY, "no memory for a queue of %d items", capacity);
     pthread_mutex_init(&q->lock, NULL);
     pthread_cond_init(&q->changed, NULL);
     q->capacity = capacity;

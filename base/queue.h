@@ -1,20 +1,21 @@
-// A bounded queue of pointers between two threads: one puts, one takes.
+// A bounded first-in first-out queue of pointers between two threads: one puts, the other takes. It has a lock and no
+// thread of its own.
 #pragma once
 #include "base/status.h"
 
 struct queue;
 
-MUST_CHECK enum status queue_open(struct queue **out, int capacity); // ERR_MEMORY
-void queue_close(struct queue **q); // both threads must be done with it; items left in it are not freed
+MUST_CHECK enum status queue_open(struct queue **out, int capacity); // ERR_MEMORY; *out is then NULL
+void queue_close(struct queue **q); // neither thread may use it any more; items left in it are not freed. NULL is fine
 
-// Waits for room. False: the other side has stopped; the item stays the caller's.
+// Waits until an item fits. False: the queue was stopped; the item stays the caller's.
 bool queue_put(struct queue *q, void *item);
 
 // Does not wait. False: full or stopped; the item stays the caller's.
 bool queue_try_put(struct queue *q, void *item);
 
-// Waits for an item. NULL: stopped, and nothing is left.
+// Waits for an item. NULL: stopped and empty.
 void *queue_take(struct queue *q);
 
-// From either side: no more puts; takes go on until the queue is empty.
+// From either thread: puts fail from now on; takes continue until the queue is empty.
 void queue_stop(struct queue *q);

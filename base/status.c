@@ -2,22 +2,36 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 static _Thread_local char sentence[512];
 
 enum status fail(enum status status, const char *format, ...)
 {
-    // Formatted aside first: an argument may be status_message() itself.
-    char fresh[sizeof sentence];
+    // Formatted into a buffer first: an argument may be status_message() itself.
+    char formatted[sizeof sentence];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(fresh, sizeof fresh, format, arguments);
+    vsnprintf(formatted, sizeof formatted, format, arguments);
     va_end(arguments);
-    snprintf(sentence, sizeof sentence, "%s", fresh);
+    snprintf(sentence, sizeof sentence, "%s", formatted);
     return status;
 }
 
 const char *status_message(void) { return sentence; }
+
+static_assert(sizeof((struct failure *)NULL)->sentence == sizeof sentence, "a kept sentence would be cut");
+
+void failure_keep(struct failure *f, enum status status)
+{
+    f->status = status;
+    memcpy(f->sentence, status == OK ? "" : sentence, status == OK ? 1 : sizeof sentence);
+}
+
+enum status failure_restore(const struct failure *f)
+{
+    return f->status == OK ? OK : fail(f->status, "%s", f->sentence);
+}
 
 const char *status_name(enum status status)
 {

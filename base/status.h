@@ -1,11 +1,11 @@
-// What every file of the project may rely on: how a function says how it went,
-// and how the sentence for the user travels with it.
+// Error handling of the whole project: a status, and a sentence for the user.
 //
-// A function that can fail returns an `enum status`. Zero is good, positive is
-// an answer that is no failure ("nothing in sight"), negative is an error.
-// Whoever finds bad input from outside (a file, a sensor, a user) returns
-// fail(ERR_…, "one clear sentence"); callers pass the status up unchanged and
-// the program's main prints status_message(). A caller's bug asserts instead.
+// A function that can fail returns an `enum status`. Zero is success, positive
+// is an answer that is no failure ("nothing found"), negative is an error.
+// The function that meets bad input from outside (a file, a sensor, a user)
+// returns fail(ERR_…, "one clear sentence"); callers pass the status up
+// unchanged and the program's main prints status_message(). A caller's bug
+// asserts instead. Sentences are kept per thread: any thread may call.
 //
 // Units everywhere: metres, nanoseconds (int64_t), radians; degrees,
 // millimetres and pixels only where a name says so.
@@ -24,18 +24,18 @@ extern "C" {
 
 enum status {
     OK = 0,
-    NOTHING = 1,      // nothing in sight, nothing found, end of the stream
-    AMBIGUOUS = 2,    // an answer, but a second one fits nearly as well
-    ERR_INPUT = -1,   // what came from outside is wrong: a file's content, an option, a picture
+    NOTHING = 1,      // no result: nothing visible, nothing found, end of the stream
+    AMBIGUOUS = 2,    // a result, but a second one fits nearly as well
+    ERR_INPUT = -1,   // input from outside is invalid: a file's content, an option, an image
     ERR_IO = -2,      // the system refused: open, read, write, disk full
     ERR_MEMORY = -3,  // out of memory
-    ERR_FORMAT = -4,  // not a file of ours, or of a newer schema
-    ERR_CORRUPT = -5, // a file of ours, damaged
+    ERR_FORMAT = -4,  // not a recording, or one of a newer schema
+    ERR_CORRUPT = -5, // a recording, damaged
     ERR_EXISTS = -6,  // refuses to overwrite
     ERR_MISSING = -7, // a named thing (file, take, device) does not exist
-    ERR_ORDER = -8,   // time runs backwards
-    ERR_SOLVER = -9,  // a numerical solver gave up
-    ERR_DEVICE = -10, // a sensor, camera or GPU failed or went away
+    ERR_ORDER = -8,   // times do not rise
+    ERR_SOLVER = -9,  // a numerical solver did not converge
+    ERR_DEVICE = -10, // a sensor, camera or GPU failed or was unplugged
 };
 
 // Keeps the sentence (at most 511 bytes, per thread) and returns `status`.
@@ -47,6 +47,19 @@ const char *status_message(void);
 
 // "ERR_INPUT" and so on; for logs and tests.
 const char *status_name(enum status status);
+
+// A status with its sentence: carries an error over clean-up calls that may fail themselves, and from one thread to
+// another. Zero: OK.
+struct failure {
+    enum status status;
+    char sentence[512]; // empty where status is OK
+};
+
+// `status` with this thread's sentence.
+void failure_keep(struct failure *f, enum status status);
+
+// The status kept; unless that is OK, the sentence becomes this thread's.
+enum status failure_restore(const struct failure *f);
 
 #ifdef __cplusplus
 }

@@ -4,12 +4,12 @@
 #include <sched.h>
 #include <sys/resource.h>
 
-enum { NICE_STEP = 5 }; // each step weighs a fifth less
+enum { NICE_STEP = 5 }; // each step has a fifth less weight: 0.8^5 = 0.33
 
-// Linux counts a thread where POSIX counts a process: 0 is the calling one alone.
+// On Linux PRIO_PROCESS with 0 is the calling thread alone, where POSIX says the process.
 void thread_lower_priority(void)
 {
     const struct sched_param none = {0};
-    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none); // of a thread in real time a third would be as much
+    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none); // a real-time thread's nice value has no effect
     setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + NICE_STEP);
 }

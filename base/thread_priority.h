@@ -1,7 +1,7 @@
-// Work beside what is to be seen, which can do without it for some pictures.
+// Priority of background threads, which may be delayed in favour of drawing.
 #pragma once
 
-// From here on the calling thread, and those that it starts, have a third of an ordinary thread's share of the
-// processors where others want them; all that is left otherwise, and no real time, which its parent may have. Where the
-// system does not allow it, nothing changes.
+// Sets the calling thread to SCHED_OTHER (no real-time policy, even where its parent has one) and its nice value 5
+// higher, about a third of an ordinary thread's share of a busy processor. Threads that it starts inherit this. Where
+// the system does not permit it, nothing changes.
 void thread_lower_priority(void);

@@ -1,25 +1,24 @@
+// Scores poses and measures radii: [D14], equations 2 to 4.
 #include "capture/body_radii.h"
+#include "base/portable_math.h"
 
-#include <stdlib.h>
+#include "base/depth_noise.h"
+#include "capture/median.h"
+
 #include <string.h>
 
-// lambda of equation 3. The two arm terms, each theta * sin(theta) at most, reach
-// 3.64 together; lambda is above that, so that a frame with crossed legs, in
-// which neither thigh nor shin can be measured, never beats one without.
+// lambda of equation 3. Each of the two arm terms is at most theta * sin(theta), so together they reach 3.64. lambda is
+// larger, so that a frame with crossed legs, in which neither thigh nor shin can be measured, never has a higher score
+// than one without.
 static const double LAMBDA = 4;
 
-// Samples along a part between these shares of its length; near the joints the
-// neighbouring part's flesh would be measured.
+// Samples lie between these shares of a part's length; near the joints the
+// neighbouring part would be measured. Chosen by hand.
 static const double FIRST_SHARE = 0.25, LAST_SHARE = 0.85;
 enum { SAMPLES = 13, SAMPLES_MIN = 5 };
 
-// No part of a person is wider than this from its bone, metres.
+// No part of a person reaches further than this from its bone, metres.
 static const double RADIUS_MAX_M = 0.35;
-
-// Depth steps by less than this between neighbouring pixels of one limb: four
-// standard deviations of a Kinect's reading (1.5e-3 z^2 m, Khoshelham and
-// Elberink 2012) and a slope of 60 degrees over a pixel at f = 525.
-static double largest_step_m(double z_m) { return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005; }
 
 void body_radii_start(struct body_radii *r)
 {
@@ -31,19 +30,19 @@ void body_radii_start(struct body_radii *r)
 static bool known(const struct skeleton *s, enum joint a) { return s->confidence[a] > 0; }
 
 // theta_n * a_n of equation 3 for one arm: the angle between torso and arm, times
-// how parallel to the picture the arm lies.
+// how parallel to the image plane the arm is.
 static double arm_term(const struct skeleton *s, enum joint shoulder, enum joint hand)
 {
     if (!known(s, shoulder) || !known(s, hand) || !known(s, JOINT_NECK) || !known(s, JOINT_TORSO))
         return 0;
     struct vec3 arm = v3_unit(v3_sub(s->joint[hand], s->joint[shoulder]));
     struct vec3 torso = v3_unit(v3_sub(s->joint[JOINT_TORSO], s->joint[JOINT_NECK]));
-    double theta = acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
+    double theta = portable_acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
     return theta * fabs(arm.x);
 }
 
-// g of equation 2: 1 when the legs are not crossed. For a person who shows the
-// back, left and right have changed sides in the picture.
+// g of equation 2: 1 when the legs are not crossed. For a person seen from behind,
+// left and right have changed sides in the image.
 static double legs_uncrossed(const struct skeleton *s)
 {
     const enum joint need[] = {JOINT_LEFT_HIP, JOINT_LEFT_FOOT, JOINT_RIGHT_HIP, JOINT_RIGHT_FOOT};
@@ -52,9 +51,9 @@ static double legs_uncrossed(const struct skeleton *s)
             return 0;
     struct vec3 left = v3_unit(v3_sub(s->joint[JOINT_LEFT_FOOT], s->joint[JOINT_LEFT_HIP]));
     struct vec3 right = v3_unit(v3_sub(s->joint[JOINT_RIGHT_FOOT], s->joint[JOINT_RIGHT_HIP]));
-    bool faces_us = s->joint[JOINT_LEFT_HIP].x >= s->joint[JOINT_RIGHT_HIP].x;
-    // phi is the angle to the x axis, so phi_R > phi_L says that the left leg leans more to +x.
-    return faces_us ? left.x > right.x : right.x > left.x;
+    bool faces_camera = s->joint[JOINT_LEFT_HIP].x >= s->joint[JOINT_RIGHT_HIP].x;
+    // phi is the angle to the x axis, so phi_R > phi_L means that the left leg leans more to +x.
+    return faces_camera ? left.x > right.x : right.x > left.x;
 }
 
 double body_radii_pose_score(const struct skeleton *s)
@@ -63,7 +62,7 @@ double body_radii_pose_score(const struct skeleton *s)
            LAMBDA * legs_uncrossed(s);
 }
 
-// A skeleton as the depth camera sees it.
+// A skeleton in the depth camera's axes and image.
 struct projected_skeleton {
     struct vec3 joint[JOINT_COUNT]; // depth camera's axes
     struct pixel pixel[JOINT_COUNT];
@@ -82,19 +81,19 @@ static struct projected_skeleton project_skeleton(const struct calibration *cali
     return seen;
 }
 
-// Distance of pixel (x, y) from a part's bone; *along is where its foot falls, 0
-// at `from` and 1 at `to`, beyond either for a pixel that is not alongside.
+// Distance of pixel (x, y) from a part's bone, pixels; *along is its projection onto the bone, 0
+// at `from` and 1 at `to`, outside for a pixel that is not alongside.
 static double distance_to_part(const struct projected_skeleton *seen, enum part p, double x, double y, double *along)
 {
     struct pixel a = seen->pixel[part_ends[p].from], b = seen->pixel[part_ends[p].to];
     double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
     *along = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
     double t = fmax(0, fmin(1, *along));
-    return hypot(x - a.x - t * dx, y - a.y - t * dy);
+    return portable_hypot(x - a.x - t * dx, y - a.y - t * dy);
 }
 
-// How thick the parts are to each other, as shares of the thickest: half the
-// widths of an adult (Drillis and Contini 1966), wanted only to say which of two
+// Relative thickness of the parts, as shares of the thickest: half the
+// widths of an adult (Drillis and Contini 1966); only decides which of two
 // bones a pixel between them belongs to.
 static const double thickness[PART_COUNT] = {
     [PART_HEAD] = 0.55,         [PART_UPPER_TORSO] = 1,       [PART_LOWER_TORSO] = 0.95,   [PART_LEFT_UPPER_ARM] = 0.3,
@@ -102,8 +101,8 @@ static const double thickness[PART_COUNT] = {
     [PART_LEFT_SHIN] = 0.35,    [PART_RIGHT_THIGH] = 0.5,     [PART_RIGHT_SHIN] = 0.35,
 };
 
-// No other bone that the pixel lies alongside of is nearer, measured in their
-// thicknesses: the walk off the torso ends where a lowered arm begins.
+// True where no other bone beside the pixel is nearer, in units of the parts' thicknesses: a walk from the torso ends
+// where a lowered arm begins.
 static bool belongs_to(const struct projected_skeleton *seen, enum part part, double x, double y)
 {
     double along, own = distance_to_part(seen, part, x, y, &along) / thickness[part];
@@ -124,7 +123,7 @@ struct person_image {
     const uint8_t *mask;
 };
 
-// Millimetres of the person at (x, y), rounded to the pixel; 0 off the person or the picture.
+// Depth of the person at (x, y), millimetres, nearest pixel; 0 outside the mask or the image.
 static int person_mm(const struct person_image *image, double x, double y)
 {
     int ix = (int)lround(x), iy = (int)lround(y);
@@ -134,28 +133,28 @@ static int person_mm(const struct person_image *image, double x, double y)
     return image->mask[at] ? image->depth[at] : 0;
 }
 
-// Walks from (x, y) along (dx, dy), a unit step in pixels, to the limb's edge.
-// Returns the pixels walked, or -1 when the picture's edge cut the limb.
-static double walk_to_edge(const struct projected_skeleton *seen, const struct person_image *image, enum part part,
-                           double x, double y, double dx, double dy, double furthest_px)
+// A walk across a part in the image: from `start` in unit steps of `direction`, pixels.
+struct edge_walk {
+    enum part part;
+    struct pixel start, direction;
+    double furthest_px;
+};
+
+// Walks to the edge of the part. Returns the pixels walked, or -1 when the image border cuts the part.
+static double walk_to_edge(const struct projected_skeleton *seen, const struct person_image *image,
+                           const struct edge_walk *walk)
 {
-    double z = person_mm(image, x, y) / 1000.0;
-    for (double step = 1; step <= furthest_px; step++) {
-        double px = x + step * dx, py = y + step * dy;
+    double z = person_mm(image, walk->start.x, walk->start.y) / 1000.0;
+    for (double step = 1; step <= walk->furthest_px; step++) {
+        double px = walk->start.x + step * walk->direction.x, py = walk->start.y + step * walk->direction.y;
         if (px < 0.5 || py < 0.5 || px > image->lens->width - 1.5 || py > image->lens->height - 1.5)
             return -1;
         int mm = person_mm(image, px, py);
-        if (!mm || fabs(mm / 1000.0 - z) > largest_step_m(z) || !belongs_to(seen, part, px, py))
+        if (!mm || fabs(mm / 1000.0 - z) > depth_limb_step_m(z) || !belongs_to(seen, walk->part, px, py))
             return step - 0.5; // the edge lies between this pixel and the last
         z = mm / 1000.0;
     }
-    return furthest_px;
-}
-
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
+    return walk->furthest_px;
 }
 
 double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,
@@ -163,12 +162,12 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
 {
     struct projected_skeleton seen = project_skeleton(calibration, skeleton);
     struct part_ends ends = part_ends[part];
-    // A guessed joint is no place to measure at.
+    // A guessed joint is not used.
     if (!seen.usable[ends.from] || !seen.usable[ends.to] || skeleton->confidence[ends.from] < 1 ||
         skeleton->confidence[ends.to] < 1)
         return 0;
     struct pixel a = seen.pixel[ends.from], b = seen.pixel[ends.to];
-    double length_px = hypot(b.x - a.x, b.y - a.y);
+    double length_px = portable_hypot(b.x - a.x, b.y - a.y);
     if (length_px < 4) // seen end-on: no rectangle
         return 0;
     double nx = -(b.y - a.y) / length_px, ny = (b.x - a.x) / length_px;
@@ -180,19 +179,19 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
         double x = a.x + t * (b.x - a.x), y = a.y + t * (b.y - a.y);
         int mm = person_mm(&image, x, y);
         double bone_z = seen.joint[ends.from].z + t * (seen.joint[ends.to].z - seen.joint[ends.from].z);
-        // What is seen here must be this part: its surface lies before its bone, and not by much.
+        // The surface here must be this part's: not far from its bone.
         if (!mm || fabs(mm / 1000.0 - bone_z) > RADIUS_MAX_M)
             continue;
         double px_per_m = calibration->depth.fx / (mm / 1000.0);
-        double one = walk_to_edge(&seen, &image, part, x, y, nx, ny, RADIUS_MAX_M * px_per_m);
-        double other = walk_to_edge(&seen, &image, part, x, y, -nx, -ny, RADIUS_MAX_M * px_per_m);
+        struct edge_walk to_one = {part, {x, y}, {nx, ny}, RADIUS_MAX_M * px_per_m};
+        struct edge_walk to_other = {part, {x, y}, {-nx, -ny}, RADIUS_MAX_M * px_per_m};
+        double one = walk_to_edge(&seen, &image, &to_one), other = walk_to_edge(&seen, &image, &to_other);
         if (one >= 0 && other >= 0)
             widths[count++] = (one + other) / px_per_m;
     }
     if (count < SAMPLES_MIN)
         return 0;
-    qsort(widths, (size_t)count, sizeof *widths, by_value);
-    return widths[count / 2] / 2;
+    return median_of(widths, (size_t)count) / 2;
 }
 
 bool body_radii_add_frame(struct body_radii *r, int64_t index, const struct calibration *calibration,

@@ -1,4 +1,4 @@
-// A take's joints for other programs.
+// Export of a take's joints for other programs: CSV, and BVH (Biovision hierarchy). Pure but for the file written.
 #pragma once
 #include "capture/recording/recording.h"
 
@@ -6,7 +6,7 @@
 // frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status export_joints_csv(const struct take *take, const char *path);
 
-// BVH, y up, centimetres: bones of the take's median lengths, turned frame by
+// BVH, y up, centimetres: bones of the take's median lengths, rotated frame by
 // frame; frames without a person left out. In the world's axes where the sensor
-// was located. Written whole or not at all. ERR_IO, ERR_MEMORY.
+// was located, else in the camera's. Written whole or not at all. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status export_bvh(const struct take *take, const char *path);

@@ -1,7 +1,9 @@
 // BVH, the motion format of animation programs: a hierarchy of bones with fixed
-// offsets and, for each frame, the root's place and every joint's turn.
+// offsets and, for each frame, the root's position and every joint's rotation.
 #include "capture/export.h"
+#include "base/portable_math.h"
 
+#include "capture/median.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -25,7 +27,7 @@ static const struct bvh_bone {
 };
 enum { BONES = COUNT_OF(bones) };
 
-// The person at rest, y up, facing +z: the directions from parent to joint.
+// The bind pose, y up, facing +z: the directions from parent to joint.
 static const struct vec3 bind_direction[BONES] = {
     {0, 0, 0},  {0, 1, 0},  {0, 1, 0},      {0, 1, 0},  {1, 0, 0},  {1, 0, 0},       {1, 0, 0},  {-1, 0, 0},
     {-1, 0, 0}, {-1, 0, 0}, {0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0}, {-0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0},
@@ -46,13 +48,7 @@ static bool usable(const struct skeleton *s, int bone)
     return s->confidence[bones[bone].joint] > 0 && v3_finite(s->joint[bones[bone].joint]);
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-// The median length of every bone over the take, metres; 0 where it was never known.
+// The median length of every bone over the take, metres; 0 where it was not known in any frame.
 static enum status bone_lengths(const struct take *take, double length[BONES])
 {
     int64_t frames = take_frame_count(take);
@@ -67,8 +63,7 @@ static enum status bone_lengths(const struct take *take, double length[BONES])
                 seen[count++] =
                     v3_distance(e->skeleton.joint[bones[b].joint], e->skeleton.joint[bones[bones[b].parent].joint]);
         }
-        qsort(seen, (size_t)count, sizeof *seen, by_value);
-        length[b] = count ? seen[count / 2] : 0;
+        length[b] = median_of(seen, (size_t)count);
     }
     free(seen);
     return OK;
@@ -94,7 +89,7 @@ static void print_hierarchy(FILE *out, const double length[BONES], int bone, int
     fprintf(out, "%*s}\n", 2 * depth, "");
 }
 
-// The turn of the whole body: pelvis across, spine up.
+// The rotation of the whole body: x across the pelvis, y up the spine. `before` where it is not known.
 static struct quat root_rotation(const struct skeleton *s, struct quat before)
 {
     if (!(s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0 && s->confidence[JOINT_TORSO] > 0 &&
@@ -110,14 +105,14 @@ static struct quat root_rotation(const struct skeleton *s, struct quat before)
     return quat_from_matrix(m);
 }
 
-// Every joint's turn with respect to the world: the least turn, beyond its
-// parent's, that points its first child where it is. A joint that is not known
-// goes with its parent.
+// Every joint's rotation with respect to the world: its parent's, and the smallest rotation
+// that points the bone at its first known child. A joint that is not known
+// has its parent's rotation.
 static void world_rotations(const struct skeleton *s, struct quat before_root, struct quat rotation[BONES])
 {
     for (int b = 0; b < BONES; b++) {
         rotation[b] = bones[b].parent == NO_PARENT ? root_rotation(s, before_root) : rotation[bones[b].parent];
-        // waist and neck carry several children and turn with the body
+        // waist and neck have several children and rotate with the body
         if (bones[b].joint == JOINT_WAIST || bones[b].joint == JOINT_NECK)
             continue;
         for (int child = b + 1; child < BONES; child++)
@@ -130,15 +125,15 @@ static void world_rotations(const struct skeleton *s, struct quat before_root, s
     }
 }
 
-// Degrees about z, then x, then y, as the CHANNELS say.
+// Euler angles, degrees, about z, then x, then y, the order of CHANNELS.
 static void print_rotation(FILE *out, struct quat q)
 {
     double m[3][3];
     quat_to_matrix(q, m);
-    double x = asin(fmax(-1, fmin(1, m[2][1])));
+    double x = portable_asin(fmax(-1, fmin(1, m[2][1])));
     bool locked = fabs(m[2][1]) > 1 - 1e-9;
-    double z = locked ? atan2(m[1][0], m[0][0]) : atan2(-m[0][1], m[1][1]);
-    double y = locked ? 0 : atan2(-m[2][0], m[2][2]);
+    double z = locked ? portable_atan2(m[1][0], m[0][0]) : portable_atan2(-m[0][1], m[1][1]);
+    double y = locked ? 0 : portable_atan2(-m[2][0], m[2][2]);
     fprintf(out, " %.4f %.4f %.4f", z * DEG, x * DEG, y * DEG);
 }
 
@@ -166,7 +161,7 @@ static void print_motion(FILE *out, const struct take *take)
         root = rotation[0];
         struct vec3 at = s.confidence[JOINT_WAIST] > 0 ? v3_scale(s.joint[JOINT_WAIST], CM) : v3(0, 0, 0);
         fprintf(out, "%.4f %.4f %.4f", at.x, at.y, at.z);
-        // depth first, in the order in which print_hierarchy names the joints: the table's own order
+        // depth first, the order in which print_hierarchy prints the joints, which is the table's order
         for (int b = 0; b < BONES; b++)
             print_rotation(out, bones[b].parent == NO_PARENT
                                     ? rotation[b]

@@ -1,3 +1,4 @@
+// Joints as CSV.
 #include "capture/export.h"
 
 #include "platform/file.h"

@@ -1,10 +1,11 @@
+// Gravity from the floor plane.
 #include "capture/gravity_align.h"
+#include "base/portable_math.h"
 
-// Floor and pose agree when their up directions do within this: what a plane
-// through a noisy floor is known to.
+// Up directions that differ by less agree: the accuracy of a plane fitted to a noisy floor. Chosen by hand.
 static const double LEVEL_RAD = 0.004;
 
-// How far from z = 0 a plane may lie, once level, to be the floor.
+// How far from z = 0 a levelled plane may lie and still be the floor. Chosen by hand.
 static const double FLOOR_M = 0.12;
 
 enum { CELLS_ACROSS = 80, CELLS_MAX = 80 * 80 };
@@ -16,7 +17,7 @@ bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct 
     int step = lens->width > CELLS_ACROSS ? lens->width / CELLS_ACROSS : 1;
     int across = lens->width / step, down = lens->height / step;
     while (across * down > CELLS_MAX)
-        down--; // a picture higher than wide: its lowest rows are not looked at
+        down--; // an image higher than wide: its lowest rows are not used
     for (int y = 0; y < down; y++)
         for (int x = 0; x < across; x++) {
             int px = x * step + step / 2, py = y * step + step / 2;
@@ -30,7 +31,7 @@ bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct 
 bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera)
 {
     struct vec3 up = quat_rotate(world_from_camera->rotation, floor_in_camera->up);
-    if (v3_dot(up, v3(0, 0, 1)) > cos(LEVEL_RAD))
+    if (v3_dot(up, v3(0, 0, 1)) > portable_cos(LEVEL_RAD))
         return false;
     struct quat rotation = quat_between(up, v3(0, 0, 1));
     struct pose level = {

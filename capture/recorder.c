@@ -1,3 +1,4 @@
+// The recorder's three threads and the smoothing after them.
 #include "capture/recorder.h"
 
 #include "capture/segmentation/background_depth.h"
@@ -14,13 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Frames that may wait before each of the two worker threads. At 640 x 480 one
-// takes 1.9 MB; two seconds of a 30 Hz sensor are held before a frame is dropped.
+// Capacity of the queues before the two worker threads. At 640 x 480 a frame takes 1.9 MB; two seconds of a 30 Hz
+// sensor can wait before a frame is dropped.
 enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
 
-static const int JPEG_QUALITY = 92; // for sensors that hand out raw pictures
+static const int JPEG_QUALITY = 92; // for sensors that deliver raw images. Chosen by hand
 
-// One instant on its way through the threads. Pictures are its own copies.
+// One frame on its way through the threads. Owns copies of its images.
 struct item {
     int64_t time_ns;
     uint8_t *color, *jpeg, *mask;
@@ -38,9 +39,10 @@ struct recorder {
     struct recording_writer *writer;
     struct queue *to_process, *to_write;
 
-    // the processing thread's own
+    // used by the processing thread only, until it is joined
     struct tracker *tracker;
-    struct smoother *smoother;
+    struct smoother *smoother; // NULL once its memory was exhausted
+    bool smoothing_out_of_memory;
     struct sensor_pose *sensor_pose; // NULL without a place or without colour
     struct body_radii radii;
     uint16_t *background;
@@ -49,12 +51,11 @@ struct recorder {
     bool background_known;
     double busy_ms, slowest_ms;
 
-    // the writing thread's own
+    // used by the writing thread only, until it is joined
     int64_t written, tracked;
 
     // how each worker ended, with its sentence, which is kept per thread
-    enum status process_status, write_status;
-    char process_sentence[512], write_sentence[512];
+    struct failure process_failure, write_failure;
 };
 
 static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -104,8 +105,8 @@ static struct item *item_from_frame(const struct frame *frame, const struct cali
 
 // ------------------------------------------------------------- processing
 
-// Tells the tracker what the place says of the room, once the sensor is located
-// and again when it was moved.
+// Gives the tracker the background depth and the floor of the place, once the sensor is located and again when it was
+// moved.
 static enum status set_background_and_floor(struct recorder *r, struct pose world_from_color)
 {
     struct pose world_from_depth = pose_multiply(world_from_color, r->calibration->color_from_depth);
@@ -129,6 +130,19 @@ static enum status locate_item(struct recorder *r, struct item *item)
     return item->located && (moved || !r->background_known) ? set_background_and_floor(r, item->world_from_camera) : OK;
 }
 
+// Smoothing is optional: where its memory cannot grow, it is given up and recording goes on.
+static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const struct skeleton *online)
+{
+    if (!r->smoother)
+        return OK;
+    enum status status = smoother_push(r->smoother, r->tracker, time_ns, online);
+    if (status != ERR_MEMORY)
+        return status;
+    smoother_close(&r->smoother);
+    r->smoothing_out_of_memory = true;
+    return OK;
+}
+
 static enum status track_item(struct recorder *r, struct item *item)
 {
     enum status status = NOTHING;
@@ -137,7 +151,7 @@ static enum status track_item(struct recorder *r, struct item *item)
     if (status < 0)
         return status;
     bool no_person = status == NOTHING;
-    status = smoother_push(r->smoother, r->tracker, item->time_ns, no_person ? NULL : &item->skeleton);
+    status = push_to_smoother(r, item->time_ns, no_person ? NULL : &item->skeleton);
     if (status != OK || no_person)
         return status;
     item->has_skeleton = true;
@@ -147,7 +161,7 @@ static enum status track_item(struct recorder *r, struct item *item)
     return OK;
 }
 
-// Takes the item over. After the sensor's first frames, which were looked at before.
+// Takes ownership of the item. located_before: sensor_pose has already seen it, as it has the first frames.
 static enum status process_item(struct recorder *r, struct item *item, bool located_before)
 {
     int64_t begun = clock_now_ns();
@@ -170,7 +184,7 @@ static enum status process_item(struct recorder *r, struct item *item, bool loca
     return status;
 }
 
-// The first frames are held back until the sensor's pose has settled from all of them.
+// The first frames are held back until the sensor's pose has been averaged over all of them.
 static enum status process_first(struct recorder *r)
 {
     struct item *held[SENSOR_POSE_WARM_UP];
@@ -197,9 +211,7 @@ static void *process_all(void *context)
     struct item *item;
     while (status == OK && (item = queue_take(r->to_process)))
         status = process_item(r, item, false);
-    if (status != OK)
-        snprintf(r->process_sentence, sizeof r->process_sentence, "%s", status_message());
-    r->process_status = status;
+    failure_keep(&r->process_failure, status);
     queue_stop(r->to_process);
     queue_stop(r->to_write);
     return NULL;
@@ -239,9 +251,7 @@ static void *write_all(void *context)
         status = write_item(r, item);
         item_free(item);
     }
-    if (status != OK)
-        snprintf(r->write_sentence, sizeof r->write_sentence, "%s", status_message());
-    r->write_status = status;
+    failure_keep(&r->write_failure, status);
     queue_stop(r->to_write);
     queue_stop(r->to_process);
     return NULL;
@@ -249,7 +259,7 @@ static void *write_all(void *context)
 
 // ------------------------------------------------------------- reading
 
-// Until the source ends, the user stops or a worker gives up.
+// Until the source ends, the user stops or a worker fails.
 static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
                             struct recorder_result *result)
 {
@@ -273,7 +283,7 @@ static enum status read_all(struct recorder *r, struct source *source, const str
         bool taken = source_is_live(source) ? queue_try_put(r->to_process, item) : queue_put(r->to_process, item);
         if (!taken) {
             item_free(item);
-            if (!source_is_live(source)) // a worker gave up; its own status says why
+            if (!source_is_live(source)) // a worker failed; its own status says why
                 return OK;
             result->dropped++;
         }
@@ -306,13 +316,15 @@ static void recorder_free(struct recorder *r)
     free(r->background);
 }
 
-static enum status recorder_prepare(struct recorder *r)
+static enum status recorder_prepare(struct recorder *r, size_t smoother_bytes_max)
 {
     struct tracker_options options = tracker_default_options();
     body_radii_start(&r->radii);
     enum status status = tracker_open(&r->tracker, r->calibration, &options);
     if (status == OK)
         status = smoother_open(&r->smoother, r->calibration);
+    if (status == OK)
+        smoother_limit_memory(r->smoother, smoother_bytes_max);
     if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) &&
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
@@ -336,13 +348,14 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     result->first_moved = -1;
     if (r->sensor_pose)
         result->tags_moved = sensor_pose_moved_tags(r->sensor_pose, &result->first_moved);
+    result->smoothing_out_of_memory = r->smoothing_out_of_memory;
     result->slowest_ms = r->slowest_ms;
     result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
 }
 
-// ------------------------------------------------------------- looking back
+// ------------------------------------------------------------- smoothing
 
-// NOTHING: stopped.
+// The backward pass over the take's depth. NOTHING: stopped.
 static enum status smooth_backward(struct recorder *r, struct take *take, const struct recorder_options *options)
 {
     int64_t count = take_frame_count(take);
@@ -350,13 +363,13 @@ static enum status smooth_backward(struct recorder *r, struct take *take, const 
     if (options->on_smoothing_begin)
         options->on_smoothing_begin(options->context, count);
     for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
-        struct take_images pictures;
+        struct take_images images;
         if (options->should_stop && options->should_stop())
             return NOTHING;
         if (take_entry(take, i)->has_depth) {
-            status = take_read(take, i, TAKE_DEPTH, &pictures);
+            status = take_read(take, i, TAKE_DEPTH, &images);
             if (status == OK)
-                status = smoother_backward(r->smoother, r->tracker, i, pictures.depth);
+                status = smoother_backward(r->smoother, r->tracker, i, images.depth);
         }
         if (options->on_smoothed)
             options->on_smoothed(options->context);
@@ -368,8 +381,8 @@ static enum status put_smoothed(struct recorder *r)
 {
     const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
     if (!skeleton)
-        return fail(ERR_MEMORY, "not enough memory to think a take over");
-    static const struct skeleton absent; // who was told at once may turn out to be furniture
+        return fail(ERR_MEMORY, "no memory to smooth a take");
+    static const struct skeleton absent; // an online detection may turn out to be furniture
     for (int64_t i = 0; i < r->written; i++) {
         skeleton[i] = smoother_skeleton(r->smoother, i);
         skeleton[i] = skeleton[i] ? skeleton[i] : &absent;
@@ -379,11 +392,11 @@ static enum status put_smoothed(struct recorder *r)
     return status;
 }
 
-// The take is complete already, and stays so whatever goes wrong here.
+// The take is complete already, and stays so whatever fails here.
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    if (!r->tracked || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
+    if (!r->tracked || !r->smoother || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
         return OK;
     struct recording *recording = NULL;
     struct take *take = NULL;
@@ -395,6 +408,10 @@ static enum status smooth_take(struct recorder *r, const char *name, const struc
         status = smooth_backward(r, take, options);
     take_close(&take);
     recording_free(&recording);
+    if (status == ERR_MEMORY) {
+        result->smoothing_out_of_memory = true;
+        return OK;
+    }
     if (status == OK)
         status = put_smoothed(r);
     if (status == OK)
@@ -402,8 +419,8 @@ static enum status smooth_take(struct recorder *r, const char *name, const struc
     return status == NOTHING ? OK : status;
 }
 
-// Runs the two workers beside read_all. The most telling failure wins: the disk, then
-// processing, then the sensor.
+// Runs the two workers beside read_all. Of several failures the likeliest cause is returned: writing, then processing,
+// then the sensor.
 static enum status run_threads(struct recorder *r, struct source *source, const struct recorder_options *options,
                                struct recorder_result *result)
 {
@@ -420,10 +437,10 @@ static enum status run_threads(struct recorder *r, struct source *source, const 
     queue_stop(r->to_process);
     pthread_join(processing, NULL);
     pthread_join(writing, NULL);
-    if (r->write_status != OK)
-        return fail(r->write_status, "%s", r->write_sentence);
-    if (r->process_status != OK)
-        return fail(r->process_status, "%s", r->process_sentence);
+    if (r->write_failure.status != OK)
+        return failure_restore(&r->write_failure);
+    if (r->process_failure.status != OK)
+        return failure_restore(&r->process_failure);
     return read_status;
 }
 
@@ -435,20 +452,20 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
     struct recorder r = {.calibration = source_calibration(source), .place = place, .writer = writer};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
-        status = recorder_prepare(&r);
+        status = recorder_prepare(&r, options->smoother_bytes_max);
         if (status == OK)
             status = run_threads(&r, source, options, result);
         fill_result(&r, source, result);
-        if (r.write_status == OK) {
+        if (r.write_failure.status == OK) {
             // A take that lost its sensor is complete as far as it goes; keep the first sentence.
-            char sentence[512];
-            snprintf(sentence, sizeof sentence, "%s", status_message());
+            struct failure first;
+            failure_keep(&first, status);
             enum status ended = recording_put_dropped(writer, result->dropped);
             if (ended == OK)
                 ended = recording_end_take(writer);
-            if (ended == OK && r.process_status == OK)
+            if (ended == OK && r.process_failure.status == OK)
                 ended = smooth_take(&r, name, options, result);
-            status = status == OK ? ended : fail(status, "%s", sentence);
+            status = status == OK ? ended : failure_restore(&first);
         }
     }
     recorder_free(&r);

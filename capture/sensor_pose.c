@@ -1,40 +1,41 @@
+// Averages the poses of a sensor at rest, and decides by repeated checks that it was moved.
 #include "capture/sensor_pose.h"
 
 #include "capture/gravity_align.h"
 
 #include <stdlib.h>
 
-// After the first frames, every so many frames are checked: twice a second. Sooner where a rival as sure as what is
-// held has come up, for until it wins everything stands where the sensor no longer is.
+// After the first frames, one frame in so many is checked: twice a second at 30 Hz. More often while there is a
+// candidate as accurate as the mean, because until it is accepted the pose is wrong. Chosen by hand.
 enum { CHECK_EVERY = 15, CHECK_SOON = 5 };
 
-// A pose further from the one held than chance explains is a rival: by so many standard deviations of it, though
-// never for less than LEAST, which a stand gives way by, and always for more than MOST. It wins when enough checks in a
-// row agree with it: a person who covers a tag makes poses that err by centimetres, and the same way for seconds. Poses
-// as sure as the best of those held need fewer checks than others.
+// A pose that differs from the mean by more than GATE_SIGMAS of its own standard deviations is a candidate; never for
+// less than LEAST, by which a stand yields, and always for more than MOST. It is accepted when enough checks in a row
+// agree with it, because a person who covers a tag makes poses that are off by centimetres, the same way for seconds.
+// Candidates as accurate as the best pose in the mean need fewer checks. Chosen by hand.
 static const double GATE_SIGMAS = 3;
 static const double LEAST_MOVED_M = 0.01, LEAST_MOVED_RAD = 0.003, MOST_MOVED_M = 0.05, MOST_MOVED_RAD = 0.02;
-enum { CHECKS_AS_GOOD = 3, CHECKS_AT_ALL = 8 };
+enum { CHECKS_ACCURATE = 3, CHECKS_OTHER = 8 };
 
-// What the locator alone would refuse is welcome here: the floor makes it better.
+// Less accurate poses than the locator accepts by default are used, because the floor improves them.
 static const double WORST_SIGMA_M = 1;
 
-// The mean stops moving after this many poses, so that it also stops costing.
+// The mean is final after this many poses.
 enum { ENOUGH_POSES = 40 };
 
 struct sensor_pose {
     struct locator *locator;
     struct calibration calibration;
-    struct vec3 *references; // the tags' middles, world axes; in a place without tags its points
+    struct vec3 *references; // the tags' centres, world axes; in a place without tags its landmarks
     int32_t reference_count;
     int64_t frame;
     int poses; // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
     double least_sigma_m; // of the poses in the mean
-    int rival_checks;     // that agreed with the rival in a row; 0 = there is none
-    struct pose rival;
-    bool rival_is_sure; // as the best of the poses in the mean
+    int candidate_checks; // that agreed with the candidate in a row; 0 = there is none
+    struct pose candidate;
+    bool candidate_is_accurate; // about as accurate as the best pose in the mean
     int moves, far_moves;
 };
 
@@ -50,7 +51,7 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     struct locator_options options = locator_default_options();
     options.max_position_sigma_m = WORST_SIGMA_M;
     struct lens lens = calibration->color;
-    lens.readout_s = 0; // it stands still
+    lens.readout_s = 0; // no rolling shutter correction: the sensor is at rest
     enum status status = locator_open(&s->locator, place, &lens, &options);
     if (status == OK && !(s->references = malloc(sizeof *s->references * (size_t)(s->reference_count + 1))))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
@@ -74,7 +75,7 @@ void sensor_pose_close(struct sensor_pose **s)
     *s = NULL;
 }
 
-// Whether a pose may be the same as one that was found before.
+// Whether a pose agrees with an earlier one within its covariance (6-vector: rotation, then translation).
 static bool agree(const struct location *found, struct pose before)
 {
     const double *c = found->covariance;
@@ -105,20 +106,20 @@ static void restart_from(struct sensor_pose *s, const struct location *found, do
     s->mean_weight = weight;
     s->least_sigma_m = found->position_sigma_m;
     s->poses = 1;
-    s->rival_checks = 0;
+    s->candidate_checks = 0;
 }
 
-// True when the rival has been there often enough to be believed.
-static bool rival_wins(struct sensor_pose *s, const struct location *found)
+// True when enough checks in a row have agreed with the candidate.
+static bool candidate_is_accepted(struct sensor_pose *s, const struct location *found)
 {
-    bool goes_on = s->rival_checks && agree(found, s->rival);
-    s->rival = found->world_from_camera;
-    s->rival_checks = goes_on ? s->rival_checks + 1 : 1;
-    s->rival_is_sure = found->position_sigma_m <= 1.5 * s->least_sigma_m;
-    return s->rival_checks >= (s->rival_is_sure ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
+    bool continues = s->candidate_checks && agree(found, s->candidate);
+    s->candidate = found->world_from_camera;
+    s->candidate_checks = continues ? s->candidate_checks + 1 : 1;
+    s->candidate_is_accurate = found->position_sigma_m <= 1.5 * s->least_sigma_m;
+    return s->candidate_checks >= (s->candidate_is_accurate ? CHECKS_ACCURATE : CHECKS_OTHER);
 }
 
-// The middle of the references that the pose puts into the picture.
+// The mean of the references that are in the image at this pose.
 static struct vec3 visible_reference_centre(const struct sensor_pose *s, struct pose world_from_camera)
 {
     struct pose camera_from_world = pose_inverse(world_from_camera);
@@ -137,7 +138,7 @@ static struct vec3 visible_reference_centre(const struct sensor_pose *s, struct 
     return count ? v3_scale(sum, 1.0 / count) : world_from_camera.translation;
 }
 
-// Makes the pose agree with the floor that the depth picture shows.
+// Aligns the pose to the floor in the depth image.
 static void align_to_floor(const struct sensor_pose *s, const uint16_t *depth, struct pose *world_from_color)
 {
     struct floor_plane floor;
@@ -151,7 +152,7 @@ static void align_to_floor(const struct sensor_pose *s, const uint16_t *depth, s
 enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     int64_t frame = s->frame++;
-    bool soon = s->rival_checks && s->rival_is_sure && frame % CHECK_SOON == 0;
+    bool soon = s->candidate_checks && s->candidate_is_accurate && frame % CHECK_SOON == 0;
     bool due = frame < SENSOR_POSE_WARM_UP || frame % CHECK_EVERY == 0 || soon;
     if (!due || !color)
         return OK;
@@ -166,11 +167,11 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
     if (!s->poses) {
         restart_from(s, &found, weight);
     } else if (agree(&found, s->mean)) {
-        s->rival_checks = 0;
+        s->candidate_checks = 0;
         s->least_sigma_m = fmin(s->least_sigma_m, found.position_sigma_m);
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
-    } else if (rival_wins(s, &found)) {
+    } else if (candidate_is_accepted(s, &found)) {
         s->moves += frame >= SENSOR_POSE_WARM_UP;
         s->far_moves += frame >= SENSOR_POSE_WARM_UP && is_far(found.world_from_camera, s->mean);
         restart_from(s, &found, weight);
@@ -178,9 +179,9 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
     return OK;
 }
 
-// The solvers' libraries round differently from one kind of processor to the next, in the ninth digit; what is made of
-// the pose decides by thresholds, where that is enough to change a pixel. So the pose is rounded far below what it is
-// known to: 0.06 mm and 0.001 degrees.
+// The solvers' libraries round differently from one processor model to the next, in the ninth digit, and later stages
+// compare with thresholds, where that is enough to change a pixel. So the pose is rounded, far below its accuracy: to
+// 0.06 mm and 0.001 degrees.
 static double rounded(double x, double steps) { return round(x * steps) / steps; }
 
 static struct pose round_reproducibly(struct pose p)

@@ -1,13 +1,13 @@
-// Where the recording sensor stands in the place, frame by frame.
+// The pose of the recording sensor in the place, frame by frame.
 //
-// A sensor on a stand is located in its first frames, and the poses are
-// averaged; later it is only checked now and then. When it was moved, the frames
-// from there on get the new pose. Everything is decided by frame numbers, so
-// that the same frames give the same poses.
+// A sensor on a stand is located in its first frames, and the poses are averaged, weighted by their variances; later
+// the pose is only checked, twice a second at 30 Hz. When the sensor was moved, the frames from there on get the new
+// pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses. One handle, one
+// thread.
 #pragma once
 #include "locate/locator.h"
 
-enum { SENSOR_POSE_WARM_UP = 10 }; // frames that are located before the first pose is given
+enum { SENSOR_POSE_WARM_UP = 10 }; // frames that are averaged before the pose should be used
 
 struct sensor_pose;
 
@@ -16,18 +16,19 @@ MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct p
                                         const struct calibration *calibration);
 void sensor_pose_close(struct sensor_pose **s);
 
-// Looks at one frame, in order, each once. OK also when nothing was found in it.
-// `depth` may be NULL; where it is there, the pose is made to agree with the floor.
+// Processes the next frame; each frame once, in order. OK also when nothing was found in it.
+// `depth` may be NULL; otherwise the pose is aligned to the floor (gravity_align.h). ERR_MEMORY, ERR_SOLVER: the pose
+// is unchanged.
 MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
 
-// The pose as far as known. False: not located yet; *out is then the identity.
+// The present pose. False: not located yet; *world_from_camera is then the identity.
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);
 
 // As locator_moved_tags.
 int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first);
 
-// How often the sensor was found to have been moved.
+// How often the sensor was moved.
 int sensor_pose_moves(const struct sensor_pose *s);
 
-// How often by more than a person moves between two frames: 5 cm or a degree.
+// How often by more than a person moves between two frames: 5 cm or 0.02 rad.
 int sensor_pose_far_moves(const struct sensor_pose *s);

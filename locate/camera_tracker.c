@@ -5,33 +5,34 @@
 #include <stdlib.h>
 #include <string.h>
 
-// A pose this far (chi squared, six numbers) from where the motion leads is not of that motion:
-// one in ten million. The camera was moved, or the motion known was wrong.
+// Gate of the Kalman update, chi squared with six degrees of freedom: exceeded by chance once in ten million images.
+// Else the camera was moved abruptly, or the velocity was wrong.
 static const double MAX_CHI2 = 43;
-// What is followed is looked for within some ten pixels of where it should be. Where that is open by many times as much
-// (one standard deviation), what is found there is as likely something that looks alike, and what all of it agrees on
-// is the guess itself: two or three pictures a second, or one after a gap, are searched anew.
+// Tracks are looked for within some ten pixels of their prediction. Where that is uncertain by many times as much (one
+// standard deviation), what is found is as likely something that looks similar, and all of it agrees only on the
+// prediction itself. So at two or three images a second, or after a gap, an image is localised from scratch. Chosen by
+// hand.
 static const double MAX_PREDICTED_SIGMA_PX = 120;
-// Longer than this without a picture that shows anything, and the motion is worth nothing.
+// After so long without a pose the motion is forgotten. Chosen by hand.
 static const double LOST_S = 0.5;
-// One of two mirrored poses has won when the other is this much less likely (log of the odds, doubled).
+// One of two mirrored poses has won when their chi squared differ by this (twice the log-odds). Chosen by hand.
 static const double DECISIVE_CHI2 = 25;
 
-// A single picture by a rolling shutter does not say well how fast the camera moves, and what it is wrong by
-// stays in what is known of the errors of all that is followed. After so many more it is found anew,
-// with the speed that they tell.
+// A single image by a rolling shutter determines the velocity badly, and the pose's error due to that stays in the
+// biases of all tracks. After so many tracked images the next one is localised from scratch, with the velocity that
+// they gave as its prior.
 enum { VELOCITY_FRAMES = 1 };
 
 struct camera_tracker {
     struct locator *locator;
-    int followed;       // pictures since it was found
-    int64_t time_ns;    // of the last picture
-    bool started;       // time_ns holds
-    bool without_prior; // that picture is to be found without what was known before
-    int count;          // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
-    struct pose_kalman of[2];
-    double chi2[2];      // what speaks against each
-    double since_seen_s; // since a picture agreed
+    int tracked;        // images since the last one localised from scratch
+    int64_t time_ns;    // of the last image
+    bool started;       // time_ns is valid
+    bool without_prior; // the current image is to be localised without the tracks
+    int count;          // of filters: 0 lost, 2 for two mirrored poses that are not yet decided
+    struct pose_kalman filters[2];
+    double chi2[2];      // sums of squared Mahalanobis distances of each filter
+    double since_seen_s; // since the last pose
 };
 
 struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
@@ -41,8 +42,8 @@ struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
             : ahead < -CAMERA_MAX_EXTRAPOLATION_NS ? -CAMERA_MAX_EXTRAPOLATION_NS
                                                    : ahead;
     double t = (double)ahead * 1e-9;
-    struct pose on = {quat_from_rotation_vector(v3_scale(m->turn, t)), v3_scale(m->shift, t)};
-    return pose_multiply(m->world_from_camera, on);
+    struct pose by = {quat_from_rotation_vector(v3_scale(m->angular_velocity, t)), v3_scale(m->linear_velocity, t)};
+    return pose_multiply(m->world_from_camera, by);
 }
 
 enum status camera_tracker_open(struct camera_tracker **out, const struct place *place, const struct lens *lens,
@@ -51,7 +52,7 @@ enum status camera_tracker_open(struct camera_tracker **out, const struct place 
     *out = NULL;
     struct camera_tracker *t = calloc(1, sizeof *t);
     if (!t)
-        return fail(ERR_MEMORY, "no memory to follow a camera");
+        return fail(ERR_MEMORY, "no memory to track a camera");
     enum status status = locator_open(&t->locator, place, lens, options);
     if (status != OK)
         camera_tracker_close(&t);
@@ -70,24 +71,24 @@ void camera_tracker_close(struct camera_tracker **t)
 static void start_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
 {
     t->count = ambiguous ? 2 : 1;
-    t->followed = 0;
+    t->tracked = 0;
     t->chi2[0] = t->chi2[1] = 0;
-    pose_kalman_start(&t->of[0], found->world_from_camera, found->covariance);
-    pose_kalman_start(&t->of[1], found->other, found->covariance);
+    pose_kalman_start(&t->filters[0], found->world_from_camera, found->covariance);
+    pose_kalman_start(&t->filters[1], found->other, found->covariance);
 }
 
-// Takes what the picture shows into each pose followed. False: it agrees with none.
+// Updates each filter by the measured pose, or by its mirrored one if that agrees better. False: it agrees with none.
 static bool update_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
 {
     bool agrees = false;
     for (int i = 0; i < t->count; i++) {
-        struct pose_kalman with[2] = {t->of[i], t->of[i]};
+        struct pose_kalman with[2] = {t->filters[i], t->filters[i]};
         double off[2];
         off[0] = pose_kalman_update(&with[0], found->world_from_camera, found->noise, MAX_CHI2);
         off[1] = ambiguous ? pose_kalman_update(&with[1], found->other, found->noise, MAX_CHI2) : INFINITY;
         int which = off[1] < off[0];
         if (off[which] <= MAX_CHI2) {
-            t->of[i] = with[which];
+            t->filters[i] = with[which];
             t->chi2[i] += off[which] + (which ? found->other_excess_cost : 0);
             agrees = true;
         } else {
@@ -96,15 +97,15 @@ static bool update_filters(struct camera_tracker *t, const struct location *foun
     }
     for (int i = 0; t->count == 2 && i < 2; i++) {
         if (t->chi2[i] - t->chi2[!i] > DECISIVE_CHI2) {
-            t->of[0] = t->of[!i];
+            t->filters[0] = t->filters[!i];
             t->count = 1;
         }
     }
-    if (t->count == 2 && t->chi2[1] < t->chi2[0]) { // the likelier one first
-        struct pose_kalman k = t->of[0];
+    if (t->count == 2 && t->chi2[1] < t->chi2[0]) { // the more likely one first
+        struct pose_kalman k = t->filters[0];
         double chi2 = t->chi2[0];
-        t->of[0] = t->of[1], t->chi2[0] = t->chi2[1];
-        t->of[1] = k, t->chi2[1] = chi2;
+        t->filters[0] = t->filters[1], t->chi2[0] = t->chi2[1];
+        t->filters[1] = k, t->chi2[1] = chi2;
     }
     return agrees;
 }
@@ -112,41 +113,42 @@ static bool update_filters(struct camera_tracker *t, const struct location *foun
 static void fill_result(const struct camera_tracker *t, const struct location *found, struct location *out,
                         struct camera_motion *motion)
 {
-    const struct pose_kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->filters[0];
     *out = *found;
     out->world_from_camera = k->world_from_camera;
-    out->other = t->of[t->count == 2].world_from_camera;
+    out->other = t->filters[t->count == 2].world_from_camera;
     for (int i = 0; i < 36; i++)
         out->covariance[i] = k->covariance[i / 6][i % 6] + found->covariance[i] - found->noise[i];
     out->position_sigma_m = sqrt(out->covariance[21] + out->covariance[28] + out->covariance[35]);
-    *motion = (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->speed[3], k->speed[4], k->speed[5]),
-                                     v3(k->speed[0], k->speed[1], k->speed[2])};
+    *motion =
+        (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->velocity[3], k->velocity[4], k->velocity[5]),
+                               v3(k->velocity[0], k->velocity[1], k->velocity[2])};
 }
 
-// By how much what the last pictures say leaves open where things are in this one: a standard deviation, pixels.
+// The standard deviation of predicted positions in the image, pixels.
 static double predicted_sigma_px(const struct camera_tracker *t)
 {
-    const struct pose_kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->filters[0];
     const struct lens *lens = locator_lens(t->locator);
     return fmax(lens->fx, lens->fy) * sqrt(fmax(k->covariance[0][0], k->covariance[1][1]));
 }
 
-// How the camera has moved so far says how it moves while the picture is read.
+// The filter's velocity as the prior while the image is read.
 static void set_motion_prior(struct camera_tracker *t)
 {
-    const struct pose_kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->filters[0];
     double covariance[36];
     for (int i = 0; i < 36; i++)
         covariance[i] = k->covariance[6 + i / 6][6 + i % 6];
-    locator_set_motion_prior(t->locator, k->speed, covariance);
+    locator_set_motion_prior(t->locator, k->velocity, covariance);
 }
 
-// What a picture showed goes into what is known of the motion.
+// Updates the filters by the image's pose.
 static enum status finish_frame(struct camera_tracker *t, const struct location *found, bool ambiguous,
                                 struct location *out, struct camera_motion *motion)
 {
     t->since_seen_s = 0;
-    t->followed = t->count == 1 ? t->followed + 1 : 0;
+    t->tracked = t->count == 1 ? t->tracked + 1 : 0;
     if (!t->count || !update_filters(t, found, ambiguous))
         start_filters(t, found, ambiguous);
     fill_result(t, found, out, motion);
@@ -158,7 +160,7 @@ enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color,
 {
     struct location found;
     if (t->started && time_ns <= t->time_ns)
-        return fail(ERR_ORDER, "a picture's time must be later than that of the one before");
+        return fail(ERR_ORDER, "an image's time must be later than that of the one before");
     double seconds = t->started ? (double)(time_ns - t->time_ns) * 1e-9 : 0;
     t->started = true;
     t->time_ns = time_ns;
@@ -166,14 +168,14 @@ enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color,
     if (t->since_seen_s > LOST_S)
         t->count = 0;
     for (int i = 0; i < t->count; i++)
-        pose_kalman_predict(&t->of[i], seconds);
-    const bool rolling = locator_lens(t->locator)->readout_s > 0; // told, or noticed meanwhile
+        pose_kalman_predict(&t->filters[i], seconds);
+    const bool rolling = locator_lens(t->locator)->readout_s > 0; // given, or detected since
     t->without_prior =
-        t->count != 1 || (rolling && t->followed == VELOCITY_FRAMES) || predicted_sigma_px(t) > MAX_PREDICTED_SIGMA_PX;
+        t->count != 1 || (rolling && t->tracked == VELOCITY_FRAMES) || predicted_sigma_px(t) > MAX_PREDICTED_SIGMA_PX;
     if (t->without_prior)
         return NOTHING;
     set_motion_prior(t);
-    enum status status = locator_track(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    enum status status = locator_track(t->locator, color, depth, t->filters[0].world_from_camera, &found);
     return status == OK ? finish_frame(t, &found, false, out, motion) : status;
 }
 
@@ -199,7 +201,7 @@ enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *colo
 void camera_tracker_reset(struct camera_tracker *t)
 {
     t->started = false;
-    t->count = t->followed = 0;
+    t->count = t->tracked = 0;
     t->since_seen_s = 0;
 }
 

@@ -1,29 +1,28 @@
-// A camera followed from picture to picture in a place: each picture is searched
-// where the last ones say that tags and points must be, which is much cheaper than
-// finding the camera anew, and what it shows is weighed against how the camera moved.
-// Where that fails, the camera is found anew.
+// Tracks a camera in a place from image to image: each image is searched where the earlier ones predict tags and
+// landmarks, which is much cheaper than localisation from scratch, and the measured pose updates a constant-velocity
+// Kalman filter (locate/pose_kalman.h). Where tracking fails, the camera is localised from scratch (locate/locator.h).
 //
-//     struct camera_tracker *track;
+//     struct camera_tracker *tracker;
 //     struct camera_motion motion;
-//     if (camera_tracker_open(&track, &place, &lens, NULL) == OK)
-//         for each picture:
-//             if (camera_tracker_process(track, color, NULL, time_ns, &at, &motion) == OK)
+//     if (camera_tracker_open(&tracker, &place, &lens, NULL) == OK)
+//         for each image:
+//             if (camera_tracker_process(tracker, color, NULL, time_ns, &at, &motion) == OK)
 //                 draw with camera_motion_at(&motion, when it will be on the screen)
 //
-// Deterministic. One handle belongs to one thread; a `struct camera_motion` is a plain value that
-// may be copied to another, and camera_motion_at is pure.
+// Axes, 6-vectors and memory: locate/locator.h. Deterministic. One handle belongs to one thread; a `struct
+// camera_motion` is a plain value that may be copied to another, and camera_motion_at is pure.
 #pragma once
 #include "locate/locator.h"
 
-// How a camera moves: as far as a tenth of a second ahead, as if it kept on.
+// How a camera moves: extrapolated at constant velocity for up to a tenth of a second.
 struct camera_motion {
-    int64_t time_ns; // of the picture
+    int64_t time_ns; // of the image
     struct pose world_from_camera;
-    struct vec3 shift, turn; // each second, in the camera's own axes: m/s, rad/s
+    struct vec3 linear_velocity, angular_velocity; // in the camera's own axes: m/s, rad/s
 };
 
-// Where the camera is at `time_ns`, before or after motion->time_ns. Further than
-// CAMERA_MAX_EXTRAPOLATION_NS off it is as it is there.
+// The pose at `time_ns`, before or after motion->time_ns. Farther than CAMERA_MAX_EXTRAPOLATION_NS away it is the pose
+// at that limit.
 enum { CAMERA_MAX_EXTRAPOLATION_NS = 100000000 };
 struct pose camera_motion_at(const struct camera_motion *motion, int64_t time_ns);
 
@@ -34,23 +33,26 @@ MUST_CHECK enum status camera_tracker_open(struct camera_tracker **out, const st
                                            const struct lens *lens, const struct locator_options *options);
 void camera_tracker_close(struct camera_tracker **t); // NULL is fine; sets *t = NULL
 
-// The next picture. color, depth: as locator_localize. time_ns: when it was taken, later than the last.
-// OK         *out and *motion filled; the covariance knows of the pictures before
-// AMBIGUOUS  the same, but a mirrored pose fits nearly as well; both are followed until one wins
-// NOTHING    the camera is lost; *out and *motion untouched. It is found anew as soon as it can be
-// ERR_ORDER: time_ns is not later.
+// The next image. color, depth: as locator_localize. time_ns: when it was taken, later than the last.
+// OK         *out and *motion filled; the covariance includes the earlier images
+// AMBIGUOUS  the same, but a mirrored pose fits nearly as well; both are tracked until one wins
+// NOTHING    the camera is lost; *out and *motion untouched. The next image is localised from scratch
+// ERR_ORDER  time_ns is not later; nothing changed
+// Other errors as locator_localize; the next image may be tried.
 MUST_CHECK enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
                                               int64_t time_ns, struct location *out, struct camera_motion *motion);
 
-// The two halves of camera_tracker_process, for whoever has no time to find a camera anew. camera_tracker_track: as
-// camera_tracker_process, but NOTHING where the camera has to be found anew. camera_tracker_localize does that, with
-// the very picture for which camera_tracker_track said so; it takes some fifteen times as long.
+// The two halves of camera_tracker_process, for a caller that cannot wait for localisation from scratch.
+// camera_tracker_track: as camera_tracker_process, but NOTHING where the image has to be localised from scratch.
+// camera_tracker_localize does that, with the very image for which camera_tracker_track returned NOTHING; it takes some
+// fifteen times as long.
 MUST_CHECK enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
                                             int64_t time_ns, struct location *out, struct camera_motion *motion);
 MUST_CHECK enum status camera_tracker_localize(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
                                                struct location *out, struct camera_motion *motion);
 
-// The camera's clock begins anew: its place and motion are void, what was learnt of the place's points is not.
+// The camera's clock has been restarted: pose, motion and time are forgotten, what was estimated of the place's
+// landmarks, tags and the lens is kept.
 void camera_tracker_reset(struct camera_tracker *t);
 
 // As locator_lens, locator_focal_is_wrong and locator_moved_tags.

@@ -2,33 +2,34 @@
 
 #include <string.h>
 
+// All of log(focal length); chosen by hand unless something else is said.
 static const double STEP = 0.01, MAX_LOG_SCALE = 0.4, CONVERGED = 0.001;
-// A printed tag's side and a map's scale are seldom surer than this.
+// The size of printed tags and a map's scale are seldom more accurate than TOLERATED.
 static const double TOLERATED = 0.02, SURE_SIGMA = 4;
-// Corners are as loose as this: far from the right focal length they must still pull.
+// Least uncertainty of a tag corner: far from the right focal length sharper ones would be outliers.
 static const double LOOSE_PX = 0.1;
-// A picture that knows it worse says nothing; none knows it better, because of the errors that its tags and points
-// have in common.
+// Bounds of one image's standard deviation: above WORST_SIGMA it is not used; none is better than BEST_SIGMA, because
+// of the errors that its tags and points have in common.
 static const double WORST_SIGMA = 0.05, BEST_SIGMA = 0.003;
-// What pictures say of a focal length far off falls short by up to this share of it: what agrees with a wrong lens was
-// chosen through it.
+// Images underestimate the distance to a focal length far off by up to this share of it, since their inliers were
+// selected with the wrong one.
 static const double SHORTFALL_SHARE = 0.5;
 
 struct scaled_problem {
     struct tag_observation seen[PNP_MAX_TAGS];
     struct pnp_tag tags[PNP_MAX_TAGS];
     struct pnp_point points[FOCAL_MAX_POINTS];
-    int count, point_count;
 };
 
-// The robust cost of the best pose if the focal length were exp(log_scale) times what it is
-// said to be: rays are that much steeper, pixels the same.
-static double cost_at(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count,
-                      double log_scale, double fx, double fy, const struct shutter_motion *motion,
-                      struct pose *camera_from_world)
+// The robust cost of the best pose if the focal length were exp(log_scale) times that of the calibration: rays are that
+// much less steep, pixels the same. *camera_from_world: in: start, out: that pose.
+static double cost_at(const struct pose_problem *problem, double log_scale, struct pose *camera_from_world)
 {
-    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown();
-    struct scaled_problem e = {.count = count, .point_count = point_count};
+    const struct pnp_tag *tags = problem->tags;
+    const struct pnp_point *points = problem->points;
+    const int count = problem->tag_count, point_count = problem->point_count;
+    struct shutter_motion moving = problem->motion ? *problem->motion : shutter_motion_unknown();
+    struct scaled_problem e = {0};
     double scale = exp(log_scale);
     for (int i = 0; i < count; i++) {
         e.seen[i] = *tags[i].seen;
@@ -40,7 +41,7 @@ static double cost_at(const struct pnp_tag *tags, int count, const struct pnp_po
         e.tags[i].seen = &e.seen[i];
         e.tags[i].map_px = fmax(tags[i].map_px, LOOSE_PX);
         e.tags[i].depth = NULL;
-        e.tags[i].used = true; // a wrong focal length is what makes good tags disagree
+        e.tags[i].used = true; // a wrong focal length makes correct tags disagree
     }
     for (int i = 0; i < point_count; i++) {
         e.points[i] = points[i];
@@ -48,27 +49,33 @@ static double cost_at(const struct pnp_tag *tags, int count, const struct pnp_po
         e.points[i].y /= scale;
         e.points[i].z = 0;
     }
-    return pnp_refine(e.tags, count, 0, e.points, point_count, 0, fx * scale, fy * scale, motion ? &moving : NULL,
-                      camera_from_world);
+    const struct pose_problem scaled = {.tags = e.tags,
+                                        .tag_count = count,
+                                        .points = e.points,
+                                        .point_count = point_count,
+                                        .fx = problem->fx * scale,
+                                        .fy = problem->fy * scale,
+                                        .motion = problem->motion ? &moving : NULL};
+    return pnp_refine(&scaled, camera_from_world);
 }
 
-void focal_estimate_add(struct focal_estimate *f, const struct pnp_tag *tags, int count, const struct pnp_point *points,
-                        int point_count, double fx, double fy, const struct shutter_motion *motion,
+void focal_estimate_add(struct focal_estimate *f, const struct pose_problem *problem,
                         const struct pose *camera_from_world)
 {
-    double at = 0, curvature = 0, cost = 0, numbers = -7;
-    point_count = point_count < FOCAL_MAX_POINTS ? point_count : FOCAL_MAX_POINTS;
-    numbers += 8 * count + 2 * point_count;
+    double at = 0, curvature = 0, cost = 0, numbers = -7; // degrees of freedom: pose and focal length take up seven
+    struct pose_problem own = *problem;
+    own.point_count = own.point_count < FOCAL_MAX_POINTS ? own.point_count : FOCAL_MAX_POINTS;
+    numbers += 8 * own.tag_count + 2 * own.point_count;
     if (!(numbers > 0))
         return;
     for (int round = 0; round < 8; round++) {
         struct pose pose[3] = {*camera_from_world, *camera_from_world, *camera_from_world};
         double c[3];
         for (int k = 0; k < 3; k++)
-            c[k] = cost_at(tags, count, points, point_count, at + (k - 1) * STEP, fx, fy, motion, &pose[k]);
+            c[k] = cost_at(&own, at + (k - 1) * STEP, &pose[k]);
         curvature = (c[0] - 2 * c[1] + c[2]) / (STEP * STEP);
         cost = c[1];
-        // Far off, where the robust cost flattens, only its slope leads the way.
+        // Far off, where the robust cost flattens, a step of bounded length down the slope.
         double slope = (c[2] - c[0]) / (2 * STEP), step = curvature > 0 ? -slope / curvature : -slope * INFINITY;
         step = fmax(-5 * STEP, fmin(5 * STEP, step));
         if (fabs(step) < CONVERGED)
@@ -77,7 +84,7 @@ void focal_estimate_add(struct focal_estimate *f, const struct pnp_tag *tags, in
         if (!(fabs(at) < MAX_LOG_SCALE))
             return;
     }
-    // The cost is chi squared; errors larger than its evidence owns to make it less sure.
+    // The cost is chi squared; residuals larger than their covariances explain scale the variance up.
     double information = curvature / 2 / fmax(1, cost / numbers);
     if (!(information > 1 / (WORST_SIGMA * WORST_SIGMA)) || !isfinite(at))
         return;

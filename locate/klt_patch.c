@@ -4,10 +4,11 @@
 #include <string.h>
 
 enum { MAX_ROUNDS = 8, WIDE = KLT_WIDTH + 2, HIGH = KLT_HEIGHT + 2 };
+// Chosen by hand.
 static const float CONVERGED_PX = 0.02f;
 static const float MIN_SIGMA = 4;           // grey levels, standard deviation
-static const float MIN_CORRELATION = 0.85f; // correlation in the full picture
-// Further than this from the start it is another one.
+static const float MIN_CORRELATION = 0.85f; // at full resolution
+// Farther than this from the start it is something else.
 static const double MAX_FAR_PX = 16, MAX_CLOSE_PX = 3;
 
 enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height)
@@ -19,7 +20,7 @@ enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height)
         p->level[l] = malloc((size_t)(p->width[l] + 1) * (size_t)(p->height[l] + 1));
         if (!p->level[l]) {
             klt_pyramid_close(p);
-            return fail(ERR_MEMORY, "no memory to follow a camera");
+            return fail(ERR_MEMORY, "no memory to track a camera");
         }
     }
     return OK;
@@ -46,11 +47,11 @@ void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray)
     }
 }
 
-// Reads across x down values around (x, y), bilinear. False: not wholly in the picture.
-static inline bool read_around(const struct klt_pyramid *p, int l, double x, double y, int across, int down,
+// Reads across x down values around `at`, bilinear. False: not wholly in the image.
+static inline bool read_around(const struct klt_pyramid *p, int l, struct pixel at, int across, int down,
                                float *restrict out)
 {
-    double left = x - (across - 1) * 0.5, top = y - (down - 1) * 0.5;
+    double left = at.x - (across - 1) * 0.5, top = at.y - (down - 1) * 0.5;
     if (!(left >= 0 && top >= 0 && left < p->width[l] - across && top < p->height[l] - down))
         return false;
     int x0 = (int)left, y0 = (int)top;
@@ -63,8 +64,8 @@ static inline bool read_around(const struct klt_pyramid *p, int l, double x, dou
     return true;
 }
 
-// Sums over a patch are taken column by column, then over the columns in pairs: in vectors of any
-// length the result is the same.
+// Sums over a patch are taken column by column, then over the columns in pairs: the result does not depend on the
+// length of vector registers.
 static inline float sum_columns(const float column[KLT_WIDTH])
 {
     return ((column[0] + column[4]) + (column[1] + column[5])) + ((column[2] + column[6]) + (column[3] + column[7]));
@@ -79,7 +80,7 @@ static inline float sum_products(const float a[KLT_PIXELS], const float b[KLT_PI
     return sum_columns(column);
 }
 
-// Takes the mean off and returns the standard deviation.
+// Subtracts the mean and returns the standard deviation.
 static inline float centre(float value[KLT_PIXELS])
 {
     float column[KLT_WIDTH] = {0};
@@ -92,13 +93,13 @@ static inline float centre(float value[KLT_PIXELS])
     return sqrtf(sum_products(value, value) / KLT_PIXELS);
 }
 
-static double at_level(double full, int l) { return (full + 0.5) / (1 << l) - 0.5; }
+static double level_coordinate(double full, int l) { return (full + 0.5) / (1 << l) - 0.5; }
 
 static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, struct klt_level *out)
 {
     float wide[WIDE * HIGH];
     out->sigma = 0;
-    if (!read_around(p, l, at_level(at.x, l), at_level(at.y, l), WIDE, HIGH, wide))
+    if (!read_around(p, l, (struct pixel){level_coordinate(at.x, l), level_coordinate(at.y, l)}, WIDE, HIGH, wide))
         return false;
     for (int row = 0, i = 0; row < KLT_HEIGHT; row++) {
         const float *v = wide + (row + 1) * WIDE + 1;
@@ -111,7 +112,7 @@ static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, s
     float xx = sum_products(out->grad_x, out->grad_x), xy = sum_products(out->grad_x, out->grad_y),
           yy = sum_products(out->grad_y, out->grad_y);
     float sigma = centre(out->value), det = xx * yy - xy * xy;
-    // An edge alone lets the patch slide along it.
+    // Along a single edge the position would be undetermined.
     if (!(sigma > MIN_SIGMA) || !(det > 0.02f * (xx + yy) * (xx + yy)))
         return false;
     out->inverse[0] = yy / det, out->inverse[1] = -xy / det, out->inverse[2] = xx / det;
@@ -126,13 +127,13 @@ bool klt_patch_extract(const struct klt_pyramid *p, struct pixel at, struct klt_
     return extract_level(p, 0, at, &out->level[0]);
 }
 
-// One level. *correlation: the correlation in the end.
-static bool align_level(const struct klt_pyramid *p, int l, const struct klt_level *patch, double *x, double *y,
+// One level, from *at in its pixels. *correlation: at the end. False: it left the image; *at is undefined.
+static bool align_level(const struct klt_pyramid *p, int l, const struct klt_level *patch, struct pixel *at,
                         float *correlation)
 {
     float now[KLT_PIXELS], step = 1;
     for (int round = 0; round < MAX_ROUNDS; round++) {
-        if (!read_around(p, l, *x, *y, KLT_WIDTH, KLT_HEIGHT, now))
+        if (!read_around(p, l, *at, KLT_WIDTH, KLT_HEIGHT, now))
             return false;
         float sigma = centre(now), gain = patch->sigma / fmaxf(sigma, 0.5f);
         *correlation = sum_products(now, patch->value) / (KLT_PIXELS * patch->sigma * fmaxf(sigma, 0.5f));
@@ -144,33 +145,33 @@ static bool align_level(const struct klt_pyramid *p, int l, const struct klt_lev
         float dx = patch->inverse[0] * bx + patch->inverse[1] * by,
               dy = patch->inverse[1] * bx + patch->inverse[2] * by;
         step = fmaxf(fabsf(dx), fabsf(dy));
-        if (step > 2) { // a slope holds for a pixel or two
+        if (step > 2) { // the gradient is valid for a pixel or two
             dx *= 2 / step;
             dy *= 2 / step;
         }
-        *x -= dx;
-        *y -= dy;
+        at->x -= dx;
+        at->y -= dy;
     }
-    return isfinite(*x) && isfinite(*y);
+    return isfinite(at->x) && isfinite(at->y);
 }
 
 bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch, bool near_guess, struct pixel *at)
 {
     struct pixel now = *at;
     for (int l = near_guess ? 0 : KLT_LEVELS - 1; l >= 0; l--) {
-        double x = at_level(now.x, l), y = at_level(now.y, l);
+        struct pixel here = {level_coordinate(now.x, l), level_coordinate(now.y, l)};
         float correlation = 0;
         if (!(patch->level[l].sigma > 0))
             continue;
-        if (!align_level(p, l, &patch->level[l], &x, &y, &correlation)) {
+        if (!align_level(p, l, &patch->level[l], &here, &correlation)) {
             if (l == 0)
                 return false;
             continue;
         }
         if (l == 0 && !(correlation > MIN_CORRELATION))
             return false;
-        if (l == 0 || correlation > 0.6f) // a copy that shows something else misleads
-            now = (struct pixel){(x + 0.5) * (1 << l) - 0.5, (y + 0.5) * (1 << l) - 0.5};
+        if (l == 0 || correlation > 0.6f) // a coarse level that shows something else misleads
+            now = (struct pixel){(here.x + 0.5) * (1 << l) - 0.5, (here.y + 0.5) * (1 << l) - 0.5};
     }
     if (!(hypot(now.x - at->x, now.y - at->y) < (near_guess ? MAX_CLOSE_PX : MAX_FAR_PX)))
         return false;

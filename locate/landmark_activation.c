@@ -1,20 +1,22 @@
-// Points of the place that come into sight while a camera is followed. To recognise one is dear, so only
-// a small part of each picture is searched: where most are likely to be gained.
+// Landmark activation: landmarks that come into view while a camera is tracked become tracks. Feature extraction and
+// matching are expensive, so only one or two small regions of each image are searched: where most tracks are likely to
+// be gained.
 #include "locate/locator_internal.h"
 
 #include <string.h>
 
 enum {
-    MISSING_PER_REGION = 20, // more are missing for each part of a picture that is searched
-    MAX_SEARCHES = 2,        // parts of one picture: each picture costs about the same
-    CELLS_PER_REGION = 10,   // along the side of a part; each counts as one track to be gained
+    // Chosen by hand.
+    MISSING_PER_REGION = 20, // one region is searched for every so many missing tracks
+    MAX_SEARCHES = 2,        // regions of one image, so that each image costs about the same
+    CELLS_PER_REGION = 10,   // along the side of a region; each counts as one track to be gained
     CELLS_X = LOCATOR_REGIONS_X * CELLS_PER_REGION,
     CELLS_Y = LOCATOR_REGIONS_Y * CELLS_PER_REGION,
-    MAX_MISSED_COUNT = 15, // searches that say that a point is not to be found: then one in so many is worth it
-    NO_POINT = 255,        // in a cell without points
+    MAX_MISSED_COUNT = 15, // bounds how little a landmark that is never found is expected to gain
+    NO_POINT = 255,        // in a cell without landmarks
 };
-static const double MIN_DISTANCE_PX = 5; // tracks nearer to each other tell the same
-static const float MIN_GAIN = 1;         // expected new tracks, times pictures waited, that are worth a search
+static const double MIN_DISTANCE_PX = 5; // tracks nearer to each other are redundant; chosen by hand
+static const float MIN_GAIN = 1;         // expected new tracks, times images waited, that are worth a search
 
 static bool crowded(const struct locator *l, struct pixel at)
 {
@@ -37,14 +39,14 @@ void locator_add_landmark_tracks(struct locator *l, int found, const struct pose
     }
 }
 
-// Where in the picture points of the place should be seen.
+// Where in the image landmarks should be seen.
 struct search_gain {
-    // How many new tracks a search in each part is likely to give, times the pictures since the last one there.
+    // Expected new tracks of a search in each region, times the images since the last one there.
     float gain[LOCATOR_REGIONS];
-    uint8_t missed_count[CELLS_Y][CELLS_X]; // of the likeliest point in each cell; NO_POINT: there is none
+    uint8_t missed_count[CELLS_Y][CELLS_X]; // of the likeliest landmark in each cell, or NO_POINT
 };
 
-// The cell of a pixel, counted along the rows; -1: outside the picture.
+// The cell of a pixel, counted along the rows; -1: outside the image.
 static int cell_of(const struct lens *lens, struct pixel at)
 {
     int x = (int)(at.x * CELLS_X / lens->width), y = (int)(at.y * CELLS_Y / lens->height);
@@ -56,20 +58,20 @@ static int region_of_cell(int cell)
     return cell / CELLS_X / CELLS_PER_REGION * LOCATOR_REGIONS_X + cell % CELLS_X / CELLS_PER_REGION;
 }
 
-// The points of the place that should be seen, by the part of the picture in which they lie.
+// Sorts the landmarks that should be seen by the region of the image in which they are.
 static void sort_into_regions(struct locator *l, const struct pose *camera_from_world, struct search_gain *out)
 {
-    double turn[3][3];
-    const struct vec3 *shift = &camera_from_world->translation;
+    double r[3][3];
+    const struct vec3 *t = &camera_from_world->translation;
     int32_t in_region[LOCATOR_REGIONS + 1] = {0};
     uint8_t *missed_count = &out->missed_count[0][0];
     memset(missed_count, NO_POINT, sizeof out->missed_count);
-    quat_to_matrix(camera_from_world->rotation, turn);
+    quat_to_matrix(camera_from_world->rotation, r);
     for (int32_t i = 0; i < l->point_count; i++) {
         const struct vec3 w = l->points[i].world;
-        struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
-                         turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
-                         turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
+        struct vec3 p = {r[0][0] * w.x + r[0][1] * w.y + r[0][2] * w.z + t->x,
+                         r[1][0] * w.x + r[1][1] * w.y + r[1][2] * w.z + t->y,
+                         r[2][0] * w.x + r[2][1] * w.y + r[2][2] * w.z + t->z};
         int cell = locator_in_image(&l->lens, p) ? cell_of(&l->lens, lens_project(&l->lens, p)) : -1;
         l->region_of[i] = cell < 0 ? -1 : region_of_cell(cell);
         if (cell < 0)
@@ -85,6 +87,7 @@ static void sort_into_regions(struct locator *l, const struct pose *camera_from_
             l->points_by_region[in_region[l->region_of[i]]++] = i;
 }
 
+// Cells that a track covers gain nothing.
 static void update_gain(struct locator *l, struct search_gain *e)
 {
     uint8_t *missed_count = &e->missed_count[0][0];
@@ -101,21 +104,23 @@ static void update_gain(struct locator *l, struct search_gain *e)
         e->gain[i] *= (float)++l->frames_unsearched[i];
 }
 
-// New points in one part of the picture.
-static enum status search_region(struct locator *l, int part, const uint16_t *depth,
+// New landmarks in one region.
+static enum status search_region(struct locator *l, int region, const uint16_t *depth,
                                  const struct pose *camera_from_world)
 {
-    const int32_t *which = l->points_by_region + l->region_start[part];
-    int32_t count = l->region_start[part + 1] - l->region_start[part];
-    enum status status = locator_extract_region_features(l, part, depth);
+    const int32_t *which = l->points_by_region + l->region_start[region];
+    int32_t count = l->region_start[region + 1] - l->region_start[region];
+    enum status status = locator_extract_region_features(l, region, depth);
     if (status != OK)
         return status;
     for (int32_t i = 0; i < count; i++) {
         l->region_points[i] = l->points[which[i]];
         l->missed_count[which[i]] += l->missed_count[which[i]] < MAX_MISSED_COUNT;
     }
-    int found = landmarks_match(l->region_points, count, &l->index, &l->lens, l->motion, camera_from_world,
-                                LANDMARK_NARROW_PX, false, l->matches, FEATURES_MAX);
+    const struct match_query query = {
+        .points = l->region_points, .point_count = count, .index = &l->index, .lens = &l->lens};
+    int found = landmarks_match(&query, (struct match_window){LANDMARK_NARROW_PX, false}, l->motion, camera_from_world,
+                                l->matches, FEATURES_MAX);
     for (int i = 0; i < found; i++)
         l->matches[i].point = which[l->matches[i].point];
     locator_add_landmark_tracks(l, found, camera_from_world);

@@ -7,10 +7,10 @@
 
 enum {
     CELL_PX = 16,
-    MAX_BITS = 64,          // of 256 that may differ
-    MAX_BITS_NARROW = 80,   // the same within LANDMARK_NARROW_PX: then one in ten shows something else
-    MAX_RATIO_PERCENT = 80, // percent: the best must differ by less than this share of the second best
-    MIN_POINTS = 12,
+    MAX_BITS = 64,          // of 256 that may differ; chosen by hand
+    MAX_BITS_NARROW = 80,   // within LANDMARK_NARROW_PX; tuned on the tests' small world: one in ten is then wrong
+    MAX_RATIO_PERCENT = 80, // the best must differ by less than this percentage of the second best; chosen by hand
+    MIN_POINTS = 12,        // fewer matches are no basis for a pose; chosen by hand
 };
 
 void feature_index_build(struct feature_index *index, const struct feature *features, int count,
@@ -44,21 +44,23 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
 
 void feature_covariance(const struct feature *f, double out[3])
 {
-    // Measured in the small world, between two features that truly show one point: the standard deviation in pixels of
-    // the feature's copy, by the ratio of the slope's two main values. Along an edge it slides no further than it is
-    // looked for. Each of the two has half of the variance.
+    // Tuned on the tests' small world (tests/world), the known truth of which tells between which two features the same
+    // point is seen: the standard deviation of their difference, in pixels of the pyramid level, as a power of the
+    // ratio of the gradient matrix's eigenvalues. Along an edge it is bounded by the search radius. Each of the two
+    // features has half of the variance.
     static const double CORNER = 0.5, ACROSS = -0.25, LEAST = 0.24, ALONG = 0.4, MOST = 1.3, EACH = 0.5;
-    double middle = (f->slope[0] + f->slope[2]) / 2.0, turn_x = (f->slope[0] - f->slope[2]) / 2.0, turn_y = f->slope[1];
-    double apart = hypot(turn_x, turn_y), ratio = (middle + apart) / fmax(middle - apart, 1e-6 * (middle + 1e-6));
+    double middle = (f->slope[0] + f->slope[2]) / 2.0, apart_x = (f->slope[0] - f->slope[2]) / 2.0,
+           apart_y = f->slope[1];
+    double apart = hypot(apart_x, apart_y), ratio = (middle + apart) / fmax(middle - apart, 1e-6 * (middle + 1e-6));
     ratio = fmax(ratio, 1);
     double across = fmax(LEAST, CORNER * pow(ratio, ACROSS)) * f->scale;
     double along = fmin(MOST, CORNER * pow(ratio, ALONG)) * f->scale;
-    // Half of the two variances' sum, and what the direction of the slope takes from it or adds.
+    // The mean of the two variances, and the deviatoric part along the gradient's direction.
     double mean = EACH * (across * across + along * along) / 2;
     double change = apart > 0 ? (EACH * across * across - mean) / apart : 0;
-    out[0] = mean + change * turn_x;
-    out[1] = change * turn_y;
-    out[2] = mean - change * turn_x;
+    out[0] = mean + change * apart_x;
+    out[1] = change * apart_y;
+    out[2] = mean - change * apart_x;
 }
 
 // r^T C q.
@@ -70,12 +72,12 @@ static double bilinear_form(const float c[6], struct vec3 r, struct vec3 q)
     return v3_dot(r, cq);
 }
 
-// What looks less alike was found less exactly, or is something else: by how much larger the variance is than usual.
+// Variance against the usual one: where more bits differ, the match is less exact, or wrong.
 static double variance_factor(const struct place_point *point, const struct feature *f)
 {
-    // Measured in the small world, between features within LANDMARK_NARROW_PX that should show one point: mean squared
-    // error by bits that differ, 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55, 4.7
-    // at 65.
+    // Tuned on the tests' small world: mean squared error of features within LANDMARK_NARROW_PX that should show the
+    // same point, by bits that differ: 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55,
+    // 4.7 at 65.
     double bits = feature_distance(point->descriptor, f->descriptor) / 32.0;
     return fmax(1, 0.3 + bits * bits);
 }
@@ -93,12 +95,12 @@ void landmark_covariance(const struct place_point *point, const struct feature *
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
     match_covariance(point, f, out);
-    // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
+    // The sweep's images showed it no better, and along an edge their errors are the same, so they do not average out.
     for (int i = 0; i < 3; i++)
         out[i] *= 2;
     if (!(p.z > 0.1))
         return;
-    // How far the picture of the point moves with it, world axes.
+    // Derivatives of the projection by the point, world axes.
     struct quat back = quat_conjugate(camera_from_world->rotation);
     struct vec3 x = quat_rotate(back, v3(lens->fx / p.z, 0, -lens->fx * p.x / (p.z * p.z)));
     struct vec3 y = quat_rotate(back, v3(0, lens->fy / p.z, -lens->fy * p.y / (p.z * p.z)));
@@ -131,7 +133,7 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
         }
     }
     double z = count ? sum / count * 1e-3 : 0;
-    return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
+    return count >= 6 && (high - low) * 1e-3 < 5 * depth_absolute_sigma_m(z) + 0.01 * z ? z : 0;
 }
 
 static bool within_distance(struct pixel a, struct pixel b, double distance)
@@ -139,7 +141,7 @@ static bool within_distance(struct pixel a, struct pixel b, double distance)
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y) < distance * distance;
 }
 
-// The feature within the radius that looks most like the point; -1: none, or not clearly.
+// The feature within the radius with the fewest differing bits; -1: none, or not clearly the best.
 static int best_feature(const struct place_point *point, const struct feature_index *index, const struct lens *lens,
                         struct pixel at, double radius, int *bits)
 {
@@ -160,7 +162,7 @@ static int best_feature(const struct place_point *point, const struct feature_in
             int d = feature_distance(point->descriptor, f->descriptor);
             if (d >= second && d >= *bits)
                 continue;
-            // The same corner in another copy of the picture is no rival.
+            // The same corner at another pyramid level does not compete in the ratio test.
             bool same = best >= 0 && within_distance(f->at, index->features[best].at, 3);
             if (d < *bits) {
                 if (!same)
@@ -176,29 +178,32 @@ static int best_feature(const struct place_point *point, const struct feature_in
     return *bits <= most && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
 }
 
-// Whether a camera at `eye` sees the point from about the side from which the sweep saw it. True where that is not
+// Whether a camera at `eye` sees the landmark from about the side from which the sweep saw it. True where that is not
 // known.
 static bool faces_camera(const struct place_point *point, struct vec3 eye)
 {
-    // So much further aside than the sweep's own pictures of it on average, as a cosine: 30 degrees. Of what seemed to
-    // be a point of the small world, one in 900 was something else up to there, one in 35 beyond.
+    // Cosine of the angle allowed beyond that of the sweep's own images on average: 30 degrees. Tuned on the tests'
+    // small world: up to there one match in 900 was wrong, beyond it one in 35.
     static const double ASIDE = 0.866;
     const struct vec3 mean = {(double)point->seen_from[0], (double)point->seen_from[1], (double)point->seen_from[2]};
-    double square = v3_dot(mean, mean); // the mean, too, of the cosines between the mean and what it is made of
+    double square = v3_dot(mean, mean); // equals the mean cosine between the mean and its unit vectors
     return square == 0 || v3_dot(v3_unit(v3_sub(eye, point->world)), mean) > square - (1 - ASIDE);
 }
 
-int landmarks_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                    const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                    double radius_px, bool only_facing, struct landmark_match *out, int capacity)
+int landmarks_match(const struct match_query *query, struct match_window window, const struct shutter_motion *motion,
+                    const struct pose *camera_from_world, struct landmark_match *out, int capacity)
 {
+    const struct place_point *points = query->points;
+    const struct feature_index *index = query->index;
+    const struct lens *lens = query->lens;
+    const double radius_px = window.radius_px;
     int32_t owner[FEATURES_MAX];
     int bits_of[FEATURES_MAX];
     double wide = 0.8 * lens->width / lens->fx, high = 0.8 * lens->height / lens->fy;
     const struct vec3 eye = pose_inverse(*camera_from_world).translation;
     for (int i = 0; i < index->count; i++)
         owner[i] = -1;
-    for (int32_t i = 0; i < point_count; i++) {
+    for (int32_t i = 0; i < query->point_count; i++) {
         struct vec3 p = pose_apply(*camera_from_world, points[i].world);
         if (!(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
             continue;
@@ -206,7 +211,7 @@ int landmarks_match(const struct place_point *points, int32_t point_count, const
         if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px &&
               at.y < lens->height + radius_px))
             continue;
-        if (only_facing && !faces_camera(&points[i], eye))
+        if (window.only_facing && !faces_camera(&points[i], eye))
             continue;
         int bits, f = best_feature(&points[i], index, lens, at, radius_px, &bits);
         if (f >= 0 && (owner[f] < 0 || bits < bits_of[f])) {
@@ -221,18 +226,18 @@ int landmarks_match(const struct place_point *points, int32_t point_count, const
     return count;
 }
 
-int landmark_correspondences(const struct place_point *points, const struct feature_index *index, const double *depth,
-                             const struct lens *lens, const struct pose *camera_from_world,
+int landmark_correspondences(const struct match_query *query, const struct pose *camera_from_world,
                              const struct landmark_match *matches, int count, struct pnp_point *out)
 {
+    const struct lens *lens = query->lens;
     for (int i = 0; i < count; i++) {
-        const struct feature *f = &index->features[matches[i].feature];
-        const struct place_point *point = &points[matches[i].point];
+        const struct feature *f = &query->index->features[matches[i].feature];
+        const struct place_point *point = &query->points[matches[i].point];
         struct vec3 ray = lens_ray(lens, f->at);
         out[i] = (struct pnp_point){.world = point->world,
                                     .x = ray.x,
                                     .y = ray.y,
-                                    .z = depth ? depth[matches[i].feature] : 0,
+                                    .z = query->depth ? query->depth[matches[i].feature] : 0,
                                     .z_variance = landmark_depth_variance(point, camera_from_world),
                                     .time_s = shutter_row_time(lens, f->at.y)};
         landmark_covariance(point, f, lens, camera_from_world, out[i].covariance);
@@ -240,7 +245,7 @@ int landmark_correspondences(const struct place_point *points, const struct feat
     return count;
 }
 
-// The direction in which points lie closest together: a wall's normal. Inverse iteration.
+// The normal of the plane that fits the points best: smallest eigenvector of their covariance, by inverse iteration.
 static struct vec3 plane_normal(const struct pnp_point *points, int count, struct vec3 centre)
 {
     double a[9] = {0}, trace = 0, n[3] = {0.48, 0.6, 0.64};
@@ -254,7 +259,7 @@ static struct vec3 plane_normal(const struct pnp_point *points, int count, struc
     trace = a[0] + a[4] + a[8];
     for (int r = 0; r < 3; r++)
         a[r * 4] += 1e-9 * trace + 1e-12;
-    if (!cholesky(a, 3))
+    if (!cholesky_factor(a, 3))
         return v3(0, 0, 0);
     for (int round = 0; round < 20; round++) {
         cholesky_solve(a, 3, n);
@@ -264,12 +269,14 @@ static struct vec3 plane_normal(const struct pnp_point *points, int count, struc
     return v3(n[0], n[1], n[2]);
 }
 
-// A wall seen nearly head-on looks much the same from the mirrored side. Where the
-// mirrored pose fits better, it is taken.
-static void try_mirrored(const struct pnp_tag *tags, int tag_count, const struct pnp_point *points, int count,
-                         const struct lens *lens, struct shutter_motion *motion, struct pose *camera_from_world)
+// A wall seen nearly head-on looks much the same from the mirrored side. Where the mirrored pose fits better, it is
+// taken. problem: all matches and tags, with the current motion.
+static void try_mirrored(const struct pose_problem *problem, struct pose *camera_from_world)
 {
-    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown();
+    struct shutter_motion *motion = problem->motion, moving = motion ? *motion : shutter_motion_unknown();
+    const struct pnp_point *points = problem->points;
+    const int count = problem->point_count;
+    struct pose_problem mirrored_problem = *problem;
     struct vec3 centre = v3(0, 0, 0);
     for (int i = 0; i < count; i++)
         centre = v3_add(centre, v3_scale(points[i].world, 1.0 / count));
@@ -277,11 +284,13 @@ static void try_mirrored(const struct pnp_tag *tags, int tag_count, const struct
     struct pose world_from_camera = pose_inverse(*camera_from_world);
     struct vec3 out = v3_sub(world_from_camera.translation, centre);
     struct vec3 mirrored = v3_sub(v3_scale(normal, 2 * v3_dot(normal, out)), out);
-    struct quat turn = quat_between(out, mirrored);
-    struct pose there = {quat_multiply(turn, world_from_camera.rotation), v3_add(centre, quat_rotate(turn, out))};
+    struct quat rotation = quat_between(out, mirrored);
+    struct pose there = {quat_multiply(rotation, world_from_camera.rotation),
+                         v3_add(centre, quat_rotate(rotation, out))};
     struct pose pose = pose_inverse(there);
-    double own = pnp_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion, camera_from_world);
-    double other = pnp_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
+    mirrored_problem.motion = motion ? &moving : NULL;
+    double own = pnp_refine(problem, camera_from_world);
+    double other = pnp_refine(&mirrored_problem, &pose);
     if (!(other < own))
         return;
     *camera_from_world = pose;
@@ -289,39 +298,50 @@ static void try_mirrored(const struct pnp_tag *tags, int tag_count, const struct
         *motion = moving;
 }
 
-// Searched ever nearer, each time from the pose that the last search gave; the fit of
-// each begins as loose as the search. facing_first: points seen from another side than in
-// the sweep join in when the others have said where they must be. How many points agree in
-// the end, of *first found at first.
-static int match_and_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                            const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
-                            double radius_px, bool facing_first, struct shutter_motion *motion, struct pose *pose,
-                            struct landmark_match *matches, int capacity, int *first)
+struct refinement {
+    struct pose pose; // camera_from_world
+    struct shutter_motion motion;
+    int first, kept; // matches of the first search, and those that agree in the end
+};
+
+// Matches within ever smaller radii, each time from the pose that the last radius gave; the added uncertainty begins as
+// large as the radius. window.only_facing: landmarks seen from another side than in the sweep take part only in the
+// narrowest search, when the others have given the pose. matches: those that agree in the end.
+static void match_and_refine(const struct match_query *query, struct match_window window, bool rolling,
+                             struct refinement *r, struct landmark_match *matches, int capacity)
 {
     struct pnp_point seen[FEATURES_MAX];
+    struct pose_problem problem = {.tags = query->tags,
+                                   .tag_count = query->tag_count,
+                                   .points = seen,
+                                   .fx = query->lens->fx,
+                                   .fy = query->lens->fy,
+                                   .motion = rolling ? &r->motion : NULL};
     int count;
-    *first = 0;
-    for (double radius = radius_px;; radius = fmax(radius / 2.5, LANDMARK_NARROW_PX)) {
-        const bool only_facing = facing_first && radius > LANDMARK_NARROW_PX;
-        count = landmarks_match(points, point_count, index, lens, motion, pose, radius, only_facing, matches, capacity);
-        *first = *first ? *first : count;
+    r->first = r->kept = 0;
+    for (double radius = window.radius_px;; radius = fmax(radius / 2.5, LANDMARK_NARROW_PX)) {
+        const bool only_facing = window.only_facing && radius > LANDMARK_NARROW_PX;
+        count = landmarks_match(query, (struct match_window){radius, only_facing}, problem.motion, &r->pose, matches,
+                                capacity);
+        r->first = r->first ? r->first : count;
         if (count < MIN_POINTS)
-            return 0;
-        landmark_correspondences(points, index, depth, lens, pose, matches, count, seen);
-        for (double loose = radius / 3; loose > 0.5; loose /= 3)
-            pnp_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, motion, pose);
+            return;
+        problem.point_count = landmark_correspondences(query, &r->pose, matches, count, seen);
+        for (problem.point_px = radius / 3; problem.point_px > 0.5; problem.point_px /= 3)
+            pnp_refine(&problem, &r->pose);
         if (radius <= LANDMARK_NARROW_PX)
             break;
     }
-    try_mirrored(tags, tag_count, seen, count, lens, motion, pose);
+    problem.point_px = 0;
+    try_mirrored(&problem, &r->pose);
     int kept = 0;
     for (int i = 0; i < count; i++)
-        if (pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 4)
+        if (pnp_point_error(&seen[i], problem.motion, &r->pose, problem.fx, problem.fy) < 4)
             matches[kept++] = matches[i];
-    return kept < MIN_POINTS || 2 * kept < count ? 0 : kept;
+    r->kept = kept < MIN_POINTS || 2 * kept < count ? 0 : kept;
 }
 
-// The matches of points that face the camera. How many.
+// The matches of landmarks that face the camera. How many.
 static int facing_matches(const struct place_point *points, const struct landmark_match *matches, int count,
                           const struct pose *camera_from_world, struct landmark_match *out)
 {
@@ -333,32 +353,32 @@ static int facing_matches(const struct place_point *points, const struct landmar
     return kept;
 }
 
-// Where the points that face the camera, by themselves, know of another pose than all together, the others show
-// something else and are left out. How many matches remain; as many where too few face it to tell.
-static int drop_inconsistent(const struct place_point *points, const struct feature_index *index, const double *depth,
-                             const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
+// Where the landmarks that face the camera, by themselves, give another pose than all together, the others are wrong
+// matches and are left out. How many matches remain; all of them where too few face the camera to decide.
+static int drop_inconsistent(const struct match_query *query, struct shutter_motion *motion, struct pose *pose,
                              struct landmark_match *matches, int count)
 {
-    static const double WITHIN_95 = 12.592; // chi squared, six numbers
+    static const double WITHIN_95 = 12.592; // chi squared, six degrees of freedom
     struct pnp_point seen[FEATURES_MAX];
     struct landmark_match facing[FEATURES_MAX];
     struct pose alone = *pose;
-    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown(), *with = motion ? &moving : NULL;
+    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown();
+    struct pose_problem problem = {
+        .points = seen, .fx = query->lens->fx, .fy = query->lens->fy, .motion = motion ? &moving : NULL};
     double covariance[36], information[36], off = 0;
-    int n = facing_matches(points, matches, count, pose, facing);
+    int n = facing_matches(query->points, matches, count, pose, facing);
     if (n == count || n < MIN_POINTS)
         return count;
-    landmark_correspondences(points, index, depth, lens, pose, facing, n, seen);
-    pnp_refine(NULL, 0, 0, seen, n, 0, lens->fx, lens->fy, with, &alone);
-    if (!pnp_covariance(NULL, 0, seen, n, lens->fx, lens->fy, with, &alone, covariance) ||
-        !invert_symmetric(covariance, 6, information))
+    problem.point_count = landmark_correspondences(query, pose, facing, n, seen);
+    pnp_refine(&problem, &alone);
+    if (!pnp_covariance(&problem, &alone, covariance) || !invert_symmetric(covariance, 6, information))
         return count;
     struct pose between = pose_multiply(alone, pose_inverse(*pose));
-    struct vec3 turn = quat_to_rotation_vector(between.rotation);
-    const double d[6] = {turn.x, turn.y, turn.z, between.translation.x, between.translation.y, between.translation.z};
+    struct vec3 rotation = quat_to_rotation_vector(between.rotation), translation = between.translation;
+    const double d[6] = {rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z};
     for (int i = 0; i < 36; i++)
         off += d[i / 6] * information[i] * d[i % 6];
-    if (off < WITHIN_95) // of those alone; from a pose that they have part in they differ by less
+    if (off < WITHIN_95) // conservative: a pose that they have part in differs from theirs by less
         return count;
     *pose = alone;
     if (motion)
@@ -367,50 +387,45 @@ static int drop_inconsistent(const struct place_point *points, const struct feat
     return n;
 }
 
-bool landmarks_refine_pose(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                           const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
-                           struct shutter_motion *motion, struct pose *camera_from_world,
-                           struct landmark_match *matches, int capacity, int *match_count)
+bool landmarks_refine_pose(const struct match_query *query, struct shutter_motion *motion,
+                           struct pose *camera_from_world, struct landmark_match *matches, int capacity,
+                           int *match_count)
 {
-    // A small far tag alone may be off by more than the first search reaches. That
-    // shows: most of what seemed to match at first does not in the end. And without a tag
-    // a pattern that looks the same turned round may lead all of its points astray alike:
-    // then those that are seen from where the sweep saw them know of a pose that more fit.
+    // Three ways, of which the one with the most agreeing matches wins: near; far, since a small distant tag alone may
+    // be off by more than the first search reaches, which shows when most of the first matches disagree in the end; and
+    // without tags facing landmarks first, since a pattern that looks the same rotated may give consistent wrong
+    // matches of landmarks that the sweep saw from another side. Radii chosen by hand.
     static const double FIRST_PX = 40, FAR_PX = 120;
+    enum { NEAR, FAR, FACING_FIRST, WAYS };
     struct landmark_match other_matches[FEATURES_MAX];
-    const struct pose start = *camera_from_world;
-    const struct shutter_motion still = motion ? *motion : shutter_motion_unknown();
-    struct pose best = start;
-    struct shutter_motion best_motion = still;
-    int first = 0, kept = 0;
+    struct refinement start = {.pose = *camera_from_world, .motion = motion ? *motion : shutter_motion_unknown()};
+    struct refinement best = start;
+    int first = 0;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
-    for (int way = 0; way < 3; way++) { // near, far, facing first
-        struct pose pose = start;
-        struct shutter_motion moving = still;
-        int other_first;
-        if (way == 1 && 2 * kept >= first)
+    for (int way = NEAR; way < WAYS; way++) {
+        const struct match_window window = {way == FAR ? FAR_PX : FIRST_PX, way == FACING_FIRST};
+        struct refinement now = start;
+        if (way == FAR && 2 * best.kept >= first)
             continue;
-        if (way == 2 && (tag_count || !kept || facing_matches(points, matches, kept, &best, other_matches) == kept))
+        if (way == FACING_FIRST &&
+            (query->tag_count || !best.kept ||
+             facing_matches(query->points, matches, best.kept, &best.pose, other_matches) == best.kept))
             continue;
-        int other =
-            match_and_refine(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX,
-                             way == 2, motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
-        if (way == 0)
-            first = other_first;
-        if (other <= kept)
+        match_and_refine(query, window, motion != NULL, &now, other_matches, capacity);
+        if (way == NEAR)
+            first = now.first;
+        if (now.kept <= best.kept)
             continue;
-        memcpy(matches, other_matches, (size_t)other * sizeof *matches);
-        kept = other;
-        best = pose;
-        best_motion = moving;
+        memcpy(matches, other_matches, (size_t)now.kept * sizeof *matches);
+        best = now;
     }
-    if (!kept)
+    if (!best.kept)
         return false;
-    *camera_from_world = best;
+    *camera_from_world = best.pose;
     if (motion)
-        *motion = best_motion;
+        *motion = best.motion;
     *match_count =
-        tag_count ? kept : drop_inconsistent(points, index, depth, lens, motion, camera_from_world, matches, kept);
+        query->tag_count ? best.kept : drop_inconsistent(query, motion, camera_from_world, matches, best.kept);
     return true;
 }

@@ -1,5 +1,7 @@
-// A camera's pose made finer by natural points: where tags are few or all in
-// one corner of the picture, the points around hold the pose still.
+// Guided matching of landmarks to the features of one image, and refinement of a pose by the matches. Features are ORB
+// (Rublee et al. 2011): a landmark is looked for near its projection, and the feature with the smallest Hamming
+// distance within a radius is taken if it is clearly the best (ratio test). Pure, deterministic; the functions that
+// match or refine keep about 200 KiB on the stack.
 #pragma once
 #include "capture/recording/place.h"
 #include "locate/pose_solver.h"
@@ -7,10 +9,10 @@
 
 enum {
     FEATURES_MAX = 1000,
-    LANDMARK_NARROW_PX = 4, // a search no wider than this finds few wrong features, so they may look less alike
+    LANDMARK_NARROW_PX = 4, // a search no wider than this meets few wrong features, so more bits may differ
 };
 
-// The features of one picture, sorted so that those near a pixel are found fast.
+// The features of one image, sorted into cells so that those near a pixel are found fast.
 struct feature_index {
     const struct feature *features; // borrowed
     int count;
@@ -22,47 +24,59 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
                          const struct lens *lens);
 
 struct landmark_match {
-    int32_t point, feature;
+    int32_t point, feature; // indices into match_query.points and index->features
 };
 
-// Which feature shows which point, looked for within radius_px of where the pose
-// puts the point. motion, here and below: of a rolling shutter, or NULL. only_facing: of points that the camera sees
-// from about the side from which the sweep saw them. Each point and each feature at most once. Returns how many.
-int landmarks_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                    const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                    double radius_px, bool only_facing, struct landmark_match *out, int capacity);
+// What is matched with what. All borrowed.
+struct match_query {
+    const struct place_point *points; // the landmarks
+    int32_t point_count;
+    const struct feature_index *index;
+    const double *depth; // metres at each feature, 0: none; or NULL
+    const struct lens *lens;
+    struct pnp_tag *tags; // seen in the same image, for landmarks_refine_pose; or NULL
+    int tag_count;
+};
 
-// From a pose that is roughly right (tags gave it) to one that fits points and
-// tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` (and the speed of
-// `motion`) is the better one and matches[0 .. *match_count) are the points that agree; on false (too few do)
-// nothing changed.
-bool landmarks_refine_pose(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                           const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
-                           struct shutter_motion *motion, struct pose *camera_from_world,
-                           struct landmark_match *matches, int capacity, int *match_count);
+// How far from its projection a landmark is looked for.
+struct match_window {
+    double radius_px;
+    bool only_facing; // landmarks that the camera sees from about the side from which the sweep saw them
+};
 
-// What matches say, for a fit: out has room for `count`, which is returned. camera_from_world: about.
-int landmark_correspondences(const struct place_point *points, const struct feature_index *index, const double *depth,
-                             const struct lens *lens, const struct pose *camera_from_world,
+// Which feature shows which landmark, given the pose. motion, here and below: with a rolling shutter; or NULL. Each
+// landmark and each feature at most once. Returns how many.
+int landmarks_match(const struct match_query *query, struct match_window window, const struct shutter_motion *motion,
+                    const struct pose *camera_from_world, struct landmark_match *out, int capacity);
+
+// Refines a roughly known pose (and *motion) by landmarks and tags. True: matches[0 .. *match_count) are the landmarks
+// that agree with it. False: too few agree; the pose, *motion and *match_count are unchanged.
+bool landmarks_refine_pose(const struct match_query *query, struct shutter_motion *motion,
+                           struct pose *camera_from_world, struct landmark_match *matches, int capacity,
+                           int *match_count);
+
+// The matches as measurements for the pose solver; out has space for `count`, which is returned. camera_from_world:
+// roughly, for the covariances.
+int landmark_correspondences(const struct match_query *query, const struct pose *camera_from_world,
                              const struct landmark_match *matches, int count, struct pnp_point *out);
 
 // The mean depth around a pixel where the surface is smooth, metres; 0 elsewhere.
 // depth: millimetres, of the same pixels as `lens`.
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at);
 
-// The covariance of a feature's place, pixels^2: xx, xy, yy. Across an edge it is known well, along it badly.
+// The covariance of a feature's position, pixels^2: xx, xy, yy. Small across an edge, large along it.
 void feature_covariance(const struct feature *f, double out[3]);
 
-// The same of one that should show a point: the less alike they look, the less exactly it does.
+// The same of a feature matched to a landmark: the more bits of the descriptors differ, the larger.
 void match_covariance(const struct place_point *point, const struct feature *f, double out[3]);
 
-// The same of where it is from where the place has its point: the feature errs, so did those of the sweep, and the
-// point may lie elsewhere along their lines of sight.
+// The covariance of the reprojection error of a match: of the feature, of the sweep's features, and of the landmark's
+// position in the map.
 void landmark_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
                          const struct pose *camera_from_world, double out[3]);
 
-// The variance of the point's distance along z, m^2; 0: not known.
+// The variance of the landmark's distance along the camera's z, m^2; 0: not known.
 double landmark_depth_variance(const struct place_point *point, const struct pose *camera_from_world);
 
-// About the same whichever way, for a pose that is only roughly right: standard deviation, pixels.
+// An isotropic standard deviation, pixels, for a pose that is only roughly known.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

@@ -1,82 +1,90 @@
-// Where a camera is in a place, from one picture: finds the tags, refines their
-// corners, and fits the pose to all corners of all known tags and to the natural
-// points around. Where no tag is in sight, natural points alone say where it is.
-// Deterministic; safe from any thread, one `struct locator` to a thread.
+// Localises a camera in a place from one image (relocalisation), or from an image and a good guess (tracking).
+//
+// From scratch: AprilTags are detected, their corners refined (locate/tag_corners.h), and the pose is estimated from
+// the corners of all known tags (planar poses by IPPE, Collins & Bartoli 2014, as starts of a robust PnP,
+// locate/pose_solver.h) and from the landmarks around (ORB features, Rublee et al. 2011, locate/landmark_matching.h).
+// Without a tag in view, landmarks alone give the pose (P3P with RANSAC, locate/relocalization.h). Tracking: tags and
+// landmark patches of the last image are found near the guess (KLT, locate/klt_patch.h) and the pose is fused with the
+// map's (locate/pose_fusion.h).
+//
+// Frames: world_from_camera; world axes of the place (z up), camera axes x right, y down, z forward. Order of the
+// 6-vectors: rotation x, y, z (radians), translation x, y, z (metres), a small motion of the camera in its own axes;
+// 6 x 6 covariances are row-major.
+//
+// Deterministic; one thread at a time, any thread. A locator holds the place's points twice, 10 bytes a pixel of the
+// image and about 1.5 MiB, besides what the tag detector holds.
 #pragma once
 #include "capture/recording/place.h"
 
 struct locator;
 
 struct locator_options {
-    // Error against time; docs/figures.md has both for several settings.
-    // The tag finder's, where a picture half as large leaves something open; 1 = every pixel, slow and sure. Default 1
+    // Accuracy against time; docs/results.md has both for several settings.
+    // Of the tag detector where a half-size image leaves something open; 1 = every pixel, slow and sure. Default 1
     double quad_decimate;
-    int32_t features;  // natural ones of a picture in which the camera is found anew; 100 .. 1000. Default 1000
-    int32_t points;    // of the place that are followed from picture to picture; 30 .. 200. Default 150
-    double max_rms_px; // a worse fit is NOTHING. Default 2.5
-    double max_position_sigma_m; // a pose less sure than this is NOTHING. Default 0.05
+    int32_t features;            // of an image that is localised from scratch; 100 .. 1000. Default 1000
+    int32_t points;              // landmarks that are tracked from image to image; 30 .. 200. Default 150
+    double max_rms_px;           // a tag with larger reprojection error is an outlier. Default 2.5
+    double max_position_sigma_m; // a less certain pose is NOTHING. Default 0.05
 };
 struct locator_options locator_default_options(void);
 
 struct location {
     struct pose world_from_camera;
-    double rms_px; // over the corners used
+    double rms_px; // over the tag corners used
     int32_t tags_used, tags_rejected;
-    int32_t points_used; // natural points that agree
-    // Of a small motion of the camera in its own axes: turn (radians), then shift (metres).
-    // The shift's part is that of the camera's position. It knows the noise of this picture
-    // and the errors seen, not what the map as a whole is off by.
-    double covariance[36]; // row-major
-    // The part of it that is another in each picture. Where a camera is found anew, all.
+    int32_t points_used; // landmarks that agree
+    // Of the pose's error, as far as it comes from this image's noise and the residuals seen; errors of the map as a
+    // whole are not in it.
+    double covariance[36];
+    // That part of it that is independent from image to image. All of it for a pose from scratch.
     double noise[36];
-    double position_sigma_m; // root of the trace of the shift's part
-    // With AMBIGUOUS: the second best world_from_camera, and by how much worse it fits (chi squared).
+    double position_sigma_m; // root of the trace of the translation's part
+    // With AMBIGUOUS: the second best world_from_camera, and how much higher its cost is (chi squared).
     struct pose other;
     double other_excess_cost;
 };
 
-// Copies what it needs of `place` and `lens`. ERR_INPUT: neither tags nor enough
-// points in the place, a senseless lens, two tags with the same number. ERR_MEMORY.
+// Copies what it needs of `place` and `lens`. options NULL: the defaults. On failure *out is NULL. ERR_INPUT: neither
+// tags nor enough landmarks in the place, an invalid lens or option, two tags with the same number. ERR_MEMORY.
 MUST_CHECK enum status locator_open(struct locator **out, const struct place *place, const struct lens *lens,
                                     const struct locator_options *options);
-void locator_close(struct locator **l);
+void locator_close(struct locator **l); // NULL is fine; sets *l = NULL
 
-// With a rolling shutter (lens.readout_s): how the camera should be moving while the next picture is
-// read, turn (rad/s) and shift (m/s) in its own axes, and how sure that is (6 x 6, row-major). Holds
-// for the next look only; of a picture without it, as much is known as of any hand. Poses are those of
-// the middle row, and by how much the speed that the picture itself shows leaves them open is in their
-// covariance.
-void locator_set_motion_prior(struct locator *l, const double speed[6], const double covariance[36]);
+// With a rolling shutter (lens.readout_s): the expected velocity while the next image is read, angular (rad/s) then
+// linear (m/s) in camera axes, and its covariance (6 x 6, row-major). For the next image only; without it the prior is
+// that of any hand-held camera. Poses are those of the middle row; their covariance includes what the velocity leaves
+// undetermined.
+void locator_set_motion_prior(struct locator *l, const double velocity[6], const double covariance[36]);
 
-// color: RGB of the lens's size. depth: of the same pixels, or NULL.
+// From scratch. color: RGB of the lens's size. depth: millimetres, of the same pixels, or NULL.
 // OK         *out filled
-// NOTHING    nothing known in sight, nothing that fits, or too little to be sure
-//            (max_position_sigma_m); *out untouched
+// NOTHING    nothing known in view, nothing that fits, or too uncertain (max_position_sigma_m); *out untouched
 // AMBIGUOUS  a mirrored pose fits nearly as well; *out holds the better one
+// ERR_MEMORY, ERR_SOLVER: of the feature detector; *out untouched, the next image may be tried.
 MUST_CHECK enum status locator_localize(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                         struct location *out);
 
-// The same for a picture that comes soon after one in which this locator found or followed
-// the camera: what was seen there is looked for near where `guess`, world_from_camera, puts it
-// (to about ten pixels), which takes a fifteenth of the time.
-// OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
+// Tracking: for an image soon after one that this locator localised or tracked. What was seen there is looked for near
+// where `guess`, world_from_camera, puts it (to about ten pixels); takes a fifteenth of the time.
+// OK; NOTHING: too little of it is found, *out untouched: localise from scratch. Errors as locator_localize.
 MUST_CHECK enum status locator_track(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
                                      struct location *out);
 
-// locator_localize for a picture that locator_track had no good guess for: what was seen in the last
-// one is looked for where the camera is found, so that it is followed on without a jump.
+// locator_localize for an image for which locator_track had no good guess: what the last image showed is looked for
+// near the pose from scratch, so that tracking continues without a jump.
 MUST_CHECK enum status locator_relocalize(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                           struct location *out);
 
-// The lens by which the last picture was looked at. That of a camera whose focal length is unsure (lens.focal_sigma)
-// becomes what the pictures say of it; so long as they leave it open, the pose's covariance knows of it. A rolling
-// shutter that nobody told and the pictures betray is in it too, with a likely readout_s that was not measured.
+// The lens used for the last image. A focal length that is uncertain (lens.focal_sigma) is estimated from the images
+// (self-calibration); as long as it is uncertain, the pose's covariance includes that. A rolling shutter that is not in
+// the given lens but that the images show is in it, too, with a likely readout_s that was not measured.
 const struct lens *locator_lens(const struct locator *l);
 
-// How many tags of the place hang elsewhere now, as far as the pictures in which the camera was found anew show them
-// beside other tags or enough points. *first: the lowest number; -1: none. A pose is told without them.
+// How many tags of the place are elsewhere now, judged by the images localised from scratch that show them beside other
+// tags or enough landmarks. *first: the lowest number; -1: none. Such tags are outliers of the pose.
 int32_t locator_moved_tags(const struct locator *l, int32_t *first);
 
-// True: the pictures in which locator_localize found the camera so far do not fit the lens's focal
-// length. *scale: the one that fits them, over the lens's.
+// True: the images localised from scratch so far do not fit the lens's focal length. *scale: the one that fits, over
+// the lens's.
 bool locator_focal_is_wrong(const struct locator *l, double *scale);

@@ -1,8 +1,8 @@
+// Luminance of an RGB image. Splitting three bytes a pixel is five times faster with instructions that not every x86
+// processor has, so the compiler makes several versions and the loader chooses; with integers all give the same result.
+// Not under sanitizers, which interfere with the loader's choice, nor with clang 14, which mangles the name.
 #include "locate/tag_corners.h"
 
-// Three bytes a pixel are taken apart five times faster by instructions that not every x86 has. Integers: the
-// same result with and without. Sanitizers are in the way of choosing when the program starts; clang 14 gives the
-// choice another name than the one that is called.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define TARGET_CLONES __attribute__((target_clones("avx2", "ssse3", "default")))
 #else

@@ -1,15 +1,16 @@
-// Tags that hang elsewhere than the place has them: somebody took them down since it was mapped, or shows another one
-// with the same number. The pose is told without them; here it is kept which they are, so that somebody may say so.
+// Tags that are not where the place has them: moved since it was mapped, or another tag with the same number. They are
+// outliers of the pose; here each image votes for which they are, so that the app can say so.
 #include "locate/locator_internal.h"
 
-// What vouches for a pose by which a tag is found to hang elsewhere.
+// What supports a pose by which a tag is judged to be elsewhere: so many other tags, or so many landmarks. Chosen by
+// hand.
 enum { MIN_OTHER_TAGS = 2, MIN_POINTS = 20 };
-// A tag that is less off, of its side, may be half hidden, bent or badly read.
+// A smaller offset, as a share of the tag's side, may be due to occlusion, bending or noise. Chosen by hand.
 static const double MIN_MOVED_SHARE = 0.25;
 
 static bool has_moved(const struct locator *l, int i, const struct pose *camera_from_world)
 {
-    const struct place_tag *tag = &l->tags[l->which[i]];
+    const struct place_tag *tag = &l->tags[l->observed_tag[i]];
     const struct pose expected = pose_multiply(*camera_from_world, tag->world_from_tag);
     return planar_pose_offset_m(tag->side_m, l->observations[i].ray, &expected) > MIN_MOVED_SHARE * tag->side_m;
 }
@@ -18,12 +19,12 @@ void locator_vote_moved_tags(struct locator *l, const struct pnp_tag *tags, int 
                              const struct pose *camera_from_world)
 {
     int used = 0;
-    for (int i = 0; i < l->count; i++)
+    for (int i = 0; i < l->observed_count; i++)
         used += tags[i].used;
     if (used < MIN_OTHER_TAGS && points < MIN_POINTS)
         return;
-    for (int i = 0; i < l->count; i++) {
-        int32_t *votes = &l->moved_votes[l->which[i]];
+    for (int i = 0; i < l->observed_count; i++) {
+        int32_t *votes = &l->moved_votes[l->observed_tag[i]];
         if (tags[i].used)
             --*votes;
         else if (has_moved(l, i, camera_from_world))

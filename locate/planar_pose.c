@@ -16,8 +16,8 @@ bool planar_homography(const struct vec3 ray[4], double h[9])
             return false;
         longest = fmax(longest, v3_distance(ray[i], ray[(i + 1) % 4]));
     }
-    // No three corners in a line, none inside the triangle of the others. Seen from
-    // the front the corners run counter-clockwise, which y downwards turns round.
+    // No three corners in a line, none inside the triangle of the others. Seen from the front the corners run
+    // counter-clockwise, so with y down the signed areas are negative.
     for (int i = 0; i < 4; i++)
         if (!(area2(ray[i], ray[(i + 1) % 4], ray[(i + 2) % 4]) < -1e-4 * longest * longest))
             return false;
@@ -29,7 +29,7 @@ bool planar_homography(const struct vec3 ray[4], double h[9])
     double g = (sx * dy2 - dx2 * sy) / det, k = (dx1 * sy - sx * dy1) / det;
     double a = p1.x - p0.x + g * p1.x, b = p3.x - p0.x + k * p3.x, c = p0.x;
     double d = p1.y - p0.y + g * p1.y, e = p3.y - p0.y + k * p3.y, f = p0.y;
-    // ... with (u + 1) / 2 put in for its coordinates
+    // ... with (u + 1) / 2, (v + 1) / 2 as its coordinates
     double m[9] = {a / 2, b / 2, c + (a + b) / 2, d / 2, e / 2, f + (d + e) / 2, g / 2, k / 2, 1 + (g + k) / 2};
     if (!(fabs(m[8]) > 1e-12))
         return false;
@@ -41,14 +41,14 @@ bool planar_homography(const struct vec3 ray[4], double h[9])
     return true;
 }
 
-// The translation that fits best for a given rotation: linear least squares on
-// (r + t).xy - ray.xy * (r + t).z = 0 over the corners r.
-static bool solve_translation(const struct vec3 turned[4], const struct vec3 ray[4], struct vec3 *t)
+// The translation t for a given rotation: linear least squares on (r + t).xy - ray.xy * (r + t).z = 0 over the rotated
+// corners r.
+static bool solve_translation(const struct vec3 rotated[4], const struct vec3 ray[4], struct vec3 *t)
 {
     double a[9] = {0}, b[3] = {0};
     for (int i = 0; i < 4; i++) {
         double x = ray[i].x, y = ray[i].y;
-        double ex = x * turned[i].z - turned[i].x, ey = y * turned[i].z - turned[i].y;
+        double ex = x * rotated[i].z - rotated[i].x, ey = y * rotated[i].z - rotated[i].y;
         a[0] += 1;
         a[4] += 1;
         a[6] -= x;
@@ -58,25 +58,25 @@ static bool solve_translation(const struct vec3 turned[4], const struct vec3 ray
         b[1] += ey;
         b[2] -= x * ex + y * ey;
     }
-    if (!cholesky(a, 3)) // reads the lower triangle only
+    if (!cholesky_factor(a, 3)) // reads the lower triangle only
         return false;
     cholesky_solve(a, 3, b);
     *t = v3(b[0], b[1], b[2]);
     return v3_finite(*t);
 }
 
-// Adds the pose with this rotation if it makes sense.
+// Adds the pose with this rotation if it puts the square in front of the camera, its face towards it.
 static int add_pose(double r[3][3], double half, const struct vec3 ray[4], struct pose *out, int count)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct pose pose = {quat_from_matrix(r), {0, 0, 0}};
-    struct vec3 turned[4];
+    struct vec3 rotated[4];
     for (int i = 0; i < 4; i++)
-        turned[i] = quat_rotate(pose.rotation, v3(half * corner[i][0], half * corner[i][1], 0));
-    if (!solve_translation(turned, ray, &pose.translation) || !pose_finite(pose))
+        rotated[i] = quat_rotate(pose.rotation, v3(half * corner[i][0], half * corner[i][1], 0));
+    if (!solve_translation(rotated, ray, &pose.translation) || !pose_finite(pose))
         return count;
     for (int i = 0; i < 4; i++)
-        if (!(turned[i].z + pose.translation.z > 1e-3 * half))
+        if (!(rotated[i].z + pose.translation.z > 1e-3 * half))
             return count;
     struct vec3 normal = quat_rotate(pose.rotation, v3(0, 0, 1));
     if (!(v3_dot(normal, pose.translation) < 0))
@@ -93,7 +93,7 @@ int planar_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
     // Derivative of the homography at the square's centre, and where the centre falls.
     double vx = h[2], vy = h[5];
     double j[2][2] = {{h[0] - h[6] * vx, h[1] - h[7] * vx}, {h[3] - h[6] * vy, h[4] - h[7] * vy}};
-    // Turns the optical axis towards the centre.
+    // Rotates the optical axis towards the centre.
     double rv[3][3];
     quat_to_matrix(quat_between(v3(0, 0, 1), v3(vx, vy, 1)), rv);
     double b[2][2] = {{rv[0][0] - vx * rv[2][0], rv[0][1] - vx * rv[2][1]},
@@ -106,7 +106,7 @@ int planar_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
         a[0][c] = (b[1][1] * j[0][c] - b[0][1] * j[1][c]) / det;
         a[1][c] = (b[0][0] * j[1][c] - b[1][0] * j[0][c]) / det;
     }
-    // Its greatest singular value is the scale; what remains is the upper left of a rotation.
+    // Its largest singular value is the scale; divided by it, a is the upper left 2 x 2 block of a rotation.
     double s00 = a[0][0] * a[0][0] + a[0][1] * a[0][1], s11 = a[1][0] * a[1][0] + a[1][1] * a[1][1];
     double s01 = a[0][0] * a[1][0] + a[0][1] * a[1][1];
     double scale = sqrt((s00 + s11 + sqrt((s00 - s11) * (s00 - s11) + 4 * s01 * s01)) / 2);
@@ -123,24 +123,24 @@ int planar_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
         c0 = v3_unit(c0);
         c1 = v3_unit(v3_sub(c1, v3_scale(c0, v3_dot(c0, c1))));
         struct vec3 c2 = v3_cross(c0, c1);
-        double own[3][3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}}, turn[3][3];
+        double own[3][3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}}, rotation[3][3];
         for (int row = 0; row < 3; row++)
             for (int c = 0; c < 3; c++)
-                turn[row][c] = rv[row][0] * own[0][c] + rv[row][1] * own[1][c] + rv[row][2] * own[2][c];
-        count = add_pose(turn, side_m / 2, ray, out, count);
+                rotation[row][c] = rv[row][0] * own[0][c] + rv[row][1] * own[1][c] + rv[row][2] * own[2][c];
+        count = add_pose(rotation, side_m / 2, ray, out, count);
     }
     return count;
 }
 
 double planar_pose_offset_m(double side_m, const struct vec3 ray[4], const struct pose *expected)
 {
-    static const double range_share = 0.03;
+    static const double RANGE_SHARE = 0.03;
     struct pose two[2];
     int count = planar_poses(side_m, ray, two);
     double least = count ? INFINITY : 0;
     for (int i = 0; i < count; i++) {
         double off = v3_distance(two[i].translation, expected->translation);
-        least = fmin(least, off - range_share * v3_length(two[i].translation));
+        least = fmin(least, off - RANGE_SHARE * v3_length(two[i].translation));
     }
     return fmax(least, 0);
 }

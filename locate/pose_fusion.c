@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-static const double CORRECTION_SHARE = 0.3; // the share of a correction that is made with each picture
+static const double CORRECTION_SHARE = 0.3; // share of a correction that is made with each image; chosen by hand
 
 static void multiply(const double a[36], const double b[36], double out[36])
 {
@@ -19,11 +19,11 @@ static void multiply(const double a[36], const double b[36], double out[36])
 // out = f m f^T
 static void propagate(const double f[36], const double m[36], double out[36])
 {
-    double half[36], turned[36];
+    double half[36], transposed[36];
     multiply(f, m, half);
     for (int i = 0; i < 36; i++)
-        turned[i] = f[i % 6 * 6 + i / 6];
-    multiply(half, turned, out);
+        transposed[i] = f[i % 6 * 6 + i / 6];
+    multiply(half, transposed, out);
 }
 
 void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36])
@@ -34,12 +34,12 @@ void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], c
         for (int j = 0; j < 6; j++) {
             double map = map_covariance[i * 6 + j];
             a->covariance[i][j] = map + noise[i * 6 + j];
-            a->covariance[i][6 + j] = a->covariance[6 + i][j] = -map; // the camera errs as the map does
+            a->covariance[i][6 + j] = a->covariance[6 + i][j] = -map; // offset = c + m = 0 at the start
             a->covariance[6 + i][6 + j] = map;
         }
 }
 
-// How the map's error goes on: `keep` times itself and something new; all: it is taken for new altogether.
+// The map error's transition A (`keep`) and process noise (`fresh`). all: A = 0, the whole error is new.
 static void map_error_transition(const struct pose_fusion *a, const struct pose_measurement *measurement, bool all,
                                  double keep[36], double fresh[36])
 {
@@ -50,9 +50,10 @@ static void map_error_transition(const struct pose_fusion *a, const struct pose_
         lower[i] = fresh[i] = measurement->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
         lower[i * 7] += 1e-3 * measurement->map_covariance[i * 7];
-    if (!all && cholesky(lower, 6))
+    if (!all && cholesky_factor(lower, 6))
         return;
-    // The picture before was looked at from elsewhere, so the two do not quite match.
+    // `fresh` is not positive definite: the two information matrices were linearised at different poses and do not
+    // quite match.
     memset(keep, 0, 36 * sizeof *keep);
     memcpy(fresh, measurement->map_covariance, 36 * sizeof *fresh);
 }
@@ -83,7 +84,7 @@ static void predict(struct pose_fusion *a, const struct pose_measurement *measur
         }
 }
 
-// both: how the errors go with what the picture says; inverse: of the covariance of that. False: it is none.
+// both: cross-covariance of the state and the innovation; inverse: of the innovation's covariance. False: singular.
 static bool innovation_covariance(const struct pose_fusion *a, const struct pose_measurement *measurement,
                                   double both[12][6], double inverse[36])
 {
@@ -103,8 +104,7 @@ bool pose_fusion_update(struct pose_fusion *out, const struct pose_measurement *
     double both[12][6], inverse[36], gain[12][6], innovation[6];
     predict(a, measurement, false);
     if (!innovation_covariance(a, measurement, both, inverse)) {
-        // Where the noise is far smaller than the map's error, the little by which two looks do not quite match is
-        // more.
+        // The noise is far smaller than the map's error, and the mismatch of two linearisations exceeds it.
         next = *out;
         predict(a, measurement, true);
         if (!innovation_covariance(a, measurement, both, inverse))

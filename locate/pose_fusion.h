@@ -1,37 +1,43 @@
-// How far a camera that is followed may have drifted, and what a look at the map says
-// against it. From picture to picture, what is followed says to a millimetre how the
-// camera moved, but errors add up. Where the map has the camera is off by more, does not
-// drift, and is off by much the same from one picture to the next, as long as the same tags
-// and points are in sight: the second look at them says nothing new. So the error of the
-// map's pose is carried along beside that of the camera's, and only as far as what is in
-// sight changes is the camera moved towards where the map has it. A tag that comes
-// into sight or leaves it does not make the pose jump. Pure.
+// Fuses the frame-to-frame pose of a tracked camera with the map's pose of it.
+//
+// The frame-to-frame pose is precise to a millimetre but drifts. The map's pose, from the tags and landmarks in view,
+// has larger errors that do not drift and are correlated from image to image, as long as the same tags and landmarks
+// are in view: seeing them a second time adds no information. Therefore the error of the map's pose is part of the
+// state. A tag that comes into view or leaves it does not make the pose jump.
+//
+// Model: a Kalman filter with state (c, m), the errors of the tracked pose and of the map's pose, with a 12 x 12
+// covariance. Prediction: c gains the drift; m' = A m + w with A = P I_shared, where P is the covariance of the map's
+// pose now and I_shared that part of its information that was also in the last image; w makes the covariance of m'
+// equal to P (coloured measurement noise by state augmentation, as in Bar-Shalom, Li & Kirubarajan 2001). Measurement:
+// the difference of the two poses, offset = c + m + noise.
+//
+// Errors are small motions T <- exp(d) T of camera_from_world, so in camera axes. Order of the 6-vectors, as in
+// locate/locator.h: rotation (radians), translation (metres). 6 x 6 matrices are row-major. Pure.
 #pragma once
 #include "base/status.h"
 
-// Errors are small motions as in locator.h's covariance: six numbers, matrices row-major.
 struct pose_fusion {
-    double covariance[12][12]; // of the camera's error, then of the map's
-    double camera_error[6];    // expected: what is known of it and not yet corrected
-    double map_error[6];       // the same of the map's
-    double map_covariance[36]; // of the map's pose in the last picture, by itself
+    double covariance[12][12]; // of (camera_error, map_error)
+    double camera_error[6];    // expected error of the tracked pose that is not yet corrected
+    double map_error[6];       // expected error of the map's pose
+    double map_covariance[36]; // of the map's pose in the last image, by itself
 };
 
-// What one picture says.
+// What one image contributes.
 struct pose_measurement {
-    double drift[36];           // by how much more the followed pose errs than in the last picture
-    double map_covariance[36];  // of the map's pose, by what is in sight now
-    double map_information[36]; // the part of its information that was in sight in the last picture too
-    double noise[36];           // of this picture alone
-    double offset[6];           // from the followed pose to the map's
+    double drift[36];           // covariance that the tracked pose gained since the last image
+    double map_covariance[36];  // of the map's pose, by what is in view now
+    double map_information[36]; // that part of its information that was also in view in the last image
+    double noise[36];           // covariance of what is independent from image to image
+    double offset[6];           // from the tracked pose to the map's
 };
 
-// At the map's pose.
+// Starts with the tracked pose at the map's pose.
 void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36]);
 
-// by: the small motion to be made now. A correction is spread over a few pictures, so that nobody
-// sees the camera jump. False: the numbers allow none, nothing changed.
+// by: the motion by which the caller must now correct the tracked pose. A correction is spread over several images, so
+// that no jump is visible. False: the covariances are not positive definite (or not finite); nothing changed.
 bool pose_fusion_update(struct pose_fusion *a, const struct pose_measurement *measurement, double by[6]);
 
-// Of the pose after that, with what is known to be left of its error.
+// The covariance of the corrected pose about the truth, including the expected error that is left.
 void pose_fusion_covariance(const struct pose_fusion *a, double covariance[36]);

@@ -4,20 +4,20 @@
 
 #include <string.h>
 
-// Jerks of a hand, as white noise of acceleration: rad/s^2 and m/s^2 times the root of a second.
+// Process noise of a hand: white acceleration, rad/s^2 and m/s^2 times the root of a second. Chosen by hand.
 static const double ANGULAR_ACCELERATION_NOISE = 2, ACCELERATION_NOISE = 1;
-// Speeds nobody's hand exceeds: what is known of them at the start.
-static const double MAX_ANGULAR_SPEED = 2, MAX_SPEED = 1;
+// Standard deviations of the velocity at the start, rad/s and m/s; chosen by hand.
+static const double START_ANGULAR_SIGMA = 2, START_SIGMA = 1;
 
 void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36])
 {
     memset(k, 0, sizeof *k);
     k->world_from_camera = world_from_camera;
     for (int i = 0; i < 6; i++) {
-        double speed = i < 3 ? MAX_ANGULAR_SPEED : MAX_SPEED;
+        double sigma = i < 3 ? START_ANGULAR_SIGMA : START_SIGMA;
         for (int j = 0; j < 6; j++)
             k->covariance[i][j] = covariance[i * 6 + j];
-        k->covariance[6 + i][6 + i] = speed * speed;
+        k->covariance[6 + i][6 + i] = sigma * sigma;
     }
 }
 
@@ -30,7 +30,7 @@ static struct pose small_motion(const double d[6], double by)
 void pose_kalman_predict(struct pose_kalman *k, double seconds)
 {
     double(*p)[POSE_KALMAN_STATE] = k->covariance, t = seconds;
-    k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->speed, t));
+    k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->velocity, t));
     k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
     // F P F^T with F = [1 t; 0 1] in blocks of six
     for (int i = 0; i < 6; i++)
@@ -40,7 +40,7 @@ void pose_kalman_predict(struct pose_kalman *k, double seconds)
         for (int j = 0; j < 6; j++)
             p[i][j] += t * p[i][6 + j];
     for (int i = 0; i < 6; i++) {
-        double jerk = i < 3 ? ANGULAR_ACCELERATION_NOISE : ACCELERATION_NOISE, q = jerk * jerk;
+        double noise = i < 3 ? ANGULAR_ACCELERATION_NOISE : ACCELERATION_NOISE, q = noise * noise;
         p[i][i] += q * t * t * t / 3;
         p[i][6 + i] += q * t * t / 2;
         p[6 + i][i] += q * t * t / 2;
@@ -52,8 +52,8 @@ double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, 
                           double most)
 {
     struct pose off = pose_multiply(pose_inverse(k->world_from_camera), world_from_camera);
-    struct vec3 turn = quat_to_rotation_vector(off.rotation);
-    const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
+    struct vec3 rotation = quat_to_rotation_vector(off.rotation);
+    const double d[6] = {rotation.x, rotation.y, rotation.z, off.translation.x, off.translation.y, off.translation.z};
     double s[36], inverse[36], weighted[6], distance = 0;
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
@@ -89,6 +89,6 @@ double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, 
     k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(by, 1));
     k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
     for (int i = 0; i < 6; i++)
-        k->speed[i] += by[6 + i];
+        k->velocity[i] += by[6 + i];
     return distance;
 }

@@ -1,26 +1,27 @@
-// A camera's pose and how it moves, with what is known of both: each new pose is
-// weighed against where the motion so far leads. A camera in a hand keeps its speed
-// along its own axes but for small jerks, so one that walks steadily round a person is
-// followed without lag, and one that stands still comes to rest. Pure.
+// Constant-velocity Kalman filter of a camera's pose: each measured pose is weighed against the prediction. The process
+// noise is white acceleration along the camera's own axes (a hand-held camera keeps its velocity but for small jerks),
+// so a camera that walks steadily round a person is tracked without lag, and one that stands still comes to rest. The
+// errors are on the manifold: world_from_camera <- world_from_camera exp(d) (error-state filter). Pure.
 #pragma once
 #include "base/geometry.h"
 
-enum { POSE_KALMAN_STATE = 12 }; // turn, shift; turn and shift each second: all in the camera's axes
+// Order of the state: rotation (radians), translation (metres), angular velocity (rad/s), linear velocity (m/s), each
+// x, y, z, all in camera axes.
+enum { POSE_KALMAN_STATE = 12 };
 
 struct pose_kalman {
     struct pose world_from_camera;
-    double speed[6];                                         // turn (rad/s), then shift (m/s)
-    double covariance[POSE_KALMAN_STATE][POSE_KALMAN_STATE]; // of small errors of the above
+    double velocity[6]; // angular, then linear
+    double covariance[POSE_KALMAN_STATE][POSE_KALMAN_STATE];
 };
 
-// Starts at a pose, at rest as far as known. covariance: 6 x 6 as in locator.h, row-major.
+// Starts at a pose, at rest as far as known. covariance: 6 x 6 as in locate/locator.h, row-major.
 void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36]);
 
-// Moves on by `seconds` > 0.
+// Predicts `seconds` > 0 ahead.
 void pose_kalman_predict(struct pose_kalman *k, double seconds);
 
-// Takes in a pose that was measured independently. Returns its squared distance from
-// the expected one in standard deviations (six numbers: 6 in the mean); above `most` (or NaN)
-// nothing changes.
+// Updates by an independently measured pose. Returns its squared Mahalanobis distance from the prediction (six degrees
+// of freedom: 6 in the mean); above `most` (or NaN) nothing changes.
 double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36],
                           double most);

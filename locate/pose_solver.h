@@ -1,81 +1,96 @@
-// A camera's pose from tags whose place is known: all corners of all tags at
-// once, each weighed by how well it was seen, depth where there is some. Every
-// tag's two mirrored poses are tried as a start, tags that do not fit the rest
-// are left out. Pure; no allocation.
+// Pose of a camera from tags and landmarks (PnP).
+//
+// Minimises the robust, whitened reprojection error of tag corners and landmarks, and depth residuals where there is
+// depth, by Levenberg-Marquardt. Robust kernel: Cauchy, c^2 ln(1 + chi^2 / c^2), one kernel a tag (all eight numbers
+// of its corners), a landmark (with its depth) or a depth sample. Tags give the starting points: both planar poses of
+// each tag (IPPE, see locate/planar_pose.h); tags that disagree with the best pose are left out.
+//
+// The pose is camera_from_world. It is updated on the left: T <- exp(d) T. The order of every 6-vector is
+// (rotation x, y, z in radians; translation x, y, z in metres), in camera axes (x right, y down, z forward). Matrices
+// are row-major. Costs have no unit: whitened squares, chi squared where errors are small.
+//
+// Pure; no allocation, but large arrays on the stack (about 40 KiB). Safe from any thread.
 #pragma once
 #include "capture/recording/place.h"
-#include "locate/tag_corners.h"
-#include "locate/rolling_shutter.h"
 #include "locate/planar_pose.h"
+#include "locate/rolling_shutter.h"
+#include "locate/tag_corners.h"
 #include "locate/tag_depth.h"
 
 enum { PNP_MAX_TAGS = 64 };
+
+// The reprojection error of what the camera cannot see: behind it or, of a tag, from its back.
+#define PNP_NOT_VISIBLE 1e9
 
 struct pnp_tag {
     const struct tag_observation *seen;
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
-    double map_px;           // how well its corners are seen, beside the picture's noise: standard deviation
-    const float *covariance; // how surely the map has it, as struct place_tag; or NULL: exactly
-    bool used;               // out: in agreement with the pose
-    double rms_px;           // out: reprojection error of its corners
+    double map_px;           // standard deviation of its corners beside the image noise
+    const float *covariance; // of the map's pose of it, as in struct place_tag; NULL: exact
+    bool used;               // in: takes part in a fit; out of pnp_solve: agrees with the pose
+    double rms_px;           // out of pnp_solve: reprojection error of its corners
 };
 
-// A natural point whose place is known, seen on the ray (x, y, 1).
+// A landmark seen on the ray (x, y, 1).
 struct pnp_point {
     struct vec3 world;
     double x, y;
-    double sigma_px;      // of either coordinate, beside `covariance`
-    double z;             // depth read there, metres; 0: none
-    double covariance[3]; // beside sigma_px: xx, xy, yy, pixels^2
+    double sigma_px;      // of either coordinate, added to `covariance`
+    double z;             // measured depth, metres; 0: none
+    double covariance[3]; // added to sigma_px: xx, xy, yy, pixels^2
     double time_s;        // when its row was read, as shutter_row_time
-    double z_variance;    // of the place's own distance, m^2
+    double z_variance;    // of the map's distance along z, m^2
+};
+
+// What the pose of one camera image is estimated from. All borrowed.
+struct pose_problem {
+    struct pnp_tag *tags; // only pnp_solve writes to them (used, rms_px)
+    int tag_count;        // 0 .. PNP_MAX_TAGS; the same tag may be there twice
+    const struct pnp_point *points;
+    int point_count;
+    double fx, fy; // pixels; turn rays into pixels
+    // Uncertainty added to every tag corner and every point, pixels: greater than 0 for a start that is far off.
+    // With tag_px > 0 depth inside tags is left out.
+    double tag_px, point_px;
+    // NULL: no rolling shutter. Else the camera's velocity while the image is read is estimated, too.
+    struct shutter_motion *motion;
 };
 
 struct pnp_solution {
     struct pose camera_from_world;
     struct pose other;        // with AMBIGUOUS: the second best
     double rms_px;            // over the corners used
-    double cost;              // robust, whitened; of the tags used
-    double other_excess_cost; // by how much the other's cost is higher
+    double cost;              // of the tags used
+    double other_excess_cost; // how much higher the other's cost is
     int32_t used;
     struct shutter_motion motion, other_motion; // with a rolling shutter
 };
 
-// fx, fy: what a pixel is. motion: what is known of the camera's before; NULL: no rolling shutter. 0 <= count <=
-// PNP_MAX_TAGS; the same tag may be there twice, one at most is used. OK, NOTHING (no pose fits within max_rms_px; *out
-// untouched) or AMBIGUOUS
-// (*out is the better of two poses that are apart but fit alike).
-enum status pnp_solve(struct pnp_tag *tags, int count, double fx, double fy, double max_rms_px,
-                      const struct shutter_motion *motion, struct pnp_solution *out);
+// From the tags alone; points, tag_px and point_px are not used, *motion is the prior and is not changed.
+// Of several tags with the same number at most one is used.
+// OK
+// NOTHING    no pose fits within max_rms_px; *out untouched
+// AMBIGUOUS  two distinct poses fit about equally well; *out holds the better one
+enum status pnp_solve(const struct pose_problem *problem, double max_rms_px, struct pnp_solution *out);
 
-// Levenberg-Marquardt on camera_from_world over the tags with `used` set and all
-// points. tag_px, point_px: uncertainty added to every corner and every point,
-// for a start that is far off. motion: the speed is fitted too; NULL: no rolling shutter.
-// Returns the robust cost.
-double pnp_refine(const struct pnp_tag *tags, int count, double tag_px, const struct pnp_point *points, int point_count,
-                  double point_px, double fx, double fy, struct shutter_motion *motion, struct pose *camera_from_world);
+// Refines *camera_from_world (and *problem->motion) by the tags with `used` set and all points. Returns the robust
+// cost. A start from which nothing improves is left as it is.
+double pnp_refine(const struct pose_problem *problem, struct pose *camera_from_world);
 
-// How sure pnp_refine's pose is: the covariance of a small motion (turn, then shift; camera
-// axes, radians and metres) of the camera, row-major. Errors larger than the evidence owns
-// to make it larger, smaller ones do not make it smaller. False: the evidence leaves a
-// motion open; *covariance untouched.
-bool pnp_covariance(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count, double fx,
-                    double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                    double covariance[36]);
+// The covariance of the error of pnp_refine's pose; tag_px and point_px are taken as 0. Residuals larger than their
+// covariances explain scale it up, smaller ones do not scale it down. False: the problem leaves a motion
+// undetermined; *covariance untouched.
+bool pnp_covariance(const struct pose_problem *problem, const struct pose *camera_from_world, double covariance[36]);
 
-// The same, not yet inverted and as if errors were as large as the evidence owns to.
-void pnp_information(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count, double fx,
-                     double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                     double information[36]);
+// The information matrix (inverse covariance) of the same, never scaled.
+void pnp_information(const struct pose_problem *problem, const struct pose *camera_from_world, double information[36]);
 
-// Makes what the evidence says of the camera's speed what is expected of it.
-void pnp_update_velocity_prior(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count,
-                               double fx, double fy, struct shutter_motion *motion,
-                               const struct pose *camera_from_world);
+// Makes the problem's estimate of the velocity, with its information, the prior in *problem->motion.
+void pnp_update_velocity_prior(const struct pose_problem *problem, const struct pose *camera_from_world);
 
-// Reprojection error of one tag; 1e9 behind the camera or from its back.
+// Root mean square reprojection error of one tag's corners, pixels; or PNP_NOT_VISIBLE.
 double pnp_tag_rms(const struct pnp_tag *tag, const struct shutter_motion *motion, const struct pose *camera_from_world,
                    double fx, double fy);
 
@@ -83,6 +98,6 @@ double pnp_tag_rms(const struct pnp_tag *tag, const struct shutter_motion *motio
 double pnp_tag_cost(const struct pnp_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy);
 
-// Reprojection error of a point in its standard deviations; 1e9 behind the camera.
+// Reprojection error of a point in its standard deviations (Mahalanobis distance); or PNP_NOT_VISIBLE.
 double pnp_point_error(const struct pnp_point *p, const struct shutter_motion *motion,
                        const struct pose *camera_from_world, double fx, double fy);

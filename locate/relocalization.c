@@ -3,16 +3,15 @@
 #include <string.h>
 
 enum {
-    MAX_BITS = 70,          // of 256 that may differ between point and feature
-    MAX_RATIO_PERCENT = 85, // percent: the best must differ by less than this share of the second best
-    MAX_ROUNDS = 2000,
-    // Wrong matches agree with a wrong pose by chance: of 300, each in 10000 pixels
-    // of a picture 30 times that, three or four do.
+    MAX_BITS = 70,          // of 256 that may differ between landmark and feature; chosen by hand
+    MAX_RATIO_PERCENT = 85, // the best must differ by less than this percentage of the second best; chosen by hand
+    MAX_ROUNDS = 2000,      // of RANSAC; chosen by hand
+    // By chance wrong matches agree with a wrong pose: of 300 matches three or four.
     MIN_INLIERS = 10,
 };
-static const double SAME_M = 0.05;    // points nearer than this are one corner mapped twice
-static const double INLIER_SIGMA = 5; // 3 pixels at full size
-static const double SURE = 1e-3;      // chance of never having drawn three good matches
+static const double SAME_M = 0.05;      // landmarks nearer to each other than this are one corner mapped twice
+static const double INLIER_SIGMA = 5;   // 3 pixels at the finest pyramid level
+static const double MISS_CHANCE = 1e-3; // chance of never having drawn three correct matches
 
 // ---------------------------------------------------------------- three points
 
@@ -24,7 +23,7 @@ static double polynomial(const double *c, int degree, double x)
     return y;
 }
 
-// The real roots in [low, high], ascending: between those of the derivative, by halving.
+// The real roots in [low, high], ascending: between those of the derivative, by bisection.
 static int roots(const double *c, int degree, double low, double high, double *out)
 {
     double slope[4], extrema[6];
@@ -52,7 +51,7 @@ static int roots(const double *c, int degree, double low, double high, double *o
     return count;
 }
 
-// Axes that three points span, in columns.
+// The orthonormal axes that three points span, in columns. False: they lie in a line.
 static bool axes(const struct vec3 p[3], double m[3][3])
 {
     struct vec3 x = v3_unit(v3_sub(p[1], p[0])), z = v3_cross(x, v3_sub(p[2], p[0]));
@@ -65,25 +64,25 @@ static bool axes(const struct vec3 p[3], double m[3][3])
     return true;
 }
 
+// The rigid motion that takes three points to three others, from the axes that they span.
 static bool superpose(const struct vec3 world[3], const struct vec3 camera[3], struct pose *camera_from_world)
 {
-    double a[3][3], b[3][3], turn[3][3];
+    double a[3][3], b[3][3], rotation[3][3];
     if (!axes(world, a) || !axes(camera, b))
         return false;
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
-            turn[r][c] = b[r][0] * a[c][0] + b[r][1] * a[c][1] + b[r][2] * a[c][2];
-    camera_from_world->rotation = quat_from_matrix(turn);
-    struct vec3 shift = {0, 0, 0};
+            rotation[r][c] = b[r][0] * a[c][0] + b[r][1] * a[c][1] + b[r][2] * a[c][2];
+    camera_from_world->rotation = quat_from_matrix(rotation);
+    struct vec3 translation = {0, 0, 0};
     for (int i = 0; i < 3; i++)
-        shift = v3_add(shift, v3_sub(camera[i], quat_rotate(camera_from_world->rotation, world[i])));
-    camera_from_world->translation = v3_scale(shift, 1.0 / 3);
+        translation = v3_add(translation, v3_sub(camera[i], quat_rotate(camera_from_world->rotation, world[i])));
+    camera_from_world->translation = v3_scale(translation, 1.0 / 3);
     return pose_finite(*camera_from_world);
 }
 
-// The poses that put three points onto three rays (unit length, camera axes).
-// Writes up to four and returns how many; 0 for points in a line or numbers that
-// are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
+// P3P: the poses that put three points onto three rays (unit length, camera axes). Writes up to four and returns how
+// many; 0 for points in a line or numbers that are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
 static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
 {
     struct vec3 ab = v3_sub(world[1], world[0]), ac = v3_sub(world[2], world[0]), bc = v3_sub(world[2], world[1]);
@@ -100,7 +99,7 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
         (q - 1) * (q - 1) - 4 * c * ca * ca,
     };
     double v[5];
-    // The third point at most 50 times as far as the first, or as near.
+    // v: distance of the third point over that of the first.
     int n = roots(quartic, 4, 0.02, 50, v), count = 0;
     for (int i = 0; i < n && count < 4; i++) {
         double under = 2 * (cg - v[i] * ca), over = (q - 1) * v[i] * v[i] - 2 * q * cb * v[i] + 1 + q;
@@ -116,7 +115,7 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
 
 // ---------------------------------------------------------------- matches
 
-// The best point for a feature; -1: none, or another one elsewhere is nearly as good.
+// The best landmark for a feature; -1: none, or another one elsewhere is nearly as good.
 static int32_t best_point(const struct place_point *points, int32_t point_count, const struct feature *f, int *bits)
 {
     int32_t best = -1;
@@ -139,14 +138,14 @@ static int32_t best_point(const struct place_point *points, int32_t point_count,
     return *bits <= MAX_BITS && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
 }
 
-int relocalize_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                     struct landmark_match *out, int capacity)
+int relocalize_match(const struct match_query *query, struct landmark_match *out, int capacity)
 {
+    const struct feature_index *index = query->index;
     int bits[FEATURES_MAX], at[257 + 1] = {0};
     int32_t which[FEATURES_MAX];
     struct landmark_match sorted[FEATURES_MAX];
     for (int i = 0; i < index->count; i++) {
-        which[i] = best_point(points, point_count, &index->features[i], &bits[i]);
+        which[i] = best_point(query->points, query->point_count, &index->features[i], &bits[i]);
         if (which[i] >= 0)
             at[bits[i] + 1]++;
     }
@@ -157,7 +156,7 @@ int relocalize_match(const struct place_point *points, int32_t point_count, cons
         if (which[i] >= 0)
             sorted[at[bits[i]]++] = (struct landmark_match){which[i], i};
     for (int i = 0; i < all && count < capacity; i++) {
-        bool taken = false; // by a feature that looks more like it
+        bool taken = false; // by a feature with fewer differing bits
         for (int k = 0; k < count && !taken; k++)
             taken = out[k].point == sorted[i].point;
         if (!taken)
@@ -166,7 +165,7 @@ int relocalize_match(const struct place_point *points, int32_t point_count, cons
     return count;
 }
 
-// ---------------------------------------------------------------- agreement
+// ---------------------------------------------------------------- consensus
 
 static uint32_t draw_random(uint64_t *state, uint32_t below)
 {
@@ -174,45 +173,50 @@ static uint32_t draw_random(uint64_t *state, uint32_t below)
     return (uint32_t)((*state >> 33) % below);
 }
 
-static int count_inliers(const struct pnp_point *seen, int count, const struct shutter_motion *motion,
-                         const struct pose *pose, const struct lens *lens, int to_beat)
+// Stops when more than `to_beat` cannot be reached.
+static int count_inliers(const struct pose_problem *problem, const struct shutter_motion *motion,
+                         const struct pose *pose, int to_beat)
 {
-    int agree = 0;
-    for (int i = 0; i < count && agree + count - i > to_beat; i++)
-        agree += pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < INLIER_SIGMA;
-    return agree;
+    int inliers = 0;
+    for (int i = 0; i < problem->point_count && inliers + problem->point_count - i > to_beat; i++)
+        inliers += pnp_point_error(&problem->points[i], motion, pose, problem->fx, problem->fy) < INLIER_SIGMA;
+    return inliers;
 }
 
-// Fits to those that agree, twice, since a better pose has more that do.
-static int refine_inliers(const struct pnp_point *seen, int count, const struct lens *lens,
-                          struct shutter_motion *motion, struct pose *pose)
+// Refines the pose by its inliers, twice, since a better pose has more of them. Returns how many.
+static int refine_inliers(const struct pose_problem *problem, struct pose *pose)
 {
     struct pnp_point good[FEATURES_MAX];
-    int agree = 0;
+    struct shutter_motion *motion = problem->motion;
+    int inliers = 0;
     for (int round = 0; round < 2; round++) {
         int n = 0;
-        for (int i = 0; i < count; i++)
-            if (pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 2 * INLIER_SIGMA)
-                good[n++] = seen[i];
+        for (int i = 0; i < problem->point_count; i++)
+            if (pnp_point_error(&problem->points[i], motion, pose, problem->fx, problem->fy) < 2 * INLIER_SIGMA)
+                good[n++] = problem->points[i];
         struct pose better = *pose;
-        struct shutter_motion moving = motion ? *motion : shutter_motion_unknown(), *with = motion ? &moving : NULL;
-        pnp_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, with, &better);
-        int now = count_inliers(seen, count, with, &better, lens, 0);
-        if (now < agree)
+        struct shutter_motion moving = motion ? *motion : shutter_motion_unknown();
+        const struct pose_problem own = {
+            .points = good, .point_count = n, .fx = problem->fx, .fy = problem->fy, .motion = motion ? &moving : NULL};
+        pnp_refine(&own, &better);
+        int now = count_inliers(problem, own.motion, &better, 0);
+        if (now < inliers)
             break;
-        agree = now;
+        inliers = now;
         *pose = better;
         if (motion)
             *motion = moving;
     }
-    return agree;
+    return inliers;
 }
 
-bool relocalize(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
-                const struct landmark_match *matches, int count, struct shutter_motion *motion,
-                struct pose *camera_from_world, int *agree)
+bool relocalize(const struct match_query *query, const struct landmark_match *matches, int count,
+                struct shutter_motion *motion, struct pose *camera_from_world, int *inliers)
 {
+    const struct lens *lens = query->lens;
     struct pnp_point seen[FEATURES_MAX];
+    const struct pose_problem problem = {
+        .points = seen, .point_count = count, .fx = lens->fx, .fy = lens->fy, .motion = motion};
     struct vec3 ray[FEATURES_MAX];
     struct pose best = POSE_IDENTITY;
     uint64_t random_state = 1;
@@ -221,9 +225,9 @@ bool relocalize(const struct place_point *points, const struct feature_index *in
     if (count < MIN_INLIERS)
         return false;
     for (int i = 0; i < count; i++) {
-        const struct feature *f = &index->features[matches[i].feature];
+        const struct feature *f = &query->index->features[matches[i].feature];
         struct vec3 r = lens_ray(lens, f->at);
-        seen[i] = (struct pnp_point){.world = points[matches[i].point].world,
+        seen[i] = (struct pnp_point){.world = query->points[matches[i].point].world,
                                      .x = r.x,
                                      .y = r.y,
                                      .sigma_px = feature_sigma(f),
@@ -231,7 +235,7 @@ bool relocalize(const struct place_point *points, const struct feature_index *in
         ray[i] = v3_unit(r);
     }
     for (int round = 0; round < rounds; round++) {
-        // The better half of the matches at first, then more and more.
+        // At first from the better matches, then from more and more of them.
         uint32_t among = (uint32_t)fmin(count, fmax(MIN_INLIERS, count * (0.3 + round / 300.0)));
         uint32_t i = draw_random(&random_state, among), k = draw_random(&random_state, among),
                  m = draw_random(&random_state, among);
@@ -241,21 +245,21 @@ bool relocalize(const struct place_point *points, const struct feature_index *in
         int n = p3p_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
                           (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
         for (int p = 0; p < n; p++) {
-            int now = count_inliers(seen, count, motion, &poses[p], lens, most);
+            int now = count_inliers(&problem, motion, &poses[p], most);
             if (now > most) {
                 most = now;
                 best = poses[p];
                 double share = (double)most / count;
-                rounds = fmin(rounds, log(SURE) / log(1 - share * share * share * 0.5) + 50);
+                rounds = fmin(rounds, log(MISS_CHANCE) / log(1 - share * share * share * 0.5) + 50);
             }
         }
     }
     if (most < MIN_INLIERS / 2)
         return false;
-    most = refine_inliers(seen, count, lens, motion, &best);
+    most = refine_inliers(&problem, &best);
     if (most < MIN_INLIERS || !pose_finite(best))
         return false;
     *camera_from_world = best;
-    *agree = most;
+    *inliers = most;
     return true;
 }

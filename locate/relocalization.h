@@ -1,17 +1,16 @@
-// A camera's pose from natural points alone, without an idea of where it is:
-// descriptors are matched against the whole place, and three matches at a time
-// give poses until one is found that many others agree with. Pure, deterministic.
+// Relocalisation: a camera's pose from landmarks alone, without a previous pose. Descriptors are matched against the
+// whole place (ratio test, mutual best); RANSAC over three matches at a time (P3P by Grunert's equation as in Haralick
+// et al. 1994) finds the pose with the most inliers. Matches with few differing bits are drawn first (as in PROSAC,
+// Chum & Matas 2005). Pure, deterministic: a fixed seed.
 #pragma once
 #include "locate/landmark_matching.h"
 
-// The feature that shows each point, over the whole picture; only where it is clearly
-// the best and each is the other's best. Best first. Returns how many.
-int relocalize_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                     struct landmark_match *out, int capacity);
+// The feature that shows each landmark, over the whole image; only where it is clearly the best and each is the other's
+// best. Best first. Returns how many.
+int relocalize_match(const struct match_query *query, struct landmark_match *out, int capacity);
 
-// The pose most matches agree with, to about a pixel; a first idea for landmarks_refine_pose.
-// motion: of a rolling shutter, or NULL. agree: out, how many. False, nothing written: too few agree for it to be no
-// chance.
-bool relocalize(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
-                const struct landmark_match *matches, int count, struct shutter_motion *motion,
-                struct pose *camera_from_world, int *agree);
+// The pose with the most inliers among `matches`, to about a pixel; a start for landmarks_refine_pose.
+// motion: with a rolling shutter, in: prior, out: estimate; or NULL. *inliers: how many. False, nothing written: too
+// few for it not to be chance.
+bool relocalize(const struct match_query *query, const struct landmark_match *matches, int count,
+                struct shutter_motion *motion, struct pose *camera_from_world, int *inliers);

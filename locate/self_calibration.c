@@ -1,13 +1,14 @@
-// The lens of a camera that nobody has measured: its focal length is learnt from the place, while the camera is
-// found in it. Near things and far ones fit together only with the right one, see locate/focal_estimate.h.
+// Self-calibration: an uncertain focal length is estimated while the camera is localised in the place, see
+// locate/focal_estimate.h.
 #include "locate/locator_internal.h"
 
-// A change smaller than this (of the logarithm) or than twice what it is sure to is not worth losing what is followed.
+// A smaller change (of the logarithm), or one below twice its standard deviation, is not worth losing the tracks.
+// Chosen by hand.
 static const double MIN_CHANGE = 0.001, MIN_SIGMAS = 2;
-// Of the pictures that are followed one in so many is asked: those between show the same things.
+// One in so many tracked images is used: those between show the same. Chosen by hand.
 enum { FOCAL_INTERVAL = 3 };
 
-// What is known of the focal length, of its logarithm less that of the lens in use.
+// The estimate of log(focal length) less that of the lens in use.
 static double focal_correction(const struct locator *l, double *sigma)
 {
     *sigma = l->given_lens.focal_sigma;
@@ -26,7 +27,7 @@ void locator_update_lens(struct locator *l)
     better.fx *= exp(by);
     better.fy *= exp(by);
     if (tag_refiner_open(&refiner, &better) != OK)
-        return; // no memory: the old one still serves
+        return; // no memory: keep the old one
     tag_refiner_close(&l->refiner);
     l->refiner = refiner;
     l->lens = better;
@@ -35,40 +36,38 @@ void locator_update_lens(struct locator *l)
     focal_correction(l, &l->lens.focal_sigma);
 }
 
-void locator_observe_focal(struct locator *l, const struct pnp_tag *tags, const struct pnp_point *points,
-                           int point_count, const struct pose *camera_from_world)
+void locator_observe_focal(struct locator *l, const struct pose_problem *problem, const struct pose *camera_from_world)
 {
     if (++l->frames_since_focal < FOCAL_INTERVAL)
         return;
     l->frames_since_focal = 0;
-    focal_estimate_add(&l->focal, tags, l->count, points, point_count, l->lens.fx, l->lens.fy, l->motion,
-                       camera_from_world);
+    focal_estimate_add(&l->focal, problem, camera_from_world);
 }
 
-// How far away what the camera is found by is, in the mean; 0 where there is nothing.
-static double mean_distance(const struct pnp_tag *tags, int tag_count, const struct pnp_point *points, int point_count,
-                            const struct pose *camera_from_world)
+// The mean distance of tag corners and points along z; 0 where there are none.
+static double mean_distance(const struct pose_problem *problem, const struct pose *camera_from_world)
 {
+    const struct pnp_tag *tags = problem->tags;
     double sum = 0;
     int count = 0;
-    for (int i = 0; i < tag_count; i++) {
+    for (int i = 0; i < problem->tag_count; i++) {
         if (tags[i].used) {
             sum += 4 * pose_apply(*camera_from_world, tags[i].world_from_tag.translation).z; // of its corners
             count += 4;
         }
     }
-    for (int i = 0; i < point_count; i++)
-        sum += pose_apply(*camera_from_world, points[i].world).z;
-    count += point_count;
+    for (int i = 0; i < problem->point_count; i++)
+        sum += pose_apply(*camera_from_world, problem->points[i].world).z;
+    count += problem->point_count;
     return count ? sum / count : 0;
 }
 
-void locator_add_focal_variance(const struct locator *l, const struct pnp_tag *tags, const struct pnp_point *points,
-                                int point_count, const struct pose *camera_from_world, double covariance[36])
+void locator_add_focal_variance(const struct locator *l, const struct pose_problem *problem,
+                                const struct pose *camera_from_world, double covariance[36])
 {
     if (!(l->given_lens.focal_sigma > 0))
         return;
-    // What is seen as large from twice as far through twice the focal length: the shift along the axis.
-    const double off_m = l->lens.focal_sigma * mean_distance(tags, l->count, points, point_count, camera_from_world);
+    // Twice the distance with twice the focal length gives the same image size: the translation along z.
+    const double off_m = l->lens.focal_sigma * mean_distance(problem, camera_from_world);
     covariance[35] += off_m * off_m;
 }

@@ -1,66 +1,42 @@
 #include "locate/tag_corners.h"
 
 #include "base/linear_algebra.h"
-#include "locate/rolling_shutter.h"
 #include "locate/planar_pose.h"
+#include "locate/rolling_shutter.h"
+#include "locate/tag_model.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-    RIM = TAG_CELLS + 2, // the cells with the white rim around
-    HOMOGRAPHY_SIZE = 8, // numbers of the homography's change
-    PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
-    MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
+    MAX_SAMPLES = 12000, // of one tag; larger ones are sampled at every second, third ... pixel
     MAX_ROUNDS = 12,
     FEW_ROUNDS = 2,  // from corners known to a pixel; more change them by less than the noise does
-    NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
+    NOISE_ROUND = 1, // in which the image noise is estimated: at the start the residuals are those of the start
     SLOPES = 1024,
-    GAUSSIAN_STEPS = 1024, // of the table of the normal distribution, over +- GAUSSIAN_REACH
 };
 
-// Everything below is in the tag's own (u, v): -1 .. 1 over the black square, v up.
-static const double CELL = 2.0 / TAG_CELLS;
+// Chosen by hand unless something else is said.
 static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_MIN_PX = 0.1, BLUR_MAX_PX = 3;
 static const double MIN_CORRELATION = 0.5, MIN_CONTRAST = 0.02;
 static const double CONVERGED = 5e-4; // a step in (u, v); what is left after it is ten times less
-// What the model does not know (JPEG, the lens's own sharpness, print) is not in
-// the picture's noise. 0.006 of full range is 1.5 grey levels.
+// Least noise: what is not in the model (JPEG, the lens's sharpness, print) adds to the image's. 0.006 of full range is
+// 1.5 grey levels.
 static const double MIN_NOISE = 0.006, START_NOISE = 0.1;
-// What the model of light and edges itself is off by, of each coordinate.
+// Error of the model itself, of each corner coordinate.
 static const double CORNER_FLOOR_PX = 0.001;
 
-struct pixel_sample {
-    double x, y;  // on the plane z = 1
-    double value; // linear light, 0..1
-};
-
-// The standard normal distribution at one place.
-struct gaussian_value {
-    double integral; // of `below`, from minus infinity
-    double below;    // the distribution function
-    double density;
-};
-static const double GAUSSIAN_REACH = 4;
-// Multiples of it, without their whole part, are spread evenly over 0 .. 1.
+// The fractional parts of its multiples are spread evenly over 0 .. 1.
 static const double GOLDEN = 0.6180339887498949;
 
 struct tag_refiner {
     struct lens lens;
-    double pixel_x, pixel_y; // a pixel's sides on the plane z = 1
-    float *ray;              // of each pixel on the plane z = 1, distortion undone: x, y
-    struct gaussian_value gaussian[GAUSSIAN_STEPS + 1];
+    struct tag_sensor sensor;
+    float *ray;               // of each pixel on the plane z = 1, distortion undone: x, y
     double linear[256];       // sRGB to linear light
-    double slope[SLOPES + 1]; // of the encoding, over linear light 0..1
+    double slope[SLOPES + 1]; // of the sRGB encoding, over linear light 0 .. 1
     struct pixel_sample samples[MAX_SAMPLES];
     int count;
-};
-
-// What is fitted. h: (u, v) to the plane z = 1.
-struct tag_model {
-    double h[9];
-    double blur_px, white, black, white_u, white_v;
-    double cells[RIM][RIM]; // row 0 at the bottom
 };
 
 enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens)
@@ -70,8 +46,7 @@ enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens)
     if (!r)
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     r->lens = *lens;
-    r->pixel_x = 1 / lens->fx;
-    r->pixel_y = 1 / lens->fy;
+    tag_sensor_init(&r->sensor, lens);
     r->ray = malloc((size_t)lens->width * (size_t)lens->height * 2 * sizeof *r->ray);
     if (!r->ray) {
         tag_refiner_close(&r);
@@ -91,11 +66,6 @@ enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens)
     for (int i = 0; i <= SLOPES; i++) {
         double v = (double)i / SLOPES;
         r->slope[i] = v <= 0.0031308 ? 12.92 : 1.055 / 2.4 * pow(v, 1 / 2.4 - 1);
-    }
-    for (int i = 0; i <= GAUSSIAN_STEPS; i++) {
-        double x = GAUSSIAN_REACH * (2.0 * i / GAUSSIAN_STEPS - 1);
-        double density = exp(-x * x / 2) * 0.3989422804014327, below = 0.5 * erfc(-x * 0.7071067811865476);
-        r->gaussian[i] = (struct gaussian_value){x * below + density, below, density};
     }
     *out = r;
     return OK;
@@ -130,12 +100,12 @@ static void apply(const double h[9], double u, double v, double *x, double *y)
     *y = (h[3] * u + h[4] * v + h[5]) / w;
 }
 
-// Reads the pixels of the tag and most of its white rim.
+// Samples the pixels of the tag and most of its white rim. most: about how many at most.
 static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const double h[9], int most)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     const struct lens *lens = &r->lens;
-    const double reach = 1 + CELL; // the white rim is one cell wide at least
+    const double reach = 1 + TAG_CELL; // the white rim is one cell wide at least
     double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, inverse[9], twice_area = 0;
     struct pixel at[4];
     r->count = 0;
@@ -152,8 +122,8 @@ static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const doubl
         twice_area += at[i].x * at[(i + 1) % 4].y - at[(i + 1) % 4].x * at[i].y;
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
-    // Of a large tag every second, third ... pixel along each row; where it begins is another place in
-    // each row, so that the pixels do not stand in columns.
+    // Of a large tag every second, third ... pixel along each row; the first one differs from row to row, so that the
+    // samples do not form columns.
     double stride = fmax(1, fabs(twice_area) / 2 / most), phase = 0;
     for (int y = top; y <= bottom; y++, phase += GOLDEN - (phase + GOLDEN >= 1)) {
         for (double along = phase * stride; along < right - left + 1; along += stride) {
@@ -170,152 +140,16 @@ static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const doubl
     }
 }
 
-// A pixel sees an edge through its own square and through the lens's blur. Across the
-// edge the square is two even windows, as wide as the normal's two components: the
-// wider one is kept exactly, since edges along the rows or columns would come out
-// wrong by a fifth of a pixel, the narrower one is counted to the blur.
-struct edge_window {
-    double width;      // of the even window, cells
-    double blur;       // standard deviation of the rest, cells
-    double blur_by_px; // its derivative by the lens's blur in pixels
-};
-
-static struct edge_window edge_window_of(double by_x, double by_y, double blur_px)
-{
-    double wide = fabs(by_x), narrow = fabs(by_y), blurred = blur_px * (by_x * by_x + by_y * by_y);
-    if (wide < narrow)
-        wide = fabs(by_y), narrow = fabs(by_x);
-    double blur = sqrt(blur_px * blurred + narrow * narrow / 12);
-    return (struct edge_window){wide / CELL, blur / CELL, blurred / blur / CELL};
-}
-
-// How much of each cell along one axis the point at `a` (in cells, 0..RIM) sees,
-// with derivatives by a and by the lens's blur. Cells first .. first + count - 1.
-struct axis_response {
-    int first, count;
-    double share[RIM], by_a[RIM], by_blur[RIM];
-};
-
-// Interpolated, to a millionth.
-static struct gaussian_value gaussian_at(const struct tag_refiner *r, double x)
-{
-    if (x <= -GAUSSIAN_REACH)
-        return (struct gaussian_value){0, 0, 0};
-    if (x >= GAUSSIAN_REACH)
-        return (struct gaussian_value){x, 1, 0};
-    double at = (x + GAUSSIAN_REACH) * (GAUSSIAN_STEPS / (2 * GAUSSIAN_REACH));
-    int i = (int)at;
-    double t = at - i;
-    const struct gaussian_value *b = &r->gaussian[i], *c = b + 1;
-    return (struct gaussian_value){b->integral + t * (c->integral - b->integral), b->below + t * (c->below - b->below),
-                                   b->density + t * (c->density - b->density)};
-}
-
-static void respond_along(const struct tag_refiner *r, double a, const struct edge_window *w, struct axis_response *out)
-{
-    double reach = w->width / 2 + 3 * w->blur;
-    int first = (int)floor(a - reach), last = (int)floor(a + reach);
-    first = first < 0 ? 0 : first > RIM - 1 ? RIM - 1 : first;
-    last = last < first ? first : last > RIM - 1 ? RIM - 1 : last;
-    out->first = first;
-    out->count = last - first + 1;
-    double below = 0, below_a = 0, below_blur = 0; // of the edge under the cell
-    double sharp = 1 / w->blur, narrow = 1 / w->width, half = w->width / 2;
-    for (int i = first; i <= last; i++) {
-        double above = 1, above_a = 0, above_blur = 0;
-        if (i < last) {
-            struct gaussian_value p = gaussian_at(r, (i + 1 - a + half) * sharp);
-            struct gaussian_value m = gaussian_at(r, (i + 1 - a - half) * sharp);
-            above = (p.integral - m.integral) * w->blur * narrow;
-            above_a = (m.below - p.below) * narrow;
-            above_blur = (p.density - m.density) * narrow * w->blur_by_px;
-        }
-        out->share[i - first] = above - below;
-        out->by_a[i - first] = above_a - below_a;
-        out->by_blur[i - first] = above_blur - below_blur;
-        below = above, below_a = above_a, below_blur = above_blur;
-    }
-}
-
-// The share of white at (u, v): value, and derivatives by u, v and the blur in pixels.
-struct white_response {
-    double white, by_u, by_v, by_blur;
-};
-
-// together: the covariance of what a pixel sees along the two axes, cells^2, which the product of the two
-// leaves out: where they are not at right angles in the picture, the corners of cells would come out wrong and
-// a tag's by a hundredth of a pixel. To first order (Price 1958).
-static struct white_response render_white(const struct tag_refiner *r, const struct tag_model *m, double u, double v,
-                                          const struct edge_window *wu, const struct edge_window *wv, double together)
-{
-    struct axis_response across, up;
-    respond_along(r, (u + 1) / CELL + 1, wu, &across);
-    respond_along(r, (v + 1) / CELL + 1, wv, &up);
-    struct white_response s = {0};
-    for (int j = 0; j < up.count; j++) {
-        double row = 0, row_a = 0, row_blur = 0;
-        for (int i = 0; i < across.count; i++) {
-            double cell = m->cells[up.first + j][across.first + i];
-            row += cell * across.share[i];
-            row_a += cell * across.by_a[i];
-            row_blur += cell * across.by_blur[i];
-        }
-        s.white += row * up.share[j] + together * row_a * up.by_a[j];
-        s.by_u += row_a * up.share[j];
-        s.by_v += row * up.by_a[j];
-        s.by_blur += row_blur * up.share[j] + row * up.by_blur[j];
-    }
-    s.by_u /= CELL;
-    s.by_v /= CELL;
-    return s;
-}
-
-// What one pass over the samples gathers.
+// Sums of one pass over the samples.
 struct refine_equations {
-    double normal[PARAMETERS * PARAMETERS]; // lower triangle
-    double gradient[PARAMETERS];
-    double cost, weight; // weighted squared error, in encoded light; sum of the weights
-    double sum_v, sum_vv, sum_m, sum_mm, sum_vm;
+    double normal[TAG_PARAMETERS * TAG_PARAMETERS]; // lower triangle
+    double gradient[TAG_PARAMETERS];
+    double cost, weight;                         // weighted squared error, in encoded light; sum of the weights
+    double sum_v, sum_vv, sum_m, sum_mm, sum_vm; // of samples v and predictions m, for their correlation
     int count;
 };
 
-// One sample's prediction and its derivatives. False: outside the tag's white rim.
-static bool predict_sample(const struct tag_refiner *r, const struct tag_model *m, const double inverse[9],
-                           const struct pixel_sample *s, double *value, double by[PARAMETERS])
-{
-    double w = 1 / (inverse[6] * s->x + inverse[7] * s->y + inverse[8]);
-    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) * w;
-    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) * w;
-    if (!(fabs(u) < 1 + 0.75 * CELL && fabs(v) < 1 + 0.75 * CELL))
-        return false;
-    double w_x = w * r->pixel_x, w_y = w * r->pixel_y;
-    double u_x = (inverse[0] - u * inverse[6]) * w_x, u_y = (inverse[1] - u * inverse[7]) * w_y;
-    double v_x = (inverse[3] - v * inverse[6]) * w_x, v_y = (inverse[4] - v * inverse[7]) * w_y;
-    struct edge_window across = edge_window_of(u_x, u_y, m->blur_px), up = edge_window_of(v_x, v_y, m->blur_px);
-    double together = (m->blur_px * m->blur_px + 1.0 / 12) * (u_x * v_x + u_y * v_y) / (CELL * CELL);
-    struct white_response shade = render_white(r, m, u, v, &across, &up, together);
-    double white = m->white + m->white_u * u + m->white_v * v;
-    *value = m->black + (white - m->black) * shade.white;
-    double by_u = (white - m->black) * shade.by_u + m->white_u * shade.white;
-    double by_v = (white - m->black) * shade.by_v + m->white_v * shade.white;
-    // h becomes h (I + d): at a fixed point of the picture (u, v) moves by -d (u, v, 1)
-    by[0] = -by_u * u;
-    by[1] = -by_u * v;
-    by[2] = -by_u;
-    by[3] = -by_v * u;
-    by[4] = -by_v * v;
-    by[5] = -by_v;
-    by[6] = (by_u * u + by_v * v) * u;
-    by[7] = (by_u * u + by_v * v) * v;
-    by[8] = (white - m->black) * shade.by_blur;
-    by[9] = shade.white;
-    by[10] = 1 - shade.white;
-    by[11] = shade.white * u;
-    by[12] = shade.white * v;
-    return true;
-}
-
-// noise: of the picture, encoded; errors beyond three times that lose their weight (Cauchy).
+// noise: of the image, in encoded light; robust kernel: Cauchy with three times that as its scale.
 static void accumulate(const struct tag_refiner *r, const struct tag_model *m, double noise, struct refine_equations *g)
 {
     double inverse[9];
@@ -324,22 +158,21 @@ static void accumulate(const struct tag_refiner *r, const struct tag_model *m, d
         return;
     for (int i = 0; i < r->count; i++) {
         const struct pixel_sample *s = &r->samples[i];
-        double value, by[PARAMETERS];
-        if (!predict_sample(r, m, inverse, s, &value, by))
+        double value, by[TAG_PARAMETERS];
+        if (!tag_model_predict(&r->sensor, m, inverse, s, &value, by))
             continue;
-        // The camera's noise is even in encoded light, so errors are weighed as the
-        // encoding stretches them there.
+        // The camera's noise is uniform in encoded light, so errors are weighted by the slope of the encoding.
         double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)];
         double error = (s->value - value) * stretch;
         double robust = 1 / (1 + error * error / (9 * noise * noise));
         double weight = robust * stretch * stretch;
-        for (int a = 0; a < PARAMETERS; a++) {
+        for (int a = 0; a < TAG_PARAMETERS; a++) {
             double scaled = by[a] * weight;
             if (scaled == 0)
                 continue;
             g->gradient[a] += scaled * (s->value - value);
             for (int b = 0; b <= a; b++)
-                g->normal[a * PARAMETERS + b] += scaled * by[b];
+                g->normal[a * TAG_PARAMETERS + b] += scaled * by[b];
         }
         g->cost += robust * error * error;
         g->weight += robust;
@@ -350,14 +183,14 @@ static void accumulate(const struct tag_refiner *r, const struct tag_model *m, d
         g->sum_vm += s->value * value;
         g->count++;
     }
-    // The blur is known roughly: it keeps small tags from drifting off.
+    // A prior of the blur, without which small tags may diverge.
     double prior = noise * noise / (BLUR_LOOSE_PX * BLUR_LOOSE_PX);
-    g->normal[8 * PARAMETERS + 8] += prior;
+    g->normal[8 * TAG_PARAMETERS + 8] += prior;
     g->gradient[8] += prior * (BLUR_START_PX - m->blur_px);
 }
 
-// Black and white as the first idea of the pattern's place has them. *noise: how much each varies, encoded;
-// more than the picture's noise.
+// Initial black and white: the means of the samples that the initial homography puts well inside cells. *noise: their
+// standard deviation in encoded light, an upper bound of the image noise.
 static bool init_black_white(const struct tag_refiner *r, struct tag_model *m, double *noise)
 {
     double inverse[9], sum[2] = {0}, sum2[2] = {0}, weight[2] = {0};
@@ -366,8 +199,8 @@ static bool init_black_white(const struct tag_refiner *r, struct tag_model *m, d
     m->white = 1;
     m->black = m->white_u = m->white_v = 0;
     for (int i = 0; i < r->count; i++) {
-        double value, by[PARAMETERS];
-        if (!predict_sample(r, m, inverse, &r->samples[i], &value, by))
+        double value, by[TAG_PARAMETERS];
+        if (!tag_model_predict(&r->sensor, m, inverse, &r->samples[i], &value, by))
             continue;
         if (value > 0.8 || value < 0.2) {
             sum[value > 0.5] += r->samples[i].value;
@@ -388,14 +221,14 @@ static bool init_black_white(const struct tag_refiner *r, struct tag_model *m, d
     return m->white - m->black > MIN_CONTRAST;
 }
 
-static bool apply_update(struct tag_model *m, const double d[PARAMETERS])
+static bool apply_update(struct tag_model *m, const double d[TAG_PARAMETERS])
 {
     double h[9];
-    const double turn[9] = {1 + d[0], d[1], d[2], d[3], 1 + d[4], d[5], d[6], d[7], 1};
+    const double change[9] = {1 + d[0], d[1], d[2], d[3], 1 + d[4], d[5], d[6], d[7], 1};
     for (int row = 0; row < 3; row++)
         for (int c = 0; c < 3; c++)
             h[row * 3 + c] =
-                m->h[row * 3] * turn[c] + m->h[row * 3 + 1] * turn[3 + c] + m->h[row * 3 + 2] * turn[6 + c];
+                m->h[row * 3] * change[c] + m->h[row * 3 + 1] * change[3 + c] + m->h[row * 3 + 2] * change[6 + c];
     if (!(fabs(h[8]) > 1e-12))
         return false;
     for (int i = 0; i < 9; i++) {
@@ -411,8 +244,7 @@ static bool apply_update(struct tag_model *m, const double d[PARAMETERS])
     return isfinite(m->white + m->black + m->white_u + m->white_v);
 }
 
-// Gauss-Newton with Marquardt's damping. Leaves `g` at the model's last state. few: corners are known to a
-// pixel, *noise roughly.
+// Levenberg-Marquardt. Leaves *g at the model's final state. few: corners are known to a pixel, *noise roughly.
 static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few, struct refine_equations *g,
                      double *noise)
 {
@@ -425,17 +257,17 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
         if (g->count < 40)
             return false;
         if (round == NOISE_ROUND && !few) {
-            *noise = fmax(MIN_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
+            *noise = fmax(MIN_NOISE, sqrt(g->cost / fmax(1, g->weight - TAG_PARAMETERS)));
             accumulate(r, m, *noise, g);
         }
-        double a[PARAMETERS * PARAMETERS], d[PARAMETERS];
+        double a[TAG_PARAMETERS * TAG_PARAMETERS], d[TAG_PARAMETERS];
         memcpy(a, g->normal, sizeof a);
         memcpy(d, g->gradient, sizeof d);
-        for (int i = 0; i < PARAMETERS; i++)
-            a[i * PARAMETERS + i] *= 1 + damping;
-        if (!cholesky(a, PARAMETERS))
+        for (int i = 0; i < TAG_PARAMETERS; i++)
+            a[i * TAG_PARAMETERS + i] *= 1 + damping;
+        if (!cholesky_factor(a, TAG_PARAMETERS))
             return false;
-        cholesky_solve(a, PARAMETERS, d);
+        cholesky_solve(a, TAG_PARAMETERS, d);
         struct tag_model next = *m;
         struct refine_equations after;
         if (!apply_update(&next, d))
@@ -452,7 +284,7 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
         *g = after;
         damping *= 0.1;
         double largest = 0;
-        for (int i = 0; i < HOMOGRAPHY_SIZE; i++)
+        for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++)
             largest = fmax(largest, fabs(d[i]));
         if (round >= NOISE_ROUND && largest < CONVERGED && before - now < 1e-4 * before)
             return true;
@@ -460,51 +292,53 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
     return true;
 }
 
-// How many times larger the fit's covariance is than even noise would make it: what the model does not know, a lens, a
-// codec, makes pixels of one cell err together (clustered errors, Liang and Zeger 1986). At least 1.
+// How many times larger the covariance is than with independent noise: what is not in the model (lens, codec) makes the
+// residuals of a cell's pixels correlated (cluster-robust covariance, Liang & Zeger 1986). At least 1.
 static double error_inflation(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
                               double noise)
 {
-    double inverse[9], covariance[PARAMETERS * PARAMETERS], normal[PARAMETERS * PARAMETERS], ratio = 0;
-    static const double MARGIN = (double)RIM / (RIM - PARAMETERS / (double)RIM); // the fit has taken its part
-    double pull[RIM * RIM][PARAMETERS] = {{0}};
-    for (int i = 0; i < PARAMETERS * PARAMETERS; i++) {
-        int a = i / PARAMETERS, b = i % PARAMETERS;
-        normal[i] = g->normal[a >= b ? i : b * PARAMETERS + a];
+    double inverse[9], covariance[TAG_PARAMETERS * TAG_PARAMETERS], normal[TAG_PARAMETERS * TAG_PARAMETERS], ratio = 0;
+    static const double MARGIN =
+        (double)TAG_RIM / (TAG_RIM - TAG_PARAMETERS / (double)TAG_RIM); // degrees of freedom of the fit
+    double pull[TAG_RIM * TAG_RIM][TAG_PARAMETERS] = {{0}};
+    for (int i = 0; i < TAG_PARAMETERS * TAG_PARAMETERS; i++) {
+        int a = i / TAG_PARAMETERS, b = i % TAG_PARAMETERS;
+        normal[i] = g->normal[a >= b ? i : b * TAG_PARAMETERS + a];
     }
-    if (!invert3(m->h, inverse) || !invert_symmetric(normal, PARAMETERS, covariance))
+    if (!invert3(m->h, inverse) || !invert_symmetric(normal, TAG_PARAMETERS, covariance))
         return 1;
     for (int i = 0; i < r->count; i++) {
         const struct pixel_sample *s = &r->samples[i];
-        double value, by[PARAMETERS], u, v;
-        if (!predict_sample(r, m, inverse, s, &value, by))
+        double value, by[TAG_PARAMETERS], u, v;
+        if (!tag_model_predict(&r->sensor, m, inverse, s, &value, by))
             continue;
         apply(inverse, s->x, s->y, &u, &v);
-        int column = (int)fmin(fmax((u + 1) / CELL + 1, 0), RIM - 1);
-        int row = (int)fmin(fmax((v + 1) / CELL + 1, 0), RIM - 1);
+        int column = (int)fmin(fmax((u + 1) / TAG_CELL + 1, 0), TAG_RIM - 1);
+        int row = (int)fmin(fmax((v + 1) / TAG_CELL + 1, 0), TAG_RIM - 1);
         double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)], error = (s->value - value) * stretch;
         double weight = stretch * error / (1 + error * error / (9 * noise * noise));
-        for (int a = 0; a < PARAMETERS; a++)
-            pull[row * RIM + column][a] += weight * by[a];
+        for (int a = 0; a < TAG_PARAMETERS; a++)
+            pull[row * TAG_RIM + column][a] += weight * by[a];
     }
-    for (int c = 0; c < RIM * RIM; c++)
-        for (int a = 0; a < PARAMETERS; a++)
-            for (int b = 0; b < PARAMETERS; b++)
-                ratio += pull[c][a] * covariance[a * PARAMETERS + b] * pull[c][b];
-    return fmax(1, MARGIN * ratio / (PARAMETERS * noise * noise));
+    for (int c = 0; c < TAG_RIM * TAG_RIM; c++)
+        for (int a = 0; a < TAG_PARAMETERS; a++)
+            for (int b = 0; b < TAG_PARAMETERS; b++)
+                ratio += pull[c][a] * covariance[a * TAG_PARAMETERS + b] * pull[c][b];
+    return fmax(1, MARGIN * ratio / (TAG_PARAMETERS * noise * noise));
 }
 
-// The corners' covariance in ideal pixels from the fit's, inverted.
+// The inverse of the corners' covariance in ideal pixels, propagated from that of the parameters.
 static bool corner_information(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
                                double noise, double information[8][8])
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    double covariance[PARAMETERS * PARAMETERS], by[8][HOMOGRAPHY_SIZE], sum[64];
-    double normal[PARAMETERS * PARAMETERS];
-    for (int a = 0; a < PARAMETERS; a++)
-        for (int b = 0; b < PARAMETERS; b++)
-            normal[a * PARAMETERS + b] = a >= b ? g->normal[a * PARAMETERS + b] : g->normal[b * PARAMETERS + a];
-    if (!invert_symmetric(normal, PARAMETERS, covariance))
+    double covariance[TAG_PARAMETERS * TAG_PARAMETERS], by[8][TAG_HOMOGRAPHY_DOF], sum[64];
+    double normal[TAG_PARAMETERS * TAG_PARAMETERS];
+    for (int a = 0; a < TAG_PARAMETERS; a++)
+        for (int b = 0; b < TAG_PARAMETERS; b++)
+            normal[a * TAG_PARAMETERS + b] =
+                a >= b ? g->normal[a * TAG_PARAMETERS + b] : g->normal[b * TAG_PARAMETERS + a];
+    if (!invert_symmetric(normal, TAG_PARAMETERS, covariance))
         return false;
     for (int k = 0; k < 4; k++) {
         double u = corner[k][0], v = corner[k][1], x, y;
@@ -512,9 +346,9 @@ static bool corner_information(const struct tag_refiner *r, const struct tag_mod
         double w = m->h[6] * u + m->h[7] * v + m->h[8];
         double x_u = (m->h[0] - x * m->h[6]) / w, x_v = (m->h[1] - x * m->h[7]) / w;
         double y_u = (m->h[3] - y * m->h[6]) / w, y_v = (m->h[4] - y * m->h[7]) / w;
-        const double du[HOMOGRAPHY_SIZE] = {u, v, 1, 0, 0, 0, -u * u, -u * v},
-                     dv[HOMOGRAPHY_SIZE] = {0, 0, 0, u, v, 1, -u * v, -v * v};
-        for (int i = 0; i < HOMOGRAPHY_SIZE; i++) {
+        const double du[TAG_HOMOGRAPHY_DOF] = {u, v, 1, 0, 0, 0, -u * u, -u * v},
+                     dv[TAG_HOMOGRAPHY_DOF] = {0, 0, 0, u, v, 1, -u * v, -v * v};
+        for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++) {
             by[2 * k][i] = r->lens.fx * (x_u * du[i] + x_v * dv[i]);
             by[2 * k + 1][i] = r->lens.fy * (y_u * du[i] + y_v * dv[i]);
         }
@@ -522,9 +356,9 @@ static bool corner_information(const struct tag_refiner *r, const struct tag_mod
     for (int a = 0; a < 8; a++) {
         for (int b = 0; b < 8; b++) {
             double total = a == b ? CORNER_FLOOR_PX * CORNER_FLOOR_PX : 0;
-            for (int i = 0; i < HOMOGRAPHY_SIZE; i++)
-                for (int j = 0; j < HOMOGRAPHY_SIZE; j++)
-                    total += by[a][i] * covariance[i * PARAMETERS + j] * by[b][j] * noise * noise;
+            for (int i = 0; i < TAG_HOMOGRAPHY_DOF; i++)
+                for (int j = 0; j < TAG_HOMOGRAPHY_DOF; j++)
+                    total += by[a][i] * covariance[i * TAG_PARAMETERS + j] * by[b][j] * noise * noise;
             sum[a * 8 + b] = total;
         }
     }
@@ -534,41 +368,44 @@ static bool corner_information(const struct tag_refiner *r, const struct tag_mod
 bool tag_refine(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct tag_observation *out)
 {
-    return tag_refine_sampled(r, rgb, id, pattern, corner, MAX_SAMPLES, out);
+    struct tag_candidate candidate = {.id = id, .pattern = pattern};
+    memcpy(candidate.corner, corner, sizeof candidate.corner);
+    return tag_refine_sampled(r, rgb, &candidate, MAX_SAMPLES, out);
 }
 
-bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
-                        const struct pixel corner[4], int most_pixels, struct tag_observation *out)
+bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct tag_candidate *candidate,
+                        int most_pixels, struct tag_observation *out)
 {
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct tag_model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
     for (int k = 0; k < 4; k++)
-        first[k] = lens_ray(&r->lens, corner[k]);
+        first[k] = lens_ray(&r->lens, candidate->corner[k]);
     if (!planar_homography(first, m.h))
         return false;
-    for (int row = 0; row < RIM; row++)
-        for (int c = 0; c < RIM; c++) {
-            bool rim = row == 0 || c == 0 || row == RIM - 1 || c == RIM - 1;
-            m.cells[row][c] = rim ? 1 : pattern->cell[TAG_CELLS - row][c - 1];
+    for (int row = 0; row < TAG_RIM; row++)
+        for (int c = 0; c < TAG_RIM; c++) {
+            bool rim = row == 0 || c == 0 || row == TAG_RIM - 1 || c == TAG_RIM - 1;
+            m.cells[row][c] = rim ? 1 : candidate->pattern->cell[TAG_CELLS - row][c - 1];
         }
     struct refine_equations g;
-    double noise, together = 1;
+    double noise, inflation = 1;
     sample_pixels(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
     if (!init_black_white(r, &m, &noise) || !minimize(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
         return false;
 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
-    struct tag_observation s = {.id = id, .correlation = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
+    struct tag_observation s = {.id = candidate->id,
+                                .correlation = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
     if (!(s.correlation > MIN_CORRELATION) || !(m.white - m.black > MIN_CONTRAST))
         return false;
-    noise = fmax(MIN_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS)));
-    if (most_pixels >= MAX_SAMPLES) // few stand apart
-        together = error_inflation(r, &m, &g, noise);
-    if (!corner_information(r, &m, &g, noise * sqrt(together), s.information))
+    noise = fmax(MIN_NOISE, sqrt(g.cost / fmax(1, g.weight - TAG_PARAMETERS)));
+    if (most_pixels >= MAX_SAMPLES) // sparse samples are nearly independent
+        inflation = error_inflation(r, &m, &g, noise);
+    if (!corner_information(r, &m, &g, noise * sqrt(inflation), s.information))
         return false;
-    double cell_px = 1e9, moved_px = 0; // the tag's shortest side / 8, and how far its corners went
+    double cell_px = 1e9, moved_px = 0; // a cell's size, by the tag's shortest side; how far the corners moved
     for (int k = 0; k < 4; k++) {
         s.ray[k].z = 1;
         apply(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);

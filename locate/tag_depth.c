@@ -3,8 +3,8 @@
 #include "base/linear_algebra.h"
 #include "locate/planar_pose.h"
 
-static const double ROBUST = 3;         // standard deviations from where on a reading loses weight
-static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
+static const double ROBUST = 3;         // standard deviations: scale of the Cauchy kernel; chosen by hand
+static const double DEPTH_SHARE = 0.25; // errors of neighbouring depth pixels are correlated; chosen by hand
 
 void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
                     struct tag_depth *out)
@@ -26,27 +26,28 @@ void tag_read_depth(const struct tag_observation *seen, const struct lens *lens,
         double z = depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3;
         if (z == 0)
             continue;
-        ray = lens_ray(lens, (struct pixel){x, y}); // where it was really read
+        ray = lens_ray(lens, (struct pixel){x, y}); // of the pixel that was read
         out->sample[out->count++] = (struct depth_sample){ray.x, ray.y, z};
     }
-    // Flying pixels and things before the tag: far from the plane z^-1 = a x + b y + c
-    // through the rest, fitted three times with weights.
+    // Flying pixels and things in front of the tag are outliers of the plane 1 / z = a x + b y + c through the rest:
+    // iteratively reweighted least squares, at first without robust weights.
     double a = 0, b = 0, c = 0;
     for (int round = 0; round < 4; round++) {
         double n[9] = {0}, g[3] = {0};
         for (int i = 0; i < out->count; i++) {
             const struct depth_sample *s = &out->sample[i];
             double q[3] = {s->x, s->y, 1},
-                   error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_sigma(s->z) : 0;
+                   error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_absolute_sigma_m(s->z) : 0;
             values[i] = error;
-            double weight = 1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_sigma(s->z), 2);
+            double weight =
+                1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_absolute_sigma_m(s->z), 2);
             for (int k = 0; k < 3; k++) {
                 g[k] += weight * q[k] / s->z;
                 for (int l = 0; l < 3; l++)
                     n[k * 3 + l] += weight * q[k] * q[l];
             }
         }
-        if (out->count < 6 || !cholesky(n, 3)) {
+        if (out->count < 6 || !cholesky_factor(n, 3)) {
             out->count = 0;
             return;
         }

@@ -1,4 +1,5 @@
-#include "platform/bundle_adjustment.h"
+// bundle_adjustment.h with Ceres. In names, by_x is the derivative with respect to x.
+#include "platform/bundle_parameters.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,74 +10,22 @@
 
 static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
 
+using namespace bundle;
+
 namespace
 {
 
-constexpr double ROBUST = 3; // standard deviations
-constexpr double NEAREST_M = 1e-3;
+constexpr double ROBUST_SIGMAS = 3;  // scale of the Cauchy kernels, standard deviations; chosen by hand
+constexpr double MIN_DEPTH_M = 1e-3; // a point nearer to the camera's plane makes a step invalid
 
-using Vector3 = Eigen::Vector3d;
-using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-using Read3 = Eigen::Map<const Vector3>;
-
-// As Ceres wants a derivative. NULL: it wants none.
+// Writes a derivative in Ceres's layout (row-major). out NULL: not requested.
 template <int Rows> void write_jacobian(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
 {
     for (int i = 0; out && i < 3 * Rows; i++)
         out[i] = derivative(i / 3, i % 3);
 }
 
-// A pose as Ceres moves it: turned upon where it began, and shifted. Two blocks of three numbers and points of three:
-// for errors of three rows Ceres has code of just these sizes, and no block needs a manifold.
-struct pose_block {
-    Matrix3 start;
-    double turn[3]; // twice the Gibbs vector: the axis by 2 tan(angle / 2)
-    double shift[3];
-};
-
-Matrix3 cross(const Vector3 &v)
-{
-    Matrix3 m;
-    m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
-    return m;
-}
-
-// The same with turn and shift as Ceres hands them over.
-struct posed {
-    Matrix3 rotation;
-    Matrix3 spin; // what a change of `turn` turns about, seen from outside
-    Vector3 shift;
-
-    posed(const Matrix3 &start, const double *turn, const double *by) : shift(Read3(by))
-    {
-        Vector3 g = Read3(turn) / 2;
-        double square = g.squaredNorm();
-        Matrix3 aside = cross(g);
-        rotation = ((1 - square) * Matrix3::Identity() + 2 * (g * g.transpose() + aside)) / (1 + square) * start;
-        spin = (Matrix3::Identity() + aside) / (1 + square);
-    }
-
-    // Of rotation * p by the turn.
-    Matrix3 by_turn(const Vector3 &p) const { return -cross(rotation * p) * spin; }
-};
-
-Eigen::Quaterniond rotation_of(const pose &p) { return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z}; }
-
-pose_block pose_block_from(const pose &p)
-{
-    return {rotation_of(p).toRotationMatrix(), {0, 0, 0}, {p.translation.x, p.translation.y, p.translation.z}};
-}
-
-pose pose_from(const pose &start, const pose_block &m)
-{
-    if (Read3(m.turn).isZero(0)) // what was held stays the same to the bit
-        return {start.rotation, {m.shift[0], m.shift[1], m.shift[2]}};
-    const Eigen::Quaterniond turned =
-        (Eigen::Quaterniond(1, m.turn[0] / 2, m.turn[1] / 2, m.turn[2] / 2) * rotation_of(start)).normalized();
-    return {{turned.x(), turned.y(), turned.z(), turned.w()}, {m.shift[0], m.shift[1], m.shift[2]}};
-}
-
-// Blocks: the camera's turn and shift, the square's.
+// Reprojection error of a tag's corners. Blocks: the camera's rotation and translation, the square's.
 class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
 {
   public:
@@ -86,35 +35,35 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
     {
     }
 
-    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
     {
         using Rows = Eigen::Matrix<double, 8, 3>;
-        const posed camera(camera_start->start, blocks[0], blocks[1]),
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]),
             square(square_start->start, blocks[2], blocks[3]);
         Eigen::Matrix<double, 8, 1> e;
         Rows by_block[4];
         for (int k = 0; k < 4; k++) {
             const Vector3 own(k == 1 || k == 2 ? half : -half, k >= 2 ? half : -half, 0);
             const Vector3 world = square.rotation * own + square.shift, p = camera.rotation * world + camera.shift;
-            if (!(p[2] > NEAREST_M))
+            if (!(p[2] > MIN_DEPTH_M))
                 return false;
             e[2 * k] = fx * p[0] / p[2] - seen->observed[2 * k];
             e[2 * k + 1] = fy * p[1] / p[2] - seen->observed[2 * k + 1];
-            if (!by)
+            if (!jacobians)
                 continue;
             Eigen::Matrix<double, 2, 3> by_p;
             by_p << fx / p[2], 0, -fx * p[0] / (p[2] * p[2]), 0, fy / p[2], -fy * p[1] / (p[2] * p[2]);
             const Eigen::Matrix<double, 2, 3> by_world = by_p * camera.rotation;
-            by_block[0].middleRows<2>(2 * k) = by_p * camera.by_turn(world);
+            by_block[0].middleRows<2>(2 * k) = by_p * camera.rotated_by_gibbs(world);
             by_block[1].middleRows<2>(2 * k) = by_p;
-            by_block[2].middleRows<2>(2 * k) = by_world * square.by_turn(own);
+            by_block[2].middleRows<2>(2 * k) = by_world * square.rotated_by_gibbs(own);
             by_block[3].middleRows<2>(2 * k) = by_world;
         }
         const Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>> whiten(&seen->whiten[0][0]);
         Eigen::Map<Eigen::Matrix<double, 8, 1>> out(residual);
         out = whiten * e;
-        for (int b = 0; by && b < 4; b++)
-            write_jacobian<8>(whiten * by_block[b], by[b]);
+        for (int b = 0; jacobians && b < 4; b++)
+            write_jacobian<8>(whiten * by_block[b], jacobians[b]);
         return true;
     }
 
@@ -124,7 +73,8 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
     double half, fx, fy;
 };
 
-// Blocks as above. Along the ray r the plane with normal n through c is met at z = n.c / n.r.
+// Error of a depth sample on a tag. Blocks as above. The ray r meets the plane with normal n through c at z = n.c /
+// n.r.
 class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
 {
   public:
@@ -133,9 +83,9 @@ class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
     {
     }
 
-    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
     {
-        const posed camera(camera_start->start, blocks[0], blocks[1]),
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]),
             square(square_start->start, blocks[2], blocks[3]);
         const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
         const Vector3 centre = camera.rotation * square.shift + camera.shift;
@@ -144,13 +94,14 @@ class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
             return false;
         double z = normal.dot(centre) / slant, scale = 1 / (slant * seen->sigma_m);
         residual[0] = (z - seen->z) / seen->sigma_m;
-        if (!by)
+        if (!jacobians)
             return true;
         const Vector3 off = centre - z * ray;
-        write_jacobian<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.spin, by[0]);
-        write_jacobian<1>(scale * normal.transpose(), by[1]);
-        write_jacobian<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.spin, by[2]);
-        write_jacobian<1>(scale * across.transpose(), by[3]);
+        write_jacobian<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.by_gibbs, jacobians[0]);
+        write_jacobian<1>(scale * normal.transpose(), jacobians[1]);
+        write_jacobian<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.by_gibbs,
+                          jacobians[2]);
+        write_jacobian<1>(scale * across.transpose(), jacobians[3]);
         return true;
     }
 
@@ -159,11 +110,11 @@ class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
     const pose_block *camera_start, *square_start;
 };
 
-// Blocks: the camera's turn and shift, the point.
+// Reprojection and depth error of a point. Blocks: the camera's rotation and translation, the point.
 class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
 {
   public:
-    // What makes an error on the plane z = 1 one of unit covariance: [of_x 0; of_both of_y].
+    // [of_x 0; of_both of_y] whitens an error on the plane z = 1.
     point_error(const ba_observation *s, const pose_block *of_camera, double fx, double fy)
         : seen(s), camera_start(of_camera)
     {
@@ -173,25 +124,25 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
         of_both = -of_y * xy / xx * fx / fy;
     }
 
-    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
     {
-        const posed camera(camera_start->start, blocks[0], blocks[1]);
-        const Vector3 turned = camera.rotation * Read3(blocks[2]), p = turned + camera.shift;
-        if (!(p[2] > NEAREST_M))
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]);
+        const Vector3 rotated = camera.rotation * Read3(blocks[2]), p = rotated + camera.shift;
+        if (!(p[2] > MIN_DEPTH_M))
             return false;
         double uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
         double x = p[0] / p[2], y = p[1] / p[2];
         residual[0] = of_x * (x - seen->x);
         residual[1] = of_both * (x - seen->x) + of_y * (y - seen->y);
         residual[2] = (p[2] - seen->z) * uz;
-        if (!by)
+        if (!jacobians)
             return true;
         Matrix3 by_p;
         by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0,
             uz;
-        write_jacobian<3>(by_p * (-cross(turned) * camera.spin), by[0]);
-        write_jacobian<3>(by_p, by[1]);
-        write_jacobian<3>(by_p * camera.rotation, by[2]);
+        write_jacobian<3>(by_p * (-cross(rotated) * camera.by_gibbs), jacobians[0]);
+        write_jacobian<3>(by_p, jacobians[1]);
+        write_jacobian<3>(by_p * camera.rotation, jacobians[2]);
         return true;
     }
 
@@ -201,8 +152,8 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
     double of_x, of_both, of_y;
 };
 
-// An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
-// to be multiplied with.
+// An error whose row Row is that of a measured depth, in units of its sigma, with one more block: the factor of
+// measured depths.
 template <class Error, int Row> class with_depth_scale : public ceres::CostFunction
 {
   public:
@@ -214,14 +165,14 @@ template <class Error, int Row> class with_depth_scale : public ceres::CostFunct
         mutable_parameter_block_sizes()->push_back(1);
     }
 
-    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
     {
-        if (!error->Evaluate(blocks, residual, by))
+        if (!error->Evaluate(blocks, residual, jacobians))
             return false;
         const size_t last = parameter_block_sizes().size() - 1;
         residual[Row] += depth_over_sigma * (1 - blocks[last][0]);
-        for (int i = 0; by && by[last] && i < num_residuals(); i++)
-            by[last][i] = i == Row ? -depth_over_sigma : 0;
+        for (int i = 0; jacobians && jacobians[last] && i < num_residuals(); i++)
+            jacobians[last][i] = i == Row ? -depth_over_sigma : 0;
         return true;
     }
 
@@ -230,16 +181,17 @@ template <class Error, int Row> class with_depth_scale : public ceres::CostFunct
     double depth_over_sigma;
 };
 
+// The prior of that factor.
 class depth_scale_error : public ceres::SizedCostFunction<1, 1>
 {
   public:
     explicit depth_scale_error(double sigma) : scale(1 / sigma) {}
 
-    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
     {
         residual[0] = scale * (blocks[0][0] - 1);
-        if (by && by[0])
-            by[0][0] = scale;
+        if (jacobians && jacobians[0])
+            jacobians[0][0] = scale;
         return true;
     }
 
@@ -247,35 +199,7 @@ class depth_scale_error : public ceres::SizedCostFunction<1, 1>
     double scale;
 };
 
-// What Ceres works on: copies, for a failed solution must not reach the caller's numbers.
-struct solver_state {
-    std::vector<pose_block> cameras, squares;
-    std::vector<vec3> points;
-    double depth_scale;
-
-    explicit solver_state(const ba_problem &in)
-        : points(in.points, in.points + in.point_count), depth_scale(in.depth_scale ? *in.depth_scale : 1)
-    {
-        for (int32_t i = 0; i < in.camera_count; i++)
-            cameras.push_back(pose_block_from(in.cameras[i].camera_from_world));
-        for (int32_t i = 0; i < in.square_count; i++)
-            squares.push_back(pose_block_from(in.squares[i].world_from_square));
-    }
-
-    void write_back(const ba_problem &in) const
-    {
-        for (int32_t i = 0; i < in.camera_count; i++)
-            in.cameras[i].camera_from_world = pose_from(in.cameras[i].camera_from_world, cameras[(size_t)i]);
-        for (int32_t i = 0; i < in.square_count; i++)
-            in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
-        for (int32_t i = 0; i < in.point_count; i++)
-            in.points[i] = points[(size_t)i];
-        if (in.depth_scale)
-            *in.depth_scale = depth_scale;
-    }
-};
-
-// Where readings of depth are true as they are, the block more would only cost Ceres its code for fixed sizes.
+// Without a depth scale, the additional block is left out: it would prevent Ceres's fixed-size code.
 void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
                       ceres::LossFunction *point_loss)
 {
@@ -285,9 +209,11 @@ void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &pro
         auto error = std::make_unique<plane_error>(&seen, &camera, &square);
         if (in.depth_scale)
             problem.AddResidualBlock(new with_depth_scale<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
-                                     depth_loss, camera.turn, camera.shift, square.turn, square.shift, &c.depth_scale);
+                                     depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift,
+                                     &c.depth_scale);
         else
-            problem.AddResidualBlock(error.release(), depth_loss, camera.turn, camera.shift, square.turn, square.shift);
+            problem.AddResidualBlock(error.release(), depth_loss, camera.gibbs, camera.shift, square.gibbs,
+                                     square.shift);
     }
     for (int32_t i = 0; i < in.observation_count; i++) {
         const ba_observation &seen = in.observations[i];
@@ -296,9 +222,9 @@ void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &pro
         auto error = std::make_unique<point_error>(&seen, &camera, in.fx, in.fy);
         if (in.depth_scale && seen.z > 0)
             problem.AddResidualBlock(new with_depth_scale<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
-                                     point_loss, camera.turn, camera.shift, point, &c.depth_scale);
+                                     point_loss, camera.gibbs, camera.shift, point, &c.depth_scale);
         else
-            problem.AddResidualBlock(error.release(), point_loss, camera.turn, camera.shift, point);
+            problem.AddResidualBlock(error.release(), point_loss, camera.gibbs, camera.shift, point);
     }
     if (in.depth_scale)
         problem.AddResidualBlock(new depth_scale_error(in.depth_scale_sigma), nullptr, &c.depth_scale);
@@ -306,10 +232,11 @@ void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &pro
 
 void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem)
 {
-    auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
-    auto *depth_loss = new ceres::CauchyLoss(ROBUST);
-    auto *point_loss = new ceres::CauchyLoss(ROBUST);
-    std::vector<std::unique_ptr<ceres::LossFunction>> owner; // the problem owns what it uses
+    auto *corner_loss = new ceres::CauchyLoss(ROBUST_SIGMAS * std::sqrt(8.0)); // of eight residuals
+    auto *depth_loss = new ceres::CauchyLoss(ROBUST_SIGMAS);
+    auto *point_loss = new ceres::CauchyLoss(ROBUST_SIGMAS);
+    std::vector<std::unique_ptr<ceres::LossFunction>>
+        owner; // the problem owns the loss functions that it uses; unused ones are freed here
     if (!in.corner_count)
         owner.emplace_back(corner_loss);
     if (!in.plane_depth_count)
@@ -321,17 +248,18 @@ void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem)
         pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
         problem.AddResidualBlock(
             new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
-            camera.turn, camera.shift, square.turn, square.shift);
+            camera.gibbs, camera.shift, square.gibbs, square.shift);
     }
     add_depth_errors(in, c, problem, depth_loss, point_loss);
 }
 
-// Holds what stays where it is. Points are to be eliminated before poses; none to be: false.
+// Sets held blocks constant, and orders points to be eliminated before poses (Schur complement). False: there is no
+// point to eliminate.
 bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
 {
     bool any = false;
     auto add_pose = [&](pose_block &m, bool held) {
-        for (double *block : {m.turn, m.shift}) {
+        for (double *block : {m.gibbs, m.shift}) {
             if (!problem.HasParameterBlock(block))
                 continue;
             order.AddElementToGroup(block, 1);
@@ -357,182 +285,6 @@ bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem
     return any;
 }
 
-// What is not held, points first, and in which column of the derivative each block begins.
-struct jacobian_columns {
-    std::vector<double *> blocks;
-    std::vector<int> square; // of its turn, then its shift; -1: held, or nothing sees it
-    int points = 0, all = 0;
-
-    jacobian_columns(const ba_problem &in, solver_state &c, const ceres::Problem &problem)
-    {
-        for (int32_t i = in.held_points; i < in.point_count; i++)
-            add(problem, &c.points[(size_t)i].x, 3);
-        points = all;
-        for (pose_block &m : c.cameras) {
-            add(problem, m.turn, 3);
-            add(problem, m.shift, 3);
-        }
-        for (pose_block &m : c.squares) {
-            square.push_back(problem.HasParameterBlock(m.turn) && !problem.IsParameterBlockConstant(m.turn) ? all : -1);
-            add(problem, m.turn, 3);
-            add(problem, m.shift, 3);
-        }
-        if (in.depth_scale)
-            add(problem, &c.depth_scale, 1);
-    }
-
-  private:
-    void add(const ceres::Problem &problem, double *block, int size)
-    {
-        if (!problem.HasParameterBlock(block) || problem.IsParameterBlockConstant(block))
-            return;
-        blocks.push_back(block);
-        all += size;
-    }
-};
-
-// The whitened errors' derivative, row by row.
-struct sparse_jacobian {
-    ceres::CRSMatrix all;
-    int points; // columns, the first ones
-
-    int begin(int row) const { return all.rows[(size_t)row]; }
-    int end(int row) const { return all.rows[(size_t)row + 1]; }
-    int column(int i) const { return all.cols[(size_t)i]; }
-    double value(int i) const { return all.values[(size_t)i]; }
-};
-
-// What errors of one point take from what is known of poses, since the point is free to follow them: times its
-// transpose, three columns.
-void add_point(const sparse_jacobian &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
-{
-    Matrix3 own = Matrix3::Zero();
-    for (int r : rows) {
-        Vector3 by_point = Vector3::Zero();
-        for (int i = by.begin(r); i < by.end(r); i++)
-            if (by.column(i) < by.points)
-                by_point[by.column(i) % 3] = by.value(i);
-        own += by_point * by_point.transpose();
-        for (int i = by.begin(r); i < by.end(r); i++)
-            if (by.column(i) >= by.points)
-                out.row(by.column(i) - by.points) += by.value(i) * by_point.transpose();
-    }
-    const Eigen::LLT<Matrix3> factor(own);
-    out = factor.matrixL().solve(out.transpose()).transpose().eval();
-    if (!out.allFinite()) // seen along one line: it says nothing of its own, and all that it says of poses is used up
-        out.setZero();
-}
-
-// Of whitened errors, in the order in which they are added. PRIOR: what is known of the depth's scale before.
-enum kind { CORNERS, PLANE_DEPTHS, OBSERVATIONS, PRIOR, KINDS };
-
-kind kind_of_row(const ba_problem &in, int row, int rows)
-{
-    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count;
-    if (in.depth_scale && row == rows - 1)
-        return PRIOR;
-    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : OBSERVATIONS;
-}
-
-// What each kind of errors says of the poses when points follow them. Lower halves.
-std::array<Eigen::MatrixXd, KINDS> information_of_poses(const ba_problem &in, const sparse_jacobian &by)
-{
-    enum { TOGETHER = 64 };
-    const int poses = by.all.num_cols - by.points, count = by.points / 3;
-    std::array<Eigen::MatrixXd, KINDS> information;
-    information.fill(Eigen::MatrixXd::Zero(poses, poses));
-    Eigen::MatrixXd some(poses, 3 * TOGETHER);
-    std::vector<std::vector<int>> rows((size_t)count); // of each point
-    for (int r = 0; r < by.all.num_rows; r++) {
-        Eigen::MatrixXd &own = information[kind_of_row(in, r, by.all.num_rows)];
-        int point = -1;
-        for (int i = by.begin(r); i < by.end(r); i++) {
-            if (by.column(i) < by.points)
-                point = by.column(i) / 3;
-            for (int k = by.begin(r); by.column(i) >= by.points && k < by.end(r); k++)
-                if (by.column(k) >= by.column(i))
-                    own(by.column(k) - by.points, by.column(i) - by.points) += by.value(i) * by.value(k);
-        }
-        if (point >= 0)
-            rows[(size_t)point].push_back(r);
-    }
-    for (int first = 0; first < count; first += TOGETHER) {
-        some.setZero();
-        for (int p = first; p < std::min(count, first + TOGETHER); p++)
-            add_point(by, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
-        information[OBSERVATIONS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
-    }
-    return information;
-}
-
-// A sighting without depth says nothing in its third row.
-bool is_informative(const ba_problem &in, int row)
-{
-    const int third = row - 8 * in.corner_count - in.plane_depth_count;
-    return third < 0 || third >= 3 * in.observation_count || third % 3 != 2 || in.observations[third / 3].z > 0;
-}
-
-// How much larger the errors of each kind are, squared, than they were taken to be: by what is left of them, beside as
-// many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1. errors: with the weights
-// they lost; of observations with all of it, since those too far off have been left out before.
-std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vector<double> &errors, int points,
-                                           const std::array<Eigen::MatrixXd, KINDS> &information,
-                                           const Eigen::MatrixXd &covariance)
-{
-    const double least = 20;
-    std::array<double, KINDS> squares{}, spare{}, times;
-    for (size_t r = 0; r < errors.size(); r++) {
-        const kind k = kind_of_row(in, (int)r, (int)errors.size());
-        squares[k] += errors[r] * errors[r];
-        spare[k] += is_informative(in, (int)r);
-    }
-    spare[OBSERVATIONS] -= points;
-    for (size_t k = 0; k < KINDS; k++) {
-        Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
-        spare[k] -= covariance.cwiseProduct(whole).sum();
-        times[k] = k != PRIOR && spare[k] > least ? squares[k] / spare[k] : 1;
-    }
-    return times;
-}
-
-// The errors are weighed as they were taken to be, and are as large as they turn out to be.
-void find_covariance(const ba_problem &in, solver_state &c, ceres::Problem &problem)
-{
-    const jacobian_columns which(in, c, problem);
-    ceres::Problem::EvaluateOptions options;
-    sparse_jacobian by = {{}, which.points};
-    std::vector<double> errors, whole;
-    const int n = 6 * in.square_count, poses = which.all - which.points;
-    Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
-    out.setZero();
-    options.parameter_blocks = which.blocks;
-    if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &by.all))
-        return;
-    const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, by);
-    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
-                                             information[OBSERVATIONS] + information[PRIOR]);
-    if (factor.info() != Eigen::Success)
-        return;
-    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
-    options.apply_loss_function = false;
-    if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
-        return;
-    for (int r = 0; r < (int)errors.size(); r++)
-        if (kind_of_row(in, r, (int)errors.size()) == OBSERVATIONS)
-            errors[(size_t)r] = whole[(size_t)r];
-    const std::array<double, KINDS> times = variance_factors(in, errors, which.points, information, covariance);
-    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(poses, n); // by each square's own motion
-    for (int s = 0; s < in.square_count; s++) {
-        const Matrix3 turn =
-            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
-        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
-            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = turn;
-    }
-    const Eigen::MatrixXd by_all = covariance * moves;
-    for (size_t k = 0; k < KINDS; k++)
-        out += times[k] * (by_all.transpose() * (information[k].selfadjointView<Eigen::Lower>() * by_all));
-}
-
 enum status solve(const ba_problem &in)
 {
     solver_state c(in);
@@ -544,13 +296,14 @@ enum status solve(const ba_problem &in)
     if (order_blocks(in, c, problem, *order)) {
         options.linear_solver_type = ceres::DENSE_SCHUR;
         options.linear_solver_ordering = order;
-    } else { // each camera meets a few squares
+    } else { // sparse: a camera observes few squares
         options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
         options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
     }
     options.num_threads = 1;
     options.max_num_iterations = in.max_iterations;
-    options.function_tolerance = 1e-5; // of tens of thousands of errors: less than one of them is worth
+    options.function_tolerance =
+        1e-5; // relative; the cost is tens of thousands, so this is less than one residual's share
     options.logging_type = ceres::SILENT;
     ceres::Solve(options, &problem, &summary);
     if (!summary.IsSolutionUsable())

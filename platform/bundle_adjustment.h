@@ -1,7 +1,10 @@
-// Joint least squares (Ceres) over camera poses, the poses of square tags and
-// points, from where they were seen and how far the sensor says they are.
-// Errors are whitened; observations lose weight beyond three standard deviations.
-// Deterministic, one thread. What is held still fixes the frame of reference.
+// Bundle adjustment (Triggs et al. 2000; Ceres): joint least squares over camera
+// poses, tag poses and points, from their image positions and measured depths.
+//
+// Residuals are whitened: the cost is half the sum of squares in units of one
+// standard deviation, with a Cauchy kernel of scale 3 (3 sqrt 8 for a tag's eight
+// numbers). Held blocks fix the gauge. Deterministic, on the caller's thread; any
+// thread may call.
 #pragma once
 #include "base/geometry.h"
 
@@ -16,27 +19,27 @@ struct ba_camera {
 struct ba_square {
     struct pose world_from_square; // in and out
     double side_m;                 // known
-    bool held;                     // stays where it is
+    bool held;                     // constant
 };
 
-// The four corners of a square in a camera. Ideal pixels: (fx x / z, fy y / z).
+// The four corners of a square in a camera's image. Ideal pixels relative to the principal point: (fx x / z, fy y / z).
 struct ba_corners {
     int32_t camera, square;
-    double observed[8];
+    double observed[8];  // x, y of each corner, in the order of tag_detection.corner
     double whiten[8][8]; // whiten * (predicted - observed) has unit covariance
 };
 
-// Depth along the ray (x, y, 1), inside a square.
+// A depth sample inside a square: z along the ray (x, y, 1), metres.
 struct ba_plane_depth {
     int32_t camera, square;
     double x, y, z, sigma_m;
 };
 
-// A point in a camera; z = 0: no depth.
+// A point in a camera's image; z = 0: no depth.
 struct ba_observation {
     int32_t camera, point;
     double x, y;          // on the plane z = 1
-    double covariance[3]; // of where it was seen: xx, xy, yy, pixels^2
+    double covariance[3]; // of the image position: xx, xy, yy, pixels^2
     double z, sigma_m;
 };
 
@@ -50,21 +53,22 @@ struct ba_problem {
     const struct ba_observation *observations;
     int32_t camera_count, square_count, point_count;
     int32_t corner_count, plane_depth_count, observation_count;
-    int32_t held_camera;      // stays where it is; -1: none does
-    int32_t held_points;      // so many, the first ones, stay where they are
-    bool hold_cameras;        // all of them stay where they are
+    int32_t held_camera;      // index of the camera held constant; -1: none
+    int32_t held_points;      // the first so many points are held constant
+    bool hold_cameras;        // all cameras are held constant
     int32_t max_iterations;   // of Ceres
-    double *cost;             // out: the robust cost in the end; or NULL
-    double *depth_scale;      // in and out: readings of depth times this are true; or NULL: they are true
-    double depth_scale_sigma; // it is about 1, within this
-    // out: 6 square_count on a side, row-major: the joint covariance of a small turn (radians) and shift (metres) of
-    // each square in its own axes, in the end, with what is held as exact. 0 for what is held or seen by nothing, and
-    // everywhere where the errors leave something open. Or NULL.
+    double *cost;             // out: the final robust cost; or NULL
+    double *depth_scale;      // in and out: factor that corrects measured depths; NULL: 1, not estimated
+    double depth_scale_sigma; // standard deviation of its prior, whose mean is 1
+    // out, or NULL: (6 square_count)^2, row-major: the joint covariance of the squares' poses at the solution, with
+    // held blocks taken as exact. Each square has a small rotation (x, y, z, radians), then a translation (x, y, z,
+    // metres), in its own axes. 0 for squares that are held or not observed; all 0 if the problem is singular.
     double *square_covariance;
 };
 
-// ERR_SOLVER: no usable solution, everything stays as it was. ERR_MEMORY.
-// A camera, square or point that nothing sees stays as it was.
+// ERR_SOLVER: no usable solution; ERR_MEMORY. Then nothing of *problem has changed,
+// except that *cost and *square_covariance are undefined. A camera, square or point
+// without observations keeps its value.
 MUST_CHECK enum status bundle_adjust(const struct ba_problem *problem);
 
 #ifdef __cplusplus

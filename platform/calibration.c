@@ -1,16 +1,16 @@
-// calibration.json: what a folder's camera or sensor knows of itself.
+// calibration.json: the lenses of a folder's camera or sensor, and the lenses stored for tablet cameras.
 //
 //   { "color": LENS, "depth": LENS, "registered": true,
 //     "color_from_depth": { "translation_m": [x, y, z], "rotation": [x, y, z, w] } }
 //   LENS: { "width", "height", "fx", "fy", "cx", "cy": numbers (pixels, the
 //           centre of the top-left pixel is (0, 0)),
 //           "distortion": [k1, k2, p1, p2, k3]   optional; k3 may be left out,
-//           "readout_ms": of a rolling shutter, from the first row to the last   optional, 0,
-//           "focal_sigma": how unsure fx and fy are, 0.1: by a tenth   optional, 0,
-//           "unit_m": metres per unit of a depth picture   optional, 0.001 }
+//           "readout_ms": of a rolling shutter, first row to last   optional, 0,
+//           "focal_sigma": relative standard deviation of fx and fy   optional, 0,
+//           "unit_m": metres per unit of a depth image   optional, 0.001 }
 //
-// At least one LENS. With both, "registered" says whether the depth pixels are
-// already the colour camera's; if not, "color_from_depth" is needed. Other
+// At least one LENS. With both, "registered" says whether depth pixels lie on
+// colour pixels; if not, "color_from_depth" is needed. Other
 // members are ignored.
 #include "platform/file.h"
 #include "platform/json.h"
@@ -89,8 +89,8 @@ static enum status read_lens(const struct json *object, const char *what, const 
     if (status == OK && readout && !json_get_number(readout, &readout_ms))
         status = fail(ERR_INPUT, "%s: '%s.readout_ms' must be a number of milliseconds", path, what);
     lens->readout_s = readout_ms * 1e-3;
-    const struct json *unsure = json_member(object, "focal_sigma");
-    if (status == OK && unsure && !json_get_number(unsure, &lens->focal_sigma))
+    const struct json *sigma = json_member(object, "focal_sigma");
+    if (status == OK && sigma && !json_get_number(sigma, &lens->focal_sigma))
         status = fail(ERR_INPUT, "%s: '%s.focal_sigma' must be a number, 0.1 for a focal length unsure by a tenth",
                       path, what);
     if (status == OK && lens_check(lens, what) != OK)
@@ -108,7 +108,7 @@ static enum status read_unit(const struct json *depth, const char *path, double 
     return OK;
 }
 
-// How the two cameras stand to one another; only where there are two.
+// The pose of one camera relative to the other; called only where there are two.
 static enum status read_relation(const struct json *root, const char *path, struct calibration *out)
 {
     if (!json_get_bool(json_member(root, "registered"), &out->registered))
@@ -169,7 +169,7 @@ enum status calibration_read(const char *path, struct calibration *out)
     return calibration_read_with_unit(path, out, &unit_m);
 }
 
-// ------------------------------------------------------------- the tablet's cameras
+// ------------------------------------------------------------- tablet cameras
 
 // ERR_INPUT: there is no home folder, or the path is too long.
 static enum status camera_file(const char *id, char *path, size_t size)
@@ -203,8 +203,9 @@ enum status camera_lens_read(const char *id, struct lens *out)
     return status;
 }
 
-// Learnt in one place; in the next, pictures may still say otherwise.
-static const double KEPT_SIGMA = 0.005;
+// Lower bound of the focal_sigma that is saved, so that self-calibration in another place can still correct the focal
+// length. Chosen by hand.
+static const double MIN_SAVED_SIGMA = 0.005;
 
 enum status camera_lens_save(const char *id, const struct lens *lens)
 {
@@ -225,16 +226,16 @@ enum status camera_lens_save(const char *id, const struct lens *lens)
                    {"cx", lens->cx},
                    {"cy", lens->cy},
                    {"readout_ms", lens->readout_s * 1e3},
-                   {"focal_sigma", fmax(KEPT_SIGMA, lens->focal_sigma)}};
+                   {"focal_sigma", fmax(MIN_SAVED_SIGMA, lens->focal_sigma)}};
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         json_add_number(color, numbers[i].name, numbers[i].value);
     distortion = json_add_array(color, "distortion");
-    const double bent[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
-    for (size_t i = 0; i < COUNT_OF(bent); i++)
-        json_push_number(distortion, bent[i]);
+    const double coefficients[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
+    for (size_t i = 0; i < COUNT_OF(coefficients); i++)
+        json_push_number(distortion, coefficients[i]);
     char *text = json_print(root);
     json_free(&root);
-    status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to keep what was learnt of a camera");
+    status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to save a camera's lens");
     if (status == OK)
         status = file_write(path, text, strlen(text));
     free(text);
@@ -246,18 +247,18 @@ enum status camera_lens_scale(struct lens *lens, int width, int height, const ch
     double x = (double)width / lens->width, y = (double)height / lens->height;
     if (fabs(x / y - 1) > 0.005)
         return fail(ERR_INPUT,
-                    "the camera %s gives pictures of %d x %d, but was calibrated with %d x %d: calibrate it anew", id,
+                    "the camera %s gives pictures of %d x %d, but was calibrated with %d x %d: calibrate it again", id,
                     width, height, lens->width, lens->height);
     lens->fx *= x;
     lens->fy *= y;
-    lens->cx = (lens->cx + 0.5) * x - 0.5; // pixels are counted from their centres
+    lens->cx = (lens->cx + 0.5) * x - 0.5; // (0, 0) is a pixel's centre
     lens->cy = (lens->cy + 0.5) * y - 0.5;
     lens->width = width;
     lens->height = height;
     return OK;
 }
 
-// Of cameras that see between 50 and 75 degrees.
+// Of fields of view between 50 and 75 degrees.
 static const double GUESS_SIGMA = 0.15;
 
 struct lens camera_lens_guess(int width, int height)

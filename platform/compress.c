@@ -37,11 +37,10 @@ void compressor_close(struct compressor **c)
 
 size_t compress_bound(size_t count) { return ZSTD_compressBound(count); }
 
-enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out, size_t capacity,
+enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out,
                            size_t *out_count)
 {
-    assert(capacity >= ZSTD_compressBound(count));
-    size_t got = ZSTD_compressCCtx(c->pack, out, capacity, bytes, count, level);
+    size_t got = ZSTD_compressCCtx(c->pack, out, ZSTD_compressBound(count), bytes, count, level);
     if (ZSTD_isError(got))
         return fail(ERR_MEMORY, "%zu bytes could not be compressed: %s", count, ZSTD_getErrorName(got));
     *out_count = got;

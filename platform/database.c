@@ -13,7 +13,7 @@
 struct database {
     sqlite3 *handle;
     char *path;
-    int writer_lock; // the log's descriptor, locked for as long as this is the only writer; -1: no claim
+    int writer_lock; // descriptor of the log, locked while this is the only writer; -1: not locked
 };
 
 struct statement {
@@ -21,8 +21,8 @@ struct statement {
     struct database *db;
 };
 
-// What SQLite's answer means for who uses the file.
-static enum status refuse(const struct database *db, int code)
+// Turns SQLite's result code into a status and a sentence for the user.
+static enum status fail_sqlite(const struct database *db, int code)
 {
     const char *path = db->path;
     const char *why = db->handle ? sqlite3_errmsg(db->handle) : sqlite3_errstr(code);
@@ -38,7 +38,7 @@ static enum status refuse(const struct database *db, int code)
     case SQLITE_CANTOPEN:
         return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
     case SQLITE_IOERR:
-        // SQLite looks at errno late, and may find it overwritten with 0.
+        // SQLite reads errno late and may find it overwritten with 0.
         if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
             (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
             return fail(ERR_IO, "%s cannot grow: the disk is full", path);
@@ -80,8 +80,8 @@ static enum status make_file(const char *path)
     return OK;
 }
 
-// file:PATH?immutable=1: no locks, no log, for a file that nobody can be changing.
-static char *frozen_uri(const char *path)
+// file:PATH?immutable=1: no locks, no log, for a file that no process can be changing.
+static char *immutable_uri(const char *path)
 {
     static const char hex[] = "0123456789abcdef";
     char *uri = malloc(strlen(path) * 3 + 32), *at = uri;
@@ -103,16 +103,16 @@ static char *frozen_uri(const char *path)
 }
 
 // Opens and reads the first page. Returns SQLite's code.
-static int connect_to(struct database *db, const char *name, enum database_access access_wanted, bool frozen)
+static int connect_to(struct database *db, const char *name, enum database_access access_wanted, bool immutable)
 {
     bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
     int flags = SQLITE_OPEN_NOMUTEX | (reads ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE);
-    int code = sqlite3_open_v2(name, &db->handle, flags | (frozen ? SQLITE_OPEN_URI : 0), NULL);
+    int code = sqlite3_open_v2(name, &db->handle, flags | (immutable ? SQLITE_OPEN_URI : 0), NULL);
     if (code != SQLITE_OK)
         return code;
     sqlite3_extended_result_codes(db->handle, 1);
     sqlite3_busy_timeout(db->handle, 3000);
-    // A file from outside may carry a schema that means harm.
+    // A file from outside may carry a malicious schema.
     sqlite3_db_config(db->handle, SQLITE_DBCONFIG_DEFENSIVE, access_wanted != DATABASE_SALVAGE, NULL);
     sqlite3_db_config(db->handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
     if (access_wanted == DATABASE_SALVAGE) {
@@ -144,8 +144,8 @@ static bool log_is_empty(const char *path)
     return empty;
 }
 
-// A file in write-ahead mode wants to make PATH-shm beside it, also to read. In
-// a folder where that is refused it can still be read when its log is empty.
+// SQLite creates PATH-shm beside a file in write-ahead mode, even to read it. In
+// a folder where that is refused the file can still be read if its log is empty.
 static enum status open_without_log(struct database *db, enum database_access access_wanted)
 {
     if (!log_is_empty(db->path))
@@ -155,12 +155,12 @@ static enum status open_without_log(struct database *db, enum database_access ac
                     db->path, db->path);
     sqlite3_close(db->handle);
     db->handle = NULL;
-    char *uri = frozen_uri(db->path);
+    char *uri = immutable_uri(db->path);
     if (!uri)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
     int code = connect_to(db, uri, access_wanted, true);
     free(uri);
-    return code == SQLITE_OK ? OK : refuse(db, code);
+    return code == SQLITE_OK ? OK : fail_sqlite(db, code);
 }
 
 enum status database_open(struct database **out, const char *path, enum database_access access_wanted)
@@ -182,7 +182,7 @@ enum status database_open(struct database **out, const char *path, enum database
         if (reads && ((code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_READONLY))
             status = open_without_log(db, access_wanted);
         else if (code != SQLITE_OK)
-            status = refuse(db, code);
+            status = fail_sqlite(db, code);
     }
     if (status != OK) {
         database_close(&db);
@@ -214,7 +214,7 @@ const char *database_path(const struct database *db) { return db->path; }
 enum status database_run(struct database *db, const char *sql)
 {
     int code = sqlite3_exec(db->handle, sql, NULL, NULL, NULL);
-    return code == SQLITE_OK ? OK : refuse(db, code);
+    return code == SQLITE_OK ? OK : fail_sqlite(db, code);
 }
 
 enum status database_number(struct database *db, const char *sql, int64_t *out)
@@ -240,7 +240,7 @@ enum status database_lock_writer(struct database *db)
                          "PRAGMA cache_size = -65536; BEGIN IMMEDIATE; COMMIT");
     if (status != OK)
         return status;
-    // SQLite locks the file and PATH-shm, never the log: its lock is free for us.
+    // SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's.
     char *name = log_name(db->path);
     if (!name)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
@@ -261,7 +261,7 @@ enum status database_close_wal(struct database *db)
         return status;
     sqlite3_busy_timeout(db->handle, 0);
     int code = sqlite3_exec(db->handle, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
-    return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : refuse(db, code);
+    return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : fail_sqlite(db, code);
 }
 
 bool database_is_single_file(const char *path)
@@ -282,9 +282,9 @@ enum status database_checkpoint(struct database *db, int64_t *left)
     int in_log = 0, moved = 0;
     int code = sqlite3_wal_checkpoint_v2(db->handle, NULL, SQLITE_CHECKPOINT_PASSIVE, &in_log, &moved);
     *left = in_log > moved ? in_log - moved : 0;
-    if (code == SQLITE_BUSY) // another checkpoint is at work: as good as ours
+    if (code == SQLITE_BUSY) // another checkpoint is running
         return OK;
-    return code == SQLITE_OK ? OK : refuse(db, code);
+    return code == SQLITE_OK ? OK : fail_sqlite(db, code);
 }
 
 enum status database_check(struct database *db)
@@ -317,7 +317,7 @@ enum status statement_open(struct statement **out, struct database *db, const ch
     int code = sqlite3_prepare_v3(db->handle, sql, -1, SQLITE_PREPARE_PERSISTENT, &s->handle, NULL);
     if (code != SQLITE_OK) {
         free(s);
-        return refuse(db, code);
+        return fail_sqlite(db, code);
     }
     *out = s;
     return OK;
@@ -332,9 +332,9 @@ void statement_close(struct statement **s)
     *s = NULL;
 }
 
-// Numbers need no memory; text and blobs are only pointed at. What is left to
-// fail is a wrong position.
-static void bound(int code)
+// Numbers need no memory; text and blobs are borrowed. Only a wrong position can
+// fail.
+static void assert_bound(int code)
 {
     assert(code == SQLITE_OK);
     (void)code;
@@ -342,20 +342,20 @@ static void bound(int code)
 
 void statement_bind_number(struct statement *s, int position, int64_t value)
 {
-    bound(sqlite3_bind_int64(s->handle, position, value));
+    assert_bound(sqlite3_bind_int64(s->handle, position, value));
 }
 
 void statement_bind_text(struct statement *s, int position, const char *text)
 {
-    bound(sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
+    assert_bound(sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
 }
 
 void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count)
 {
     if (bytes)
-        bound(sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
+        assert_bound(sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
     else
-        bound(sqlite3_bind_null(s->handle, position));
+        assert_bound(sqlite3_bind_null(s->handle, position));
 }
 
 enum status statement_step(struct statement *s)
@@ -363,12 +363,12 @@ enum status statement_step(struct statement *s)
     int code = sqlite3_step(s->handle);
     if (code == SQLITE_ROW)
         return OK;
-    return code == SQLITE_DONE ? NOTHING : refuse(s->db, code);
+    return code == SQLITE_DONE ? NOTHING : fail_sqlite(s->db, code);
 }
 
 void statement_reset(struct statement *s)
 {
-    sqlite3_reset(s->handle); // repeats the last step's error, which is known by now
+    sqlite3_reset(s->handle); // returns the last step's error again
     sqlite3_clear_bindings(s->handle);
 }
 

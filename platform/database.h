@@ -1,6 +1,6 @@
-// One database in one file (SQLite). A thin wrapper: SQL goes through as it is,
-// SQLite's answers become a status and a sentence that names the file.
-// One handle and its statements belong to one thread at a time.
+// One database in one file (SQLite). A thin wrapper: SQL is passed on unchanged,
+// SQLite's result codes become a status and a sentence that names the file.
+// A handle and its statements belong to one thread at a time.
 #pragma once
 #include "base/status.h"
 
@@ -9,48 +9,49 @@ struct statement; // one prepared SQL statement
 
 enum database_access {
     DATABASE_READ,    // read-only; also while another connection writes
-    DATABASE_SALVAGE, // read-only, and does not mind that the file is shorter than it says
+    DATABASE_SALVAGE, // read-only, and accepts a file shorter than its header says
     DATABASE_WRITE,   // an existing file
-    DATABASE_CREATE,  // a new file; ERR_EXISTS when anything of that name is there
+    DATABASE_CREATE,  // a new file; ERR_EXISTS when the name is taken
 };
 
 // ERR_MISSING: no such file. ERR_FORMAT: a folder, not a database. ERR_CORRUPT:
-// cut or damaged. ERR_IO: no permission, or changes lie in PATH-wal and the
-// folder is not writable, as it must be to read them. ERR_MEMORY.
-// On error *out is NULL, and of DATABASE_CREATE no file stays.
+// cut or damaged. ERR_IO: no permission, or PATH-wal holds changes and the folder
+// is not writable, which reading them needs. ERR_MEMORY. On error *out is NULL,
+// and DATABASE_CREATE leaves no file.
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
 
-// Closes; every statement must be closed before. NULL is fine; sets *db = NULL.
+// Every statement must be closed before. NULL is fine; sets *db = NULL.
 void database_close(struct database **db);
 
 const char *database_path(const struct database *db);
 
-// Runs one or more statements, answers thrown away. ERR_IO: disk full, locked by
+// Runs one or more statements and discards their rows. ERR_IO: disk full, locked by
 // another program, unreadable. ERR_CORRUPT. ERR_MEMORY.
 MUST_CHECK enum status database_run(struct database *db, const char *sql);
 
 // The first column of the first row, as a number. NOTHING: no row.
 MUST_CHECK enum status database_number(struct database *db, const char *sql, int64_t *out);
 
-// Inside a BEGIN that has neither been committed nor rolled back.
+// After a BEGIN that has been neither committed nor rolled back.
 bool database_in_transaction(const struct database *db);
 
-// Makes this connection the file's only writer until it is closed, others read
-// on; changes go to a write-ahead log (PATH-wal). ERR_IO: another writer is at work.
+// Makes this connection the file's only writer until it is closed; others can
+// still read. Changes go to a write-ahead log (PATH-wal). ERR_IO: there is another
+// writer.
 MUST_CHECK enum status database_lock_writer(struct database *db);
 
-// The end of writing: moves the log into the file and leaves that one file
-// alone. While readers have it open, the log stays beside it until the next writer.
+// After the last write: moves the log into the file and deletes the log. While
+// readers have the file open, the log stays beside it until the next writer.
 MUST_CHECK enum status database_close_wal(struct database *db);
 
-// Nothing lies beside the file: no log, no journal.
+// There is no log and no journal beside the file.
 bool database_is_single_file(const char *path);
 
-// Moves what the write-ahead log holds into the file itself and syncs both.
-// *left is how many pages had to stay in the log (readers, a writer at work).
+// Moves the write-ahead log's contents into the file and syncs both. *left: pages
+// that had to stay in the log (because of readers or a concurrent writer).
 MUST_CHECK enum status database_checkpoint(struct database *db, int64_t *left);
 
-// SQLite's own check of every page. ERR_CORRUPT with the first complaint.
+// SQLite's own check of every page. ERR_CORRUPT with the first error found.
 MUST_CHECK enum status database_check(struct database *db);
 
 // ---- statements
@@ -61,13 +62,13 @@ void statement_close(struct statement **s); // NULL is fine; sets *s = NULL
 void statement_bind_number(struct statement *s, int position, int64_t value);
 void statement_bind_text(struct statement *s, int position, const char *text);
 void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count); // bytes NULL: NULL
-// OK: a row is there. NOTHING: done. Else an error.
+// OK: a row is available. NOTHING: no more rows. Otherwise an error.
 MUST_CHECK enum status statement_step(struct statement *s);
 void statement_reset(struct statement *s); // ready for new values; all are NULL again
 // Columns count from 0. Borrowed until the next step or reset.
 int64_t statement_number(struct statement *s, int column);
-const char *statement_text(struct statement *s, int column); // "" for NULL or when memory ran out
+const char *statement_text(struct statement *s, int column); // "" for NULL or out of memory
 // NULL for NULL and for a blob of no bytes; *count is then 0.
 const uint8_t *statement_blob(struct statement *s, int column, size_t *count);
-// Steps a statement without answers to its end and resets it.
+// Steps a statement that returns no rows to its end and resets it.
 MUST_CHECK enum status statement_run(struct statement *s);

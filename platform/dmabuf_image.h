@@ -1,7 +1,6 @@
-// A camera's picture lent where it lies: in memory of the camera's driver that a
-// graphics driver may be able to read too (dma-buf), so that nobody has to copy it.
-// The camera does not write into it until it is given back, which any thread may do,
-// also after the camera was closed.
+// A camera image in the camera driver's own memory (dma-buf), which a graphics driver may be able to read without a
+// copy. The camera does not write into it until it is released. Any thread may release it, also after the camera was
+// closed.
 #pragma once
 #include "base/pixels.h"
 
@@ -19,19 +18,19 @@ enum dmabuf_layout {
 };
 
 struct dmabuf_plane {
-    int file;                // dma-buf; the loan's
+    int file;                // descriptor of the dma-buf; owned by the dmabuf_image
     uint32_t offset, stride; // bytes
 };
 
 struct dmabuf_image {
     enum dmabuf_layout layout;
-    int width, height;            // pixels; even where colour is halved
-    struct yuv_encoding encoding; // of YUYV, UYVY, NV12
-    struct dmabuf_plane planes[2];
-    void (*release)(struct dmabuf_image *l); // frees it
+    int width, height;                       // pixels; even where chroma is subsampled
+    struct yuv_encoding encoding;            // of YUYV, UYVY, NV12
+    struct dmabuf_plane planes[2];           // the second for NV12 only
+    void (*release)(struct dmabuf_image *l); // frees it; call dmabuf_image_release()
 };
 
-// NULL is fine; sets *l = NULL. Whoever let a GPU read it waits for that to end first.
+// NULL is fine; sets *l = NULL. Where a GPU reads it, wait for that to end first (gpu_import.h).
 static inline void dmabuf_image_release(struct dmabuf_image **l)
 {
     if (*l)

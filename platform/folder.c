@@ -1,22 +1,21 @@
-// A folder of pictures in the TUM RGB-D layout, as a sensor or a camera.
+// A folder of images in the TUM RGB-D layout, as a sensor or a camera.
 //
-//   rgb.txt, depth.txt   a line for each picture: seconds, blank, path below
-//                        the folder; lines that begin with # say nothing
+//   rgb.txt, depth.txt   a line for each image: seconds, blank, path below the
+//                        folder; lines that begin with # are comments
 //   calibration.json     see calibration.c
 //
-// Colour is JPEG or PNG with 8 bits, depth PNG with 16; depth in another unit
-// than millimetres is converted, rounded to the nearest; what 16 bits of
-// millimetres cannot hold becomes 0, no reading.
+// Colour is JPEG or PNG with 8 bits, depth PNG with 16. Depth in a unit other
+// than millimetres is converted and rounded to the nearest; what 16 bits of
+// millimetres cannot hold becomes 0 (no depth).
 //
 // A camera's frames are those of rgb.txt. A sensor's frames are those of
-// depth.txt; each gets the colour picture nearest in time, if that is at most
+// depth.txt; each gets the colour image nearest in time, if that is at most
 // half a frame away (half the median step of depth.txt) and no other depth
-// picture is nearer to it. A frame's time and name are those of the list that
-// leads.
+// image is nearer to it. A frame's time and name are those of that list.
 //
-// Time must rise. A picture that is not later than the one before it is passed
-// over and counted as dropped; a list whose clock jumps back by more than a
-// second is refused, for nobody knows what it meant.
+// Times must rise. An image that is not later than the one before it is skipped
+// and counted as dropped; a list whose times jump back by more than a second is
+// refused, because the order of its frames is unknown.
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -39,26 +38,26 @@ struct image_list {
     char *text;       // NULL: there is no such list
     struct image_entry *entries;
     int64_t count;
-    int64_t skipped; // pictures whose time did not rise
+    int64_t skipped; // images whose time did not rise
 };
 
 struct folder {
     char *dir;
     struct image_list color, depth;
-    const struct image_list *lead; // the list whose pictures make the frames
-    int64_t *color_of; // for each depth picture the index of its colour picture, -1: none; NULL for a camera
-    bool numbered;     // some name is too long for frame.name: count instead
-    uint16_t *to_mm;   // 65536 millimetres by what the depth picture holds; NULL where they are the same
-    uint8_t *rgb;      // the last frame's colour
-    uint16_t *mm;      // and depth
-    uint8_t *jpeg;     // and coded bytes
-    int64_t at;        // the next frame
+    const struct image_list *lead; // the list that defines the frames
+    int64_t *color_of;             // for each depth image the index of its colour image, -1: none; NULL for a camera
+    bool numbered;                 // a name is too long for frame.name: frames are numbered instead
+    uint16_t *to_mm;               // 65536 values: millimetres by the depth image's units; NULL where they are the same
+    uint8_t *rgb;                  // the last frame's colour
+    uint16_t *mm;                  // and depth
+    uint8_t *jpeg;                 // and its JPEG, or NULL
+    int64_t at;                    // the next frame
     struct source_facts *facts;
 };
 
 // ------------------------------------------------------------- the lists
 
-// Reads decimal seconds at *text without going through floating point; digits
+// Reads decimal seconds at *text, without floating point; digits
 // beyond the nanosecond round to the nearest. False: no such number there, or
 // beyond the range of int64_t nanoseconds.
 static bool read_seconds(const char **text, int64_t *time_ns)
@@ -90,7 +89,7 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     return true;
 }
 
-// Cuts the blanks off both ends of a line, in place.
+// Removes blanks from both ends of a line, in place.
 static char *trim(char *line)
 {
     line += strspn(line, " \t");
@@ -100,8 +99,8 @@ static char *trim(char *line)
     return line;
 }
 
-// Takes one line that holds a picture.
-static enum status take_line(struct image_list *list, const char *dir, const char *line, int number)
+// Adds the image of one line to the list.
+static enum status add_line(struct image_list *list, const char *dir, const char *line, int number)
 {
     int64_t time_ns;
     const char *path = line;
@@ -150,7 +149,7 @@ static enum status read_list(struct image_list *list, const char *dir, const cha
         line = trim(line);
         if (!*line || *line == '#')
             continue;
-        if ((status = take_line(list, dir, line, number)) != OK)
+        if ((status = add_line(list, dir, line, number)) != OK)
             return status;
     }
     if (!list->count)
@@ -166,7 +165,7 @@ static int compare_times(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// The median step between two pictures; 0 for a list of one.
+// The median time between two images; 0 for a list of one.
 static enum status median_step(const struct image_list *list, int64_t *step_ns)
 {
     int64_t count = list->count - 1;
@@ -184,8 +183,8 @@ static enum status median_step(const struct image_list *list, int64_t *step_ns)
     return OK;
 }
 
-// The index of the entry nearest to `time_ns` (the earlier of two), looking
-// from `from` on; times asked for must rise from call to call.
+// The index of the entry nearest to `time_ns` (the earlier of two equally near),
+// searching from `from` on; `time_ns` must rise from call to call.
 static int64_t nearest_entry(const struct image_list *list, int64_t from, int64_t time_ns)
 {
     while (from + 1 < list->count &&
@@ -194,8 +193,8 @@ static int64_t nearest_entry(const struct image_list *list, int64_t from, int64_
     return from;
 }
 
-// Two pictures are a pair when each is the other's nearest and they are at most
-// half a frame apart; so no colour picture is used twice.
+// Two images are a pair when each is the other's nearest and they are at most
+// half a frame apart; so no colour image is used twice.
 static enum status pair_images(struct folder *f)
 {
     int64_t step_ns;
@@ -221,7 +220,7 @@ static enum status pair_images(struct folder *f)
     return OK;
 }
 
-// ------------------------------------------------------------- the pictures
+// ------------------------------------------------------------- the images
 
 static enum status read_bytes(const struct folder *f, const struct image_list *list, const struct image_entry *entry,
                               char path[PATH_BYTES], uint8_t **bytes, size_t *count)
@@ -244,7 +243,7 @@ static enum status check_size(const char *path, int width, int height, const str
                 lens->width, lens->height, what);
 }
 
-// Damage is the picture's, not the program's: one status for all of it.
+// A damaged image is bad input: ERR_CORRUPT becomes ERR_INPUT, and the sentence names the file.
 static enum status damaged(enum status status, const char *path)
 {
     if (status != ERR_CORRUPT)
@@ -253,14 +252,16 @@ static enum status damaged(enum status status, const char *path)
     return strstr(sentence, path) ? fail(ERR_INPUT, "%s", sentence) : fail(ERR_INPUT, "%s: %s", path, sentence);
 }
 
-static enum status read_png(const char *path, const uint8_t *bytes, size_t count, enum png_kind kind,
-                            const struct lens *lens, const char *what, void **pixels)
+// Colour as 8-bit RGB, depth as 16 bit.
+static enum status read_png(const struct folder *f, bool color, const char *path, const uint8_t *bytes, size_t count,
+                            void **pixels)
 {
-    int width, height;
-    enum status status = damaged(png_decode(bytes, count, path, kind, pixels, &width, &height), path);
+    const struct calibration *c = &f->facts->calibration;
+    struct png_layout layout = {.kind = color ? PNG_RGB8 : PNG_GRAY16};
+    enum status status = damaged(png_decode(bytes, count, path, &layout, pixels), path);
     if (status != OK)
         return status;
-    status = check_size(path, width, height, lens, what);
+    status = check_size(path, layout.width, layout.height, color ? &c->color : &c->depth, color ? "color" : "depth");
     if (status != OK)
         free(*pixels);
     return status;
@@ -290,7 +291,7 @@ static enum status read_color(struct folder *f, const struct image_entry *entry,
         }
     } else {
         void *pixels;
-        status = read_png(path, bytes, count, PNG_RGB8, lens, "color", &pixels);
+        status = read_png(f, true, path, bytes, count, &pixels);
         if (status == OK) {
             memcpy(f->rgb, pixels, (size_t)lens->width * (size_t)lens->height * 3);
             free(pixels);
@@ -311,7 +312,7 @@ static enum status read_depth(struct folder *f, const struct image_entry *entry,
     if (status != OK)
         return status;
     void *pixels;
-    status = read_png(path, bytes, count, PNG_GRAY16, lens, "depth", &pixels);
+    status = read_png(f, false, path, bytes, count, &pixels);
     free(bytes);
     if (status != OK)
         return status;
@@ -327,8 +328,8 @@ static enum status read_depth(struct folder *f, const struct image_entry *entry,
     return OK;
 }
 
-// A folder of the wrong size is refused at once, by its first picture. What
-// else may ail that picture is said when its turn comes.
+// Refuses a folder of the wrong image size on opening, by its first image. Other
+// faults of that image are reported when it is read.
 static enum status check_first(struct folder *f, const struct image_list *list, const struct lens *lens,
                                const char *what)
 {
@@ -354,7 +355,7 @@ static enum status check_first(struct folder *f, const struct image_list *list, 
 
 // ------------------------------------------------------------- names
 
-// The file's name without folder and ending; its length in *length.
+// The file's name without folder and extension; its length in *length.
 static const char *stem_of(const char *path, size_t *length)
 {
     const char *slash = strrchr(path, '/');
@@ -375,7 +376,7 @@ static bool names_fit(const struct image_list *list)
     return true;
 }
 
-// ------------------------------------------------------------- the kind
+// ------------------------------------------------------------- the source kind
 
 static void folder_close(void *self)
 {
@@ -415,7 +416,7 @@ static enum status read_lists(struct folder *f, enum source_wanted wanted)
     return status;
 }
 
-// Leaves in the calibration only the pictures that come; each that comes must be in it.
+// Removes the lenses of images that the folder does not have. ERR_INPUT: the lens of images that it has is missing.
 static enum status match_calibration(const struct folder *f, struct calibration *c)
 {
     if (f->color.count && !c->color.width)

@@ -35,7 +35,7 @@ enum status gpu_check(struct gpu *g)
     GLenum first = glGetError();
     if (first == GL_NO_ERROR)
         return OK;
-    for (int i = 0; i < 16 && glGetError() != GL_NO_ERROR; i++) // a lost context may never run dry
+    for (int i = 0; i < 16 && glGetError() != GL_NO_ERROR; i++) // bounded: a lost context may report errors for ever
         ;
     return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", g->renderer, error_name(first));
 }
@@ -86,7 +86,7 @@ static enum status make_context(struct gpu *g)
     EGLint count = 0;
     if (!eglChooseConfig(g->display, wanted, &config, 1, &count) || count < 1)
         return fail(ERR_DEVICE, "the graphics driver has no OpenGL ES 3");
-    // With robustness the driver tells of a reset instead of leaving it to guessing.
+    // With robustness the driver reports a reset of the GPU.
     const EGLint robust[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY_EXT,
                              EGL_LOSE_CONTEXT_ON_RESET_EXT, EGL_NONE};
     const EGLint plain[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_NONE};
@@ -120,7 +120,7 @@ static enum status query_limits(struct gpu *g)
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
     else if (gpu_has_extension(extensions, "GL_EXT_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
-    // Rows without padding everywhere; pixel for pixel the same on every driver.
+    // Rows without padding; no dithering, so that drivers give the same pixels.
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
     glDisable(GL_DITHER);
@@ -158,7 +158,7 @@ void gpu_close(struct gpu **g)
 {
     if (!*g)
         return;
-    // The display is the process's and may serve another context: it stays.
+    // The display is shared within the process and may serve another context: it is not terminated.
     if (!(*g)->adopted && (*g)->context != EGL_NO_CONTEXT) {
         eglMakeCurrent((*g)->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
         eglDestroyContext((*g)->display, (*g)->context);
@@ -179,7 +179,7 @@ void gpu_count_made(struct gpu *g, size_t bytes)
 
 // ---------------------------------------------------------------- programs
 
-// word: #defined after the first line; NULL.
+// word: #defined after the first line; may be NULL.
 static enum status compile(GLuint *out, GLenum kind, const char *text, const char *word, const char *name)
 {
     GLuint shader = glCreateShader(kind);
@@ -251,7 +251,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
         status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
     if (status == OK)
         status = link_program(p, vertex, fragment, text->name);
-    glDeleteShader(vertex); // 0 is ignored; attached ones live on with the program
+    glDeleteShader(vertex); // 0 is ignored; attached shaders are freed with the program
     glDeleteShader(fragment);
     if (status == OK)
         status = find_inputs(p, text);
@@ -299,7 +299,7 @@ static GLenum layout_of(const struct gpu_texture *t)
 
 enum status gpu_fail_too_large(const struct gpu *g, int width, int height)
 {
-    return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes", width,
+    return fail(ERR_DEVICE, "an image of %d x %d pixels is larger than the %d this graphics driver (%s) takes", width,
                 height, g->max_size, g->renderer);
 }
 
@@ -319,17 +319,17 @@ enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, cons
     return gpu_check(t->g);
 }
 
-enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
-                             enum gpu_filter filter, const uint8_t *pixels)
+enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, const struct gpu_texture_layout *layout,
+                             const uint8_t *pixels)
 {
-    assert(width > 0 && height > 0);
+    assert(layout->width > 0 && layout->height > 0);
     *out = NULL;
     gpu_make_current(g);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
-    *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height};
-    enum status status = gpu_make_texture(t, filter, pixels);
+    *t = (struct gpu_texture){.g = g, .format = layout->format, .width = layout->width, .height = layout->height};
+    enum status status = gpu_make_texture(t, layout->filter, pixels);
     gpu_count_made(g, texture_bytes(t));
     g->counts.uploads += pixels != NULL;
     if (status != OK) {
@@ -366,9 +366,9 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 
 // ---------------------------------------------------------------- meshes
 
-enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components, int vertex_count,
-                          const uint16_t *indices, int index_count)
+enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data)
 {
+    const int components = data->components, vertex_count = data->vertex_count, index_count = data->index_count;
     assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
            vertex_count <= 65536 && index_count > 0);
     *out = NULL;
@@ -381,15 +381,16 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
                            .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
                                     sizeof(uint16_t) * (size_t)index_count};
     gpu_count_made(g, m->bytes);
-    g->counts.uploads += vertices != NULL;
+    g->counts.uploads += data->vertices != NULL;
     glGenVertexArrays(1, &m->array);
     glGenBuffers(1, &m->vertices);
     glGenBuffers(1, &m->indices);
     glBindVertexArray(m->array);
     glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
-    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, vertices, GL_STATIC_DRAW);
+    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, data->vertices,
+                 GL_STATIC_DRAW);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
-    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, indices, GL_STATIC_DRAW);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, data->indices, GL_STATIC_DRAW);
     for (int at = 0; at < components; at += 4) {
         int size = components - at < 4 ? components - at : 4;
         glEnableVertexAttribArray((GLuint)at / 4);
@@ -418,7 +419,7 @@ void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indic
 {
     gpu_make_current(m->g);
     m->g->counts.uploads++;
-    glBindVertexArray(m->array); // whose part the binding is
+    glBindVertexArray(m->array); // the index buffer's binding belongs to it
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
     glBufferSubData(GL_ELEMENT_ARRAY_BUFFER, (GLintptr)sizeof(uint16_t) * first, (GLsizeiptr)sizeof(uint16_t) * count,
                     indices);
@@ -436,66 +437,4 @@ void gpu_mesh_close(struct gpu_mesh **m)
     glDeleteBuffers(1, &(*m)->indices);
     free(*m);
     *m = NULL;
-}
-
-// ---------------------------------------------------------------- drawing
-
-static int least(int a, int b) { return a < b ? a : b; }
-static int most(int a, int b) { return a > b ? a : b; }
-
-// Lets a job draw within its box only.
-static void set_scissor(struct gpu_target *t, const struct gpu_box *box)
-{
-    if (!box->width) {
-        gpu_target_mark_drawn(t);
-        return;
-    }
-    const int left = most(box->left, 0), right = most(left, least(box->left + box->width, t->width));
-    const int top = most(box->top, 0), bottom = most(top, least(box->top + box->height, t->height));
-    const bool fresh = t->right <= t->left;
-    t->left = fresh ? left : least(t->left, left);
-    t->top = fresh ? top : least(t->top, top);
-    t->right = most(t->right, right);
-    t->bottom = most(t->bottom, bottom);
-    glEnable(GL_SCISSOR_TEST);
-    glScissor(left, top, right - left, bottom - top);
-}
-
-void gpu_draw(const struct gpu_job *job)
-{
-    gpu_make_current(job->target->g);
-    job->target->g->counts.draws++;
-    assert(!job->depth_test || job->target->kind != GPU_TARGET_COLOR);
-    glBindFramebuffer(GL_FRAMEBUFFER, job->target->framebuffer);
-    glViewport(0, 0, job->target->width, job->target->height);
-    set_scissor(job->target, &job->within);
-    glFrontFace(GL_CW); // a picture's top row comes first, which turns triangles over
-    if (job->closed)
-        glEnable(GL_CULL_FACE);
-    else
-        glDisable(GL_CULL_FACE);
-    if (job->blend) {
-        glEnable(GL_BLEND);
-        glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
-    } else {
-        glDisable(GL_BLEND);
-    }
-    if (job->depth_test) {
-        glEnable(GL_DEPTH_TEST);
-        glDepthFunc(GL_LESS);
-        glDepthMask(!job->no_depth_write);
-    } else {
-        glDisable(GL_DEPTH_TEST);
-    }
-    glUseProgram(job->program->id);
-    for (int i = 0; i < job->program->sampler_count; i++) {
-        glActiveTexture(GL_TEXTURE0 + (GLenum)i);
-        glBindTexture(GL_TEXTURE_2D, job->textures[i]->id);
-    }
-    glActiveTexture(GL_TEXTURE0);
-    glBindVertexArray(job->mesh->array);
-    glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
-                   (const void *)(sizeof(uint16_t) * (size_t)job->first));
-    glBindVertexArray(0);
-    glDisable(GL_SCISSOR_TEST);
 }

@@ -7,9 +7,20 @@ struct gpu_draw2d {
     struct gpu *g;
     struct gpu_program *program;
     GLuint array, vertices, indices, sampler;
-    struct gpu_draw2d_view view; // of the picture being drawn
-    float map[8];                // of it, as the shader has it
+    struct gpu_draw2d_view view; // of the current begin .. end
+    float map[8];                // the uniform, as last set
 };
+
+// ES 3.0 cannot add a base vertex to the indices: the attributes' offsets move instead.
+static void set_base_vertex(int first_vertex)
+{
+    const GLsizei stride = sizeof(struct gpu_draw2d_vertex);
+    const size_t base = (size_t)first_vertex * sizeof(struct gpu_draw2d_vertex);
+    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (void *)(base + offsetof(struct gpu_draw2d_vertex, x)));
+    glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (void *)(base + offsetof(struct gpu_draw2d_vertex, u)));
+    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+                          (void *)(base + offsetof(struct gpu_draw2d_vertex, rgba)));
+}
 
 enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct gpu_draw2d_shaders *texts)
 {
@@ -37,11 +48,7 @@ enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct
     glBindVertexArray(f->array);
     glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, f->indices);
-    const GLsizei stride = sizeof(struct gpu_draw2d_vertex);
-    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_draw2d_vertex, x));
-    glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_draw2d_vertex, u));
-    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                          (const void *)offsetof(struct gpu_draw2d_vertex, rgba));
+    set_base_vertex(0);
     for (GLuint i = 0; i < 3; i++)
         glEnableVertexAttribArray(i);
     glBindVertexArray(0);
@@ -73,9 +80,9 @@ void gpu_draw2d_close(struct gpu_draw2d **out)
     *out = NULL;
 }
 
-// ---------------------------------------------------------------- turning
+// ---------------------------------------------------------------- rotation
 
-// Where the upright pixel (x, y) lies on the glass, whose first row is the top one.
+// From a pixel of the upright image to a pixel of the output, both from the top left.
 static void rotate_point(const struct gpu_draw2d_view *v, float x, float y, float *right, float *down)
 {
     float w = (float)v->width, h = (float)v->height;
@@ -94,12 +101,13 @@ static void output_size(const struct gpu_draw2d_view *v, int *width, int *height
     *height = across ? v->width : v->height;
 }
 
-// From upright pixels to clip space. A target's first row is its bottom to OpenGL, the window's is its top.
+// From upright pixels to clip space. The image's first row is the lowest row of a target in OpenGL's terms, and the
+// highest of the window.
 static void set_map(struct gpu_draw2d *f)
 {
     int width, height;
     float origin[2], along_x[2], along_y[2];
-    f->map[3] = f->map[7] = 0; // nothing can be drawn so: set_map_for
+    f->map[3] = f->map[7] = 0; // the texture's share: invalid until set_map_for()
     output_size(&f->view, &width, &height);
     rotate_point(&f->view, 0, 0, &origin[0], &origin[1]);
     rotate_point(&f->view, 1, 0, &along_x[0], &along_x[1]);
@@ -113,7 +121,7 @@ static void set_map(struct gpu_draw2d *f)
     }
 }
 
-// The last of either row is how much of the texture is used.
+// Sets the last entry of each row, the share of the texture in use.
 static void set_map_for(struct gpu_draw2d *f, const struct gpu_texture *t)
 {
     const float across = t->used_width ? (float)t->used_width / (float)t->width : 1;
@@ -125,13 +133,13 @@ static void set_map_for(struct gpu_draw2d *f, const struct gpu_texture *t)
     gpu_program_set(f->program, 0, f->map, 2);
 }
 
-static void set_clip(const struct gpu_draw2d *f, const struct gpu_draw2d_batch *run)
+static void set_clip(const struct gpu_draw2d *f, const struct gpu_draw2d_batch *batch)
 {
     int width, height;
     float x0, y0, x1, y1;
     output_size(&f->view, &width, &height);
-    rotate_point(&f->view, run->left, run->top, &x0, &y0);
-    rotate_point(&f->view, run->right, run->bottom, &x1, &y1);
+    rotate_point(&f->view, batch->left, batch->top, &x0, &y0);
+    rotate_point(&f->view, batch->right, batch->bottom, &x1, &y1);
     GLint left = (GLint)(x0 < x1 ? x0 : x1), right = (GLint)(x0 < x1 ? x1 : x0);
     GLint top = (GLint)(y0 < y1 ? y0 : y1), bottom = (GLint)(y0 < y1 ? y1 : y0);
     glScissor(left, f->view.target ? top : height - bottom, right - left, bottom - top);
@@ -157,8 +165,7 @@ void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view)
     set_map(f);
 }
 
-void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_vertex *vertices, int vertex_count,
-                     const uint16_t *indices, int index_count, const struct gpu_draw2d_batch *runs, int run_count)
+void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_list *list)
 {
     glDisable(GL_CULL_FACE);
     glDisable(GL_DEPTH_TEST);
@@ -170,26 +177,22 @@ void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_vertex *verti
     glBindSampler(0, f->sampler);
     glBindVertexArray(f->array);
     glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
-    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof *vertices * vertex_count, vertices, GL_STREAM_DRAW);
-    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof *indices * index_count, indices, GL_STREAM_DRAW);
+    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof *list->vertices * list->vertex_count, list->vertices,
+                 GL_STREAM_DRAW);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof *list->indices * list->index_count, list->indices,
+                 GL_STREAM_DRAW);
     int first_vertex = -1;
-    for (int i = 0; i < run_count; i++) {
-        if (runs[i].right <= runs[i].left || runs[i].bottom <= runs[i].top)
+    for (int i = 0; i < list->batch_count; i++) {
+        const struct gpu_draw2d_batch *batch = &list->batches[i];
+        if (batch->right <= batch->left || batch->bottom <= batch->top)
             continue;
-        if (runs[i].first_vertex != first_vertex) { // ES 3.0 has no base vertex; moving the pointers is as good
-            first_vertex = runs[i].first_vertex;
-            const GLsizei stride = sizeof *vertices;
-            const char *base = (const char *)((size_t)first_vertex * sizeof *vertices);
-            glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_draw2d_vertex, x));
-            glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_draw2d_vertex, u));
-            glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                                  base + offsetof(struct gpu_draw2d_vertex, rgba));
-        }
-        set_clip(f, &runs[i]);
-        set_map_for(f, runs[i].texture);
-        glBindTexture(GL_TEXTURE_2D, runs[i].texture->id);
-        glDrawElements(GL_TRIANGLES, runs[i].index_count, GL_UNSIGNED_SHORT,
-                       (const void *)((size_t)runs[i].first_index * sizeof *indices));
+        if (batch->first_vertex != first_vertex)
+            set_base_vertex(first_vertex = batch->first_vertex);
+        set_clip(f, batch);
+        set_map_for(f, batch->texture);
+        glBindTexture(GL_TEXTURE_2D, batch->texture->id);
+        glDrawElements(GL_TRIANGLES, batch->index_count, GL_UNSIGNED_SHORT,
+                       (const void *)((size_t)batch->first_index * sizeof *list->indices));
     }
     glBindVertexArray(0);
     glBindSampler(0, 0);

@@ -1,6 +1,6 @@
-// Flat coloured triangles with a texture, drawn over a target or over the window
-// whose context is current: what controls are made of. Pixels, top left first.
-// Threads and errors as in gpu.h.
+// Coloured, textured triangles in two dimensions, for controls: drawn into a target or into the window whose context is
+// current. Coordinates are pixels of the upright image, x right, y down, (0, 0) at its top left corner. Threads, errors
+// and the state after them as in gpu.h.
 #pragma once
 #include "platform/gpu.h"
 
@@ -10,21 +10,22 @@ extern "C" {
 
 struct gpu_draw2d;
 
-// The shaders: vec2 position at location 0, vec2 uv at 1, vec4 color at 2; one
-// uniform vec4 map[2], the rows of the affine map from pixels to clip space, and last
-// in either what share of the texture uv spans; one sampler, picture. Colours are written with alpha multiplied in.
+// The shaders. Inputs: vec2 position at location 0, vec2 uv at 1, vec4 color at 2. Uniform vec4 map[2]: x, y, z of each
+// are a row of the affine map from pixels to clip space; w is the share of the texture that uv 0..1 spans, along u and
+// along v. One sampler, `picture`. They write premultiplied colours.
 struct gpu_draw2d_shaders {
     const char *vertex, *fragment;
 };
+// ERR_MEMORY; ERR_DEVICE as gpu_program_open.
 MUST_CHECK enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct gpu_draw2d_shaders *texts);
-void gpu_draw2d_close(struct gpu_draw2d **f);
+void gpu_draw2d_close(struct gpu_draw2d **f); // NULL is fine
 
 struct gpu_draw2d_vertex {
     float x, y, u, v;
     uint8_t rgba[4];
 };
 
-// A run of triangles with one texture, clipped to a box.
+// Triangles with one texture, clipped to a box.
 struct gpu_draw2d_batch {
     const struct gpu_texture *texture;
     float left, top, right, bottom; // pixels
@@ -32,18 +33,24 @@ struct gpu_draw2d_batch {
     int first_index, index_count;
 };
 
-struct gpu_draw2d_view {
-    struct gpu_target *target; // NULL: the window
-    int width, height;         // of the picture, upright, pixels
-    int quarter_turns;         // 0..3: how often the picture is turned clockwise on its way to the window
-    const float *clear;        // NULL: drawn over what is there; else red, green, blue
+struct gpu_draw2d_list {
+    const struct gpu_draw2d_vertex *vertices;
+    const uint16_t *indices;
+    const struct gpu_draw2d_batch *batches; // drawn in this order
+    int vertex_count, index_count, batch_count;
 };
 
+struct gpu_draw2d_view {
+    struct gpu_target *target; // NULL: the window
+    int width, height;         // of the upright image, pixels
+    int quarter_turns;         // 0..3: rotation of the image, clockwise, on its way to the window
+    const float *clear;        // red, green, blue; NULL: draw over what is there
+};
+
+// begin, any number of draws, end; without another job on the same context in between. The lists are copied.
 void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view);
-// Valid between begin and the next job on the same context.
-void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_vertex *vertices, int vertex_count,
-                     const uint16_t *indices, int index_count, const struct gpu_draw2d_batch *runs, int run_count);
-MUST_CHECK enum status gpu_draw2d_end(struct gpu_draw2d *f);
+void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_list *list);
+MUST_CHECK enum status gpu_draw2d_end(struct gpu_draw2d *f); // ERR_DEVICE as gpu_check
 
 #ifdef __cplusplus
 }

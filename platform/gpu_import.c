@@ -7,7 +7,7 @@
 
 #include <stdlib.h>
 
-// As drm_fourcc.h makes them; the letters tell the parts from the word's top.
+// As in drm_fourcc.h: the letters name the channels from the most significant byte of a little-endian word.
 #define FOURCC(a, b, c, d) ((EGLint)(a) | (EGLint)(b) << 8 | (EGLint)(c) << 16 | (EGLint)(d) << 24)
 
 static EGLint drm_format(enum gpu_format format)
@@ -42,7 +42,7 @@ bool gpu_can_import(struct gpu *g)
         !gpu_has_extension(extensions, "EGL_KHR_image_base") ||
         !gpu_has_extension((const char *)glGetString(GL_EXTENSIONS), "GL_OES_EGL_image"))
         return false;
-    // A driver that cannot list its formats may have them all the same.
+    // A driver that cannot list its formats may support them nevertheless.
     return !gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import_modifiers") ||
            (lists_format(display, drm_format(GPU_R8)) && lists_format(display, drm_format(GPU_RG8)) &&
             lists_format(display, drm_format(GPU_RGBA8)));
@@ -55,7 +55,7 @@ static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const s
     PFNGLEGLIMAGETARGETTEXTURE2DOESPROC use =
         (PFNGLEGLIMAGETARGETTEXTURE2DOESPROC)eglGetProcAddress("glEGLImageTargetTexture2DOES");
     if (!create || !destroy || !use)
-        return fail(ERR_DEVICE, "the graphics driver (%s) reads no other memory", t->g->renderer);
+        return fail(ERR_DEVICE, "the graphics driver (%s) cannot import memory", t->g->renderer);
     const EGLint what[] = {EGL_WIDTH,
                            t->width,
                            EGL_HEIGHT,
@@ -75,7 +75,7 @@ static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const s
                     eglGetError());
     glBindTexture(GL_TEXTURE_2D, t->id);
     use(GL_TEXTURE_2D, image);
-    destroy(display, image); // the texture keeps what it needs
+    destroy(display, image); // the texture keeps its own reference
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     return gpu_check(t->g);
@@ -86,7 +86,7 @@ enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu
 {
     assert(width > 0 && height > 0 && drm_format(format));
     *out = NULL;
-    enum status status = gpu_check(g); // what went wrong before is not the memory's fault
+    enum status status = gpu_check(g); // report earlier errors separately
     if (status != OK)
         return status;
     struct gpu_texture *t = calloc(1, sizeof *t);
@@ -130,8 +130,8 @@ enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
 bool gpu_fence_passed(struct gpu_fence *f, bool wait)
 {
     gpu_make_current(f->g);
-    GLenum said = glClientWaitSync(f->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
-    return said != GL_TIMEOUT_EXPIRED;
+    GLenum result = glClientWaitSync(f->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
+    return result != GL_TIMEOUT_EXPIRED;
 }
 
 void gpu_fence_close(struct gpu_fence **f)

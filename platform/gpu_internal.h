@@ -1,5 +1,5 @@
-// What gpu.c, gpu_target.c, gpu_draw2d.c and gpu_import.c share: the objects behind gpu.h. For those
-// alone; names are OpenGL's.
+// The objects behind gpu.h, shared by gpu.c, gpu_target.c, gpu_draw.c, gpu_draw2d.c and gpu_import.c only. Names are
+// OpenGL's.
 #pragma once
 #include "platform/gpu.h"
 
@@ -12,10 +12,10 @@ typedef unsigned gpu_reset_status(void);
 struct gpu {
     void *display, *context; // EGL's
     bool adopted;
-    bool software_renderer; // no graphics chip draws, but the processor
+    bool software_renderer; // drawn by the processor (Mesa's llvmpipe or softpipe)
     char renderer[128];
     int max_size;
-    gpu_reset_status *reset_status; // NULL: the driver cannot say
+    gpu_reset_status *reset_status; // NULL: the driver cannot report a reset
     struct gpu_counts counts;
 };
 
@@ -31,8 +31,8 @@ struct gpu_texture {
     unsigned id;
     enum gpu_format format;
     int width, height;
-    int used_width, used_height; // of a target's, which may be used in part; else 0: all of it
-    bool borrowed;               // somebody else's memory
+    int used_width, used_height; // of a target's texture, which may be used in part; 0: all of it
+    bool borrowed;               // imported memory, not counted in bytes_held
 };
 
 struct gpu_mesh {
@@ -47,26 +47,26 @@ enum gpu_target_kind { GPU_TARGET_COLOR_DEPTH, GPU_TARGET_COLOR, GPU_TARGET_DEPT
 struct gpu_target {
     struct gpu *g;
     enum gpu_target_kind kind;
-    int width, height; // as it is used; its texture keeps what it was opened for
+    int width, height; // in use; the texture keeps the size it was opened with
     size_t bytes;
-    unsigned framebuffer, depth; // framebuffer around `texture`, and its renderbuffer, of a whole one
+    unsigned framebuffer, depth; // `depth`: renderbuffer of GPU_TARGET_COLOR_DEPTH, otherwise 0
     struct gpu_texture texture;
-    int left, top, right, bottom; // where something was drawn since it was cleared; right <= left: nowhere
+    int left, top, right, bottom; // bounds of what was drawn since the last clear; right <= left: nothing
 };
 
 void gpu_count_made(struct gpu *g, size_t bytes);
 
-// Of a size that this driver does not take: the sentence, ERR_DEVICE.
+// ERR_DEVICE with the sentence for a size beyond the driver's limit.
 MUST_CHECK enum status gpu_fail_too_large(const struct gpu *g, int width, int height);
 
-// The texture of that format and size itself. ERR_DEVICE.
+// Creates the OpenGL texture for the format and size in *t. ERR_DEVICE; *t then still has to be closed.
 MUST_CHECK enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels);
 
-// All of the target may have been drawn into.
+// Marks all of the target as drawn into, for the next clear.
 void gpu_target_mark_drawn(struct gpu_target *t);
 
-// Makes the gpu's context current, unless it is or is somebody else's to keep so.
+// Makes the gpu's context current, unless it is already, or was adopted: then its owner keeps it current.
 void gpu_make_current(const struct gpu *g);
 
-// Is the word in a list of words with blanks between them? A list that is NULL has none.
+// Whether the blank-separated list contains the word; false for NULL.
 bool gpu_has_extension(const char *list, const char *word);

@@ -1,8 +1,9 @@
+// Render targets of gpu.h: framebuffers with their textures.
 #include "platform/gpu_internal.h"
 
 #include <stdlib.h>
 
-// Its texture, bound to the framebuffer that is current.
+// The depth texture, attached to the framebuffer that is bound.
 static enum status make_depth_texture(struct gpu_target *t)
 {
     if (t->width > t->g->max_size || t->height > t->g->max_size)
@@ -46,7 +47,7 @@ static enum status make_target(struct gpu_target *t)
     }
     status = gpu_check(t->g);
     if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into a picture of %d x %d pixels",
+        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into an image of %d x %d pixels",
                       t->g->renderer, t->width, t->height);
     return status;
 }
@@ -113,11 +114,11 @@ void gpu_target_mark_drawn(struct gpu_target *t)
     t->right = t->width, t->bottom = t->height;
 }
 
-// Graphics chips clear everything at once and need not read what was there then. A processor clears pixel by pixel:
-// only where something was drawn.
+// A GPU clears a whole target at no cost per pixel, and then need not load its old contents. A software renderer clears
+// pixel by pixel: only the area that was drawn into.
 void gpu_target_clear(struct gpu_target *t)
 {
-    bool nowhere = t->right <= t->left || t->bottom <= t->top;
+    bool is_clear = t->right <= t->left || t->bottom <= t->top;
     gpu_make_current(t->g);
     glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
     glClearColor(0, 0, 0, 0);
@@ -127,7 +128,7 @@ void gpu_target_clear(struct gpu_target *t)
         glEnable(GL_SCISSOR_TEST);
         glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
     }
-    if (!nowhere || !t->g->software_renderer)
+    if (!is_clear || !t->g->software_renderer)
         glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     glDisable(GL_SCISSOR_TEST);
     t->left = t->top = t->right = t->bottom = 0;
@@ -138,7 +139,7 @@ void gpu_target_resize(struct gpu_target *t, int width, int height)
     assert(width > 0 && height > 0 && width <= t->texture.width && height <= t->texture.height);
     if (width == t->width && height == t->height)
         return;
-    gpu_target_clear(t); // what was drawn before may reach farther
+    gpu_target_clear(t); // the old size may reach beyond the new one
     t->width = t->texture.used_width = width;
     t->height = t->texture.used_height = height;
 }

@@ -10,17 +10,17 @@ namespace
 {
 
 constexpr int CELL_PX = 40;   // the image is divided into cells of about this size
-constexpr int EDGE_PX = 19;   // nearer to the edge there is no whole descriptor
-constexpr int FAST_STEP = 10; // grey levels by which a corner stands out
-// Smaller copies of the image, each so many times smaller than the last.
+constexpr int EDGE_PX = 19;   // margin without features: a descriptor there would reach over the edge
+constexpr int FAST_STEP = 10; // FAST's threshold, grey levels
+// The pyramid: the ratio of two levels and their number.
 constexpr float STEP = 1.2f;
 constexpr int LEVELS = 6;
-// The same in a part of a image: every second copy, which takes less than half of the time and still
-// shows what another copy showed.
+// The same for a region: every second level, in less than half the time; each level still coincides with one of the
+// full pyramid.
 constexpr float COARSE_STEP = 1.44f;
 constexpr int COARSE_LEVELS = 3;
-constexpr int SLOPE_REACH = 3;       // samples to each side of a feature, of its copy's pixels
-constexpr float SLOPE_SPREAD = 2.0f; // of their weights, standard deviation
+constexpr int SLOPE_REACH = 3;       // samples of the structure tensor to each side, pixels of the level
+constexpr float SLOPE_SPREAD = 2.0f; // standard deviation of their Gaussian weights, pixels of the level
 
 bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
 {
@@ -31,14 +31,14 @@ bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
     return a.pt.x != b.pt.x ? a.pt.x < b.pt.x : a.octave < b.octave;
 }
 
-// The best few of each cell, so that one poster does not take all.
+// The strongest of each cell, so that one highly textured object does not take all.
 std::vector<cv::KeyPoint> spread_over_cells(std::vector<cv::KeyPoint> &all, int width, int height, int capacity)
 {
     int across = std::max(1, width / CELL_PX), down = std::max(1, height / CELL_PX);
     std::vector<int> taken((size_t)(across * down), 0);
     std::vector<cv::KeyPoint> kept;
     std::sort(all.begin(), all.end(), better);
-    int each = std::max(1, 2 * capacity / (across * down)); // half of the cells are walls
+    int each = std::max(1, 2 * capacity / (across * down)); // 2: about half of the cells have no texture
     for (const cv::KeyPoint &k : all) {
         int cx = std::min(across - 1, (int)(k.pt.x * (float)across / (float)width));
         int cy = std::min(down - 1, (int)(k.pt.y * (float)down / (float)height));
@@ -69,7 +69,7 @@ struct slope_weights {
 void structure_tensor(const cv::Mat &image, const cv::KeyPoint &k, float scale, float out[3])
 {
     static const slope_weights weights;
-    int step = std::max(1, (int)std::lround(scale)); // the difference is taken over two of them
+    int step = std::max(1, (int)std::lround(scale)); // the central difference spans two of them
     std::fill(out, out + 3, 0.0f);
     for (int j = -SLOPE_REACH; j <= SLOPE_REACH; j++) {
         int y = std::clamp((int)std::lround(k.pt.y + (float)j * scale), step, image.rows - 1 - step);
@@ -85,22 +85,34 @@ void structure_tensor(const cv::Mat &image, const cv::KeyPoint &k, float scale, 
     }
 }
 
-// OpenCV multiplies a pixel of a copy with its scale. But the copy's first pixel is the mean of several, and the copy
-// is a whole number of pixels wide.
+// OpenCV multiplies a level's pixel coordinate by its scale. This corrects for the level's first pixel being the mean
+// of several (centres, not corners) and for its width being rounded to whole pixels.
 double full_image_coordinate(float at, float scale, int length)
 {
-    double copy = std::lround((float)length * (1 / scale));
-    return ((double)(at / scale) + 0.5) * length / copy - 0.5;
+    double level = std::lround((float)length * (1 / scale));
+    return ((double)(at / scale) + 0.5) * length / level - 0.5;
 }
 
-void write_features(const cv::Mat &image, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
-                    int left, int top, struct feature *out, int capacity, int *count)
+struct feature_list {
+    struct feature *out;
+    int capacity;
+    int *count;
+};
+
+// left, top: of `image` in the whole image.
+struct pyramid {
+    float step;
+    int left, top;
+};
+
+void write_features(const cv::Mat &image, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors,
+                    const pyramid &of, const feature_list &list)
 {
-    for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
-        struct feature &f = out[(*count)++];
-        f.scale = std::pow(step, (float)kept[i].octave);
-        f.at = {(double)left + full_image_coordinate(kept[i].pt.x, f.scale, image.cols),
-                (double)top + full_image_coordinate(kept[i].pt.y, f.scale, image.rows)};
+    for (size_t i = 0; i < kept.size() && *list.count < list.capacity; i++) {
+        struct feature &f = list.out[(*list.count)++];
+        f.scale = std::pow(of.step, (float)kept[i].octave);
+        f.at = {(double)of.left + full_image_coordinate(kept[i].pt.x, f.scale, image.cols),
+                (double)of.top + full_image_coordinate(kept[i].pt.y, f.scale, image.rows)};
         structure_tensor(image, kept[i], f.scale, f.slope);
         std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
     }
@@ -111,9 +123,9 @@ enum status fail_current_exception()
     try {
         throw;
     } catch (const std::bad_alloc &) {
-        return fail(ERR_MEMORY, "no memory to look for features");
+        return fail(ERR_MEMORY, "no memory to detect features");
     } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "looking for features failed: %s", e.what());
+        return fail(ERR_SOLVER, "the detection of features failed: %s", e.what());
     }
 }
 
@@ -132,26 +144,27 @@ enum status features_detect(const uint8_t *gray, int width, int height, struct f
         std::vector<cv::KeyPoint> kept = spread_over_cells(all, width, height, capacity);
         cv::Mat descriptors;
         orb->compute(image, kept, descriptors);
-        write_features(image, kept, descriptors, STEP, 0, 0, out, capacity, count);
+        write_features(image, kept, descriptors, {STEP, 0, 0}, {out, capacity, count});
         return OK;
     } catch (...) {
         return fail_current_exception();
     }
 }
 
-enum status features_detect_region(const uint8_t *gray, int stride, int left, int top, int width, int height,
+enum status features_detect_region(const uint8_t *gray, int stride, const struct image_region *region,
                                    struct feature *out, int capacity, int *count)
 {
+    const int width = region->width, height = region->height;
     *count = 0;
     if (width < 4 * EDGE_PX || height < 4 * EDGE_PX || capacity <= 0)
         return OK;
     try {
-        const uint8_t *first = gray + (size_t)top * (size_t)stride + (size_t)left;
+        const uint8_t *first = gray + (size_t)region->top * (size_t)stride + (size_t)region->left;
         const cv::Mat image(height, width, CV_8UC1, const_cast<uint8_t *>(first), (size_t)stride);
         std::vector<cv::KeyPoint> kept;
         cv::Mat descriptors;
         make_orb(capacity, COARSE_STEP, COARSE_LEVELS)->detectAndCompute(image, cv::noArray(), kept, descriptors);
-        write_features(image, kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
+        write_features(image, kept, descriptors, {COARSE_STEP, region->left, region->top}, {out, capacity, count});
         return OK;
     } catch (...) {
         return fail_current_exception();

@@ -1,5 +1,5 @@
-// Natural features of a picture: FAST corners with ORB descriptors (OpenCV),
-// spread over the whole picture. Deterministic.
+// Features of a grey image: FAST corners with ORB descriptors (Rublee et al. 2011; OpenCV), spread over the image.
+// Deterministic. Pure; any thread may call.
 #pragma once
 #include "base/lens.h"
 
@@ -9,26 +9,29 @@ extern "C" {
 
 struct feature {
     struct pixel at; // centre of the top-left pixel is (0, 0)
-    float scale;     // 1 at full size, 1.2, 1.44 ... in smaller copies of the picture
-    // How brightness slopes around it, as coarse as the copy: mean of the slope's xx, xy, yy. Along an edge it does
-    // not, and there the feature may slide.
+    float scale;     // of its pyramid level: 1 at full size, 1.2, 1.44 ...
+    // Structure tensor at that level: weighted mean of the gradient's xx, xy, yy, grey levels squared. Where it has one
+    // small eigenvalue (an edge), the position is uncertain along the edge.
     float slope[3];
     uint8_t descriptor[32];
 };
 
-// gray: width * height bytes. Writes at most `capacity` features, best first in
-// each part of the picture; *count is how many. ERR_MEMORY, ERR_SOLVER.
+// gray: width * height bytes. Writes at most `capacity` features, the strongest of each cell of about 40 pixels; *count
+// is their number. ERR_MEMORY; ERR_SOLVER: OpenCV failed.
 MUST_CHECK enum status features_detect(const uint8_t *gray, int width, int height, struct feature *out, int capacity,
                                        int *count);
 
-// The same in one part of the picture, of width x height pixels from (left, top), by itself, at half
-// as many scales: half of the time that the same part of the whole picture takes. `at` is of the whole
-// picture, whose rows are `stride` bytes apart.
-MUST_CHECK enum status features_detect_region(const uint8_t *gray, int stride, int left, int top, int width, int height,
+struct image_region {
+    int left, top, width, height; // pixels
+};
+
+// The same in a region of an image with rows `stride` bytes apart, at half as many pyramid levels, in half the time
+// that this region takes in features_detect. `at` is in pixels of the whole image.
+MUST_CHECK enum status features_detect_region(const uint8_t *gray, int stride, const struct image_region *region,
                                               struct feature *out, int capacity, int *count);
 
-// How many of the 256 bits differ. Counted side by side in ever wider fields (Warren, Hacker's Delight):
-// not every processor that this is built for has an instruction for it.
+// Hamming distance of two descriptors, 0..256 bits: parallel bit count in ever wider fields (Warren, Hacker's Delight),
+// because not every target processor has a population-count instruction.
 static inline int feature_distance(const uint8_t a[32], const uint8_t b[32])
 {
     const uint64_t ones = 0x5555555555555555u, twos = 0x3333333333333333u, fours = 0x0f0f0f0f0f0f0f0fu;

@@ -11,7 +11,7 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
         return fail(ERR_MEMORY, "no memory to decode a picture");
     int subsampling, colorspace;
     enum status status = OK;
-    *width = *height = 0; // stays so, without an error, when the file ends before its picture begins
+    *width = *height = 0; // stays so, without an error, when the data end before the image begins
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, width, height, &subsampling, &colorspace))
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
     else if (*width < 1 || *height < 1)
@@ -27,7 +27,7 @@ enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int wi
         return fail(ERR_MEMORY, "no memory to decode a picture");
     int w = 0, h = 0, subsampling, colorspace;
     enum status status = OK;
-    // A warning ("premature end of file") means missing pixels: as bad as an error here.
+    // A warning ("premature end of file") means missing pixels: an error here.
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, &w, &h, &subsampling, &colorspace))
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
     else if (w != width || h != height)

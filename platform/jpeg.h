@@ -1,5 +1,5 @@
-// JPEG pictures in memory (libjpeg-turbo). RGB, 8 bit, rows without padding.
-// Safe from any thread. Decoding uses the exact integer transform, so the same
+// JPEG images in memory (libjpeg-turbo). RGB, 8 bit, rows without padding. Any
+// thread may call. Decoding and encoding use the accurate integer DCT, so the same
 // bytes give the same pixels on every machine.
 #pragma once
 #include "base/status.h"
@@ -11,6 +11,6 @@ MUST_CHECK enum status jpeg_size(const uint8_t *bytes, size_t count, int *width,
 // another size; rgb is then undefined. ERR_MEMORY.
 MUST_CHECK enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int width, int height);
 
-// *bytes is malloc'ed, the caller frees it. quality 1..100. ERR_MEMORY.
+// Chroma is subsampled 4:2:0. quality 1..100. *bytes is malloc'ed, the caller frees it. ERR_MEMORY.
 MUST_CHECK enum status jpeg_encode(const uint8_t *rgb, int width, int height, int quality, uint8_t **bytes,
                                    size_t *count);

@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-// `struct json` is cJSON's own node under a name that no header of ours explains.
+// `struct json` is never defined: it is cJSON's node under a name that keeps cJSON.h out of json.h.
 static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value; }
 
-static struct json *ours(cJSON *value) { return (struct json *)value; }
+static struct json *from_node(cJSON *value) { return (struct json *)value; }
 
 enum status json_read(const char *path, struct json **out)
 {
@@ -29,7 +29,7 @@ enum status json_read(const char *path, struct json **out)
         status = fail(ERR_INPUT, "%s is not valid JSON near line %d", path, line);
     }
     free(text);
-    *out = ours(root);
+    *out = from_node(root);
     return status;
 }
 
@@ -41,7 +41,7 @@ void json_free(struct json **root)
 
 const struct json *json_member(const struct json *object, const char *name)
 {
-    return object ? ours(cJSON_GetObjectItemCaseSensitive(node(object), name)) : NULL;
+    return object ? from_node(cJSON_GetObjectItemCaseSensitive(node(object), name)) : NULL;
 }
 
 int json_count(const struct json *array)
@@ -49,7 +49,10 @@ int json_count(const struct json *array)
     return json_is_array(array) || json_is_object(array) ? cJSON_GetArraySize(node(array)) : 0;
 }
 
-const struct json *json_at(const struct json *array, int index) { return ours(cJSON_GetArrayItem(node(array), index)); }
+const struct json *json_at(const struct json *array, int index)
+{
+    return from_node(cJSON_GetArrayItem(node(array), index));
+}
 
 const char *json_name(const struct json *member)
 {
@@ -92,7 +95,7 @@ enum status json_need_number(const struct json *object, const char *name, const 
     return OK;
 }
 
-struct json *json_new_object(void) { return ours(cJSON_CreateObject()); }
+struct json *json_new_object(void) { return from_node(cJSON_CreateObject()); }
 
 static cJSON *attach(struct json *parent, const char *name, cJSON *child)
 {
@@ -117,12 +120,12 @@ void json_add_string(struct json *object, const char *name, const char *value)
 
 struct json *json_add_object(struct json *object, const char *name)
 {
-    return ours(attach(object, name, cJSON_CreateObject()));
+    return from_node(attach(object, name, cJSON_CreateObject()));
 }
 
 struct json *json_add_array(struct json *object, const char *name)
 {
-    return ours(attach(object, name, cJSON_CreateArray()));
+    return from_node(attach(object, name, cJSON_CreateArray()));
 }
 
 void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
@@ -131,11 +134,11 @@ char *json_print(const struct json *root)
 {
     char *text = cJSON_Print(node(root));
     size_t length = text ? strlen(text) : 0;
-    char *ended = text ? realloc(text, length + 2) : NULL; // cJSON allocates with malloc
-    if (!ended) {
+    char *terminated = text ? realloc(text, length + 2) : NULL; // cJSON allocates with malloc
+    if (!terminated) {
         free(text);
         return NULL;
     }
-    memcpy(ended + length, "\n", 2);
-    return ended;
+    memcpy(terminated + length, "\n", 2);
+    return terminated;
 }

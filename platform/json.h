@@ -1,19 +1,19 @@
-// JSON, read and written (cJSON). Reading functions return a sentence that
-// names the file and the member at fault. One tree, one thread.
+// Reading and writing JSON (cJSON). Errors name the file and the member. A tree
+// belongs to one thread at a time.
 #pragma once
 #include "base/status.h"
 
 struct json; // a value and everything below it
 
 // ---- reading
-// ERR_MISSING, ERR_IO, ERR_INPUT: not JSON, with the place where it ends.
+// ERR_MISSING, ERR_IO, ERR_MEMORY; ERR_INPUT: not JSON, with the line. *out is then NULL.
 MUST_CHECK enum status json_read(const char *path, struct json **out);
 void json_free(struct json **root); // only roots; NULL is fine; sets *root = NULL
 
-const struct json *json_member(const struct json *object, const char *name); // NULL: not there
-int json_count(const struct json *array);                                    // 0 for what is no array or object
-const struct json *json_at(const struct json *array, int index);             // also the members of an object, in order
-const char *json_name(const struct json *member);                            // "" for what has none
+const struct json *json_member(const struct json *object, const char *name); // NULL: no such member, or object is NULL
+int json_count(const struct json *array);                                    // 0 if it is neither array nor object
+const struct json *json_at(const struct json *array, int index);             // or the members of an object, in order
+const char *json_name(const struct json *member);                            // "" if it has none
 bool json_is_object(const struct json *value);
 bool json_is_array(const struct json *value);
 // False when it is not of that type (a number must be finite); *out is then untouched.
@@ -24,9 +24,9 @@ bool json_get_string(const struct json *value, const char **out); // lives as lo
 // The finite number `name` of `object`. ERR_INPUT: "PATH: the number 'NAME' is missing".
 MUST_CHECK enum status json_need_number(const struct json *object, const char *name, const char *path, double *out);
 
-// ---- writing: adds never fail visibly; json_print returns NULL when memory ran out on the way
+// ---- writing: the functions that add report no errors; json_print returns NULL if memory ran out in any of them
 struct json *json_new_object(void);
-void json_add_number(struct json *object, const char *name, double value); // not finite becomes null
+void json_add_number(struct json *object, const char *name, double value); // null unless finite
 void json_add_bool(struct json *object, const char *name, bool value);
 void json_add_string(struct json *object, const char *name, const char *value);
 struct json *json_add_object(struct json *object, const char *name); // the new child; name NULL appends to an array

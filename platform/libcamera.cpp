@@ -1,11 +1,12 @@
 // The tablet's camera through libcamera: libcamera, libcamera:N (from 0).
 //
-// A view-finder stream near the size the camera was calibrated with, else near
-// 640 x 480, in the first format of those it offers that becomes RGB with the
-// least loss. Only the latest picture is kept; those it replaces are counted as
-// dropped, as are gaps in the camera's own numbering. Times are those of the
-// exposure where the camera tells, else of the buffer. Pictures that are not
-// compressed can be lent; of the camera's buffers it always keeps some to go on with.
+// A view-finder stream near the size the camera was calibrated with, otherwise
+// near 640 x 480, in the offered format that converts to RGB with the least
+// loss. Only the newest image is kept; those it replaces are counted as dropped,
+// as are gaps in the camera's sequence numbers. Times are those of the exposure
+// where the camera reports it, otherwise of the buffer. Uncompressed images can
+// be exported as dma-bufs (dmabuf_image.h), but a few buffers always stay with
+// the camera.
 //
 // libcamera knows no focal length; see camera_lens_read() and camera_lens_guess()
 // in source_internal.h for where the calibration comes from.
@@ -51,11 +52,10 @@ using libcamera::formats::XBGR8888;
 using libcamera::formats::XRGB8888;
 using libcamera::formats::YUYV;
 
-// So many are asked for, and so many of them stay with the camera however many are lent.
-constexpr unsigned BUFFERS = 8;
-constexpr int KEPT_BUFFERS = 3;
+constexpr unsigned BUFFERS = 8; // requested from the camera
+constexpr int KEPT_BUFFERS = 3; // never exported, so that the camera can continue
 
-// libcamera allows one manager in a process; all who need it share it.
+// libcamera allows one manager in a process; all sources share it.
 enum status get_manager(std::shared_ptr<libcamera::CameraManager> &out)
 {
     static std::mutex lock;
@@ -94,7 +94,7 @@ class Mapping
 
     bool map(const libcamera::FrameBuffer &buffer)
     {
-        std::map<int, size_t> sizes; // planes may lie in one file
+        std::map<int, size_t> sizes; // planes may share one file
         for (const auto &plane : buffer.planes()) {
             size_t end = size_t(plane.offset) + plane.length;
             size_t &size = sizes[plane.fd.get()];
@@ -112,13 +112,13 @@ class Mapping
         return true;
     }
 
-    // Tells the kernel that the processor is about to read, or has read, what the camera wrote.
+    // Brackets the processor's reads of what the camera wrote (cache coherency).
     void sync(bool begin) const
     {
         for (const auto &file : files_) {
             dma_buf_sync how = {};
             how.flags = (begin ? DMA_BUF_SYNC_START : DMA_BUF_SYNC_END) | DMA_BUF_SYNC_READ;
-            (void)ioctl(file.first, DMA_BUF_IOCTL_SYNC, &how); // not every buffer needs it or knows it
+            (void)ioctl(file.first, DMA_BUF_IOCTL_SYNC, &how); // not every buffer needs or supports it
         }
     }
 
@@ -131,35 +131,35 @@ class Mapping
     std::vector<std::pair<const uint8_t *, size_t>> planes_;
 };
 
-// Where what was lent comes back to: as long as the camera is open it goes on with it.
-struct Counter {
+// Shared by a source and its exported images, which may outlive it.
+struct ExportState {
     std::mutex lock;                                           // guards what follows
-    std::function<void(libcamera::Request *)> requeue_request; // empty: the camera was closed
-    int out = 0;
+    std::function<void(libcamera::Request *)> requeue_request; // empty after the source was closed
+    int count = 0;                                             // exported and not released
 };
 
-// One picture that was lent. Its files are its own, for the camera may be closed meanwhile.
+// An exported image. It has its own file descriptors, because the camera may be closed before it is released.
 struct DmabufFrame : dmabuf_image {
-    std::shared_ptr<Counter> counter;
+    std::shared_ptr<ExportState> exports;
     libcamera::Request *request = nullptr;
     libcamera::UniqueFD files[2];
 
     static void release_frame(dmabuf_image *l)
     {
         std::unique_ptr<DmabufFrame> self(static_cast<DmabufFrame *>(l));
-        std::lock_guard<std::mutex> guard(self->counter->lock);
-        self->counter->out--;
-        if (self->counter->requeue_request)
-            self->counter->requeue_request(self->request);
+        std::lock_guard<std::mutex> guard(self->exports->lock);
+        self->exports->count--;
+        if (self->exports->requeue_request)
+            self->exports->requeue_request(self->request);
     }
 };
 
 class Source
 {
   public:
-    explicit Source(source_facts *facts) : facts_(facts), counter_(std::make_shared<Counter>())
+    explicit Source(source_facts *facts) : facts_(facts), exports_(std::make_shared<ExportState>())
     {
-        counter_->requeue_request = [this](libcamera::Request *request) { (void)requeue(request); };
+        exports_->requeue_request = [this](libcamera::Request *request) { (void)requeue(request); };
     }
     Source(const Source &) = delete;
     Source &operator=(const Source &) = delete;
@@ -167,8 +167,8 @@ class Source
     ~Source()
     {
         {
-            std::lock_guard<std::mutex> guard(counter_->lock);
-            counter_->requeue_request = nullptr;
+            std::lock_guard<std::mutex> guard(exports_->lock);
+            exports_->requeue_request = nullptr;
         }
         if (camera_) {
             camera_->requestCompleted.disconnect(this);
@@ -214,20 +214,20 @@ class Source
         {
             std::unique_lock<std::mutex> guard(lock_);
             bool arrived =
-                arrived_.wait_for(guard, std::chrono::seconds(5), [this] { return latest_ != nullptr || gone_; });
+                arrived_.wait_for(guard, std::chrono::seconds(5), [this] { return latest_ != nullptr || unplugged_; });
             request = std::exchange(latest_, nullptr);
             facts_->dropped += std::exchange(dropped_, 0);
-            if (!request && gone_)
+            if (!request && unplugged_)
                 return fail(ERR_DEVICE, "the camera %s was unplugged", name_.c_str());
             if (!arrived)
                 return fail(ERR_DEVICE, "the camera %s has sent no picture for 5 seconds", name_.c_str());
         }
-        enum status status = take(request, out);
+        enum status status = fill_frame(request, out);
         if (status == OK && facts_->dmabuf_enabled)
             out->dmabuf = export_dmabuf(request);
         if (!out->dmabuf && !requeue(request) && status == OK) {
             std::lock_guard<std::mutex> guard(lock_);
-            gone_ = true; // said at the next call; this picture is good
+            unplugged_ = true; // reported by the next call; this image is valid
         }
         return status;
     }
@@ -254,7 +254,7 @@ class Source
         return false;
     }
 
-    // NULL: this picture is not lent.
+    // NULL: this image cannot be exported.
     dmabuf_image *export_dmabuf(libcamera::Request *request)
     {
         const auto &planes = request->buffers().begin()->second->planes();
@@ -269,18 +269,18 @@ class Source
                 return nullptr;
             image->planes[i] = {image->files[i].get(), plane.offset, stride_};
             if (i == 1 && planes.size() == 1)
-                image->planes[i].offset += stride_ * unsigned(height_); // right behind the luma
+                image->planes[i].offset += stride_ * unsigned(height_); // directly after the luma plane
         }
         image->width = width_;
         image->height = height_;
         image->encoding = encoding_;
         image->request = request;
-        image->counter = counter_;
+        image->exports = exports_;
         image->release = DmabufFrame::release_frame;
-        std::lock_guard<std::mutex> guard(counter_->lock);
-        if (counter_->out >= int(requests_.size()) - KEPT_BUFFERS)
+        std::lock_guard<std::mutex> guard(exports_->lock);
+        if (exports_->count >= int(requests_.size()) - KEPT_BUFFERS)
             return nullptr;
-        counter_->out++;
+        exports_->count++;
         return image.release();
     }
 
@@ -290,32 +290,33 @@ class Source
         if (!config_ || config_->empty())
             return fail(ERR_DEVICE, "the camera %s has no view finder", name_.c_str());
         libcamera::StreamConfiguration &stream = config_->at(0);
-        static const libcamera::PixelFormat liked[] = {BGR888, RGB888, XBGR8888, XRGB8888, NV12, YUYV, UYVY, MJPEG};
+        static const libcamera::PixelFormat preferred[] = {BGR888, RGB888, XBGR8888, XRGB8888, NV12, YUYV, UYVY, MJPEG};
         auto offered = stream.formats().pixelformats();
-        for (const auto &format : liked)
+        for (const auto &format : preferred)
             if (std::find(offered.begin(), offered.end(), format) != offered.end()) {
                 stream.pixelFormat = format;
                 break;
             }
-        lens known = {};
+        lens stored = {};
         std::snprintf(facts_->camera_id, sizeof facts_->camera_id, "%s", camera_->id().c_str());
-        known_ = camera_lens_read(camera_->id().c_str(), &known);
-        if (known_ < 0)
-            return known_;
-        stream.size =
-            known_ == OK ? libcamera::Size(unsigned(known.width), unsigned(known.height)) : libcamera::Size(640, 480);
+        lens_status_ = camera_lens_read(camera_->id().c_str(), &stored);
+        if (lens_status_ < 0)
+            return lens_status_;
+        stream.size = lens_status_ == OK ? libcamera::Size(unsigned(stored.width), unsigned(stored.height))
+                                         : libcamera::Size(640, 480);
         stream.bufferCount = BUFFERS;
         if (config_->validate() == libcamera::CameraConfiguration::Invalid || camera_->configure(config_.get()) != 0)
             return fail(ERR_DEVICE, "the camera %s cannot be set to %s", name_.c_str(), stream.toString().c_str());
         format_ = stream.pixelFormat;
-        if (std::find(std::begin(liked), std::end(liked), format_) == std::end(liked))
+        if (std::find(std::begin(preferred), std::end(preferred), format_) == std::end(preferred))
             return fail(ERR_DEVICE, "the camera %s gives its pictures as %s, which cannot be used", name_.c_str(),
                         format_.toString().c_str());
         width_ = int(stream.size.width);
         height_ = int(stream.size.height);
         stride_ = stream.stride;
-        const bool halved = format_ == NV12 || format_ == YUYV || format_ == UYVY; // colour for every second pixel
-        if (width_ < 2 || height_ < 2 || width_ > 16384 || height_ > 16384 || (halved && (width_ % 2 || height_ % 2)))
+        const bool subsampled = format_ == NV12 || format_ == YUYV || format_ == UYVY; // chroma subsampled along x
+        if (width_ < 2 || height_ < 2 || width_ > 16384 || height_ > 16384 ||
+            (subsampled && (width_ % 2 || height_ % 2)))
             return fail(ERR_DEVICE, "the camera %s gives pictures of %d x %d pixels, which cannot be used",
                         name_.c_str(), width_, height_);
         if (stream.colorSpace) {
@@ -333,7 +334,7 @@ class Source
         c = {};
         c.registered = true;
         c.color_from_depth.rotation.w = 1;
-        if (known_ == NOTHING) {
+        if (lens_status_ == NOTHING) {
             c.color = camera_lens_guess(width_, height_);
             return OK;
         }
@@ -368,31 +369,31 @@ class Source
         return OK;
     }
 
-    // On libcamera's thread: keeps the newest picture, gives the one before it back.
+    // On libcamera's thread: keeps the newest image, requeues the one before it.
     void completed(libcamera::Request *request)
     {
         if (request->status() == libcamera::Request::RequestCancelled)
             return;
-        libcamera::Request *late = nullptr;
+        libcamera::Request *unused = nullptr;
         const auto &metadata = request->buffers().begin()->second->metadata();
         {
             std::lock_guard<std::mutex> guard(lock_);
             if (metadata.status == libcamera::FrameMetadata::FrameSuccess) {
-                late = std::exchange(latest_, request);
-                dropped_ += late != nullptr;
-                if (numbered_ && metadata.sequence > sequence_ + 1)
+                unused = std::exchange(latest_, request);
+                dropped_ += unused != nullptr;
+                if (has_sequence_ && metadata.sequence > sequence_ + 1)
                     dropped_ += metadata.sequence - sequence_ - 1;
-                numbered_ = true;
+                has_sequence_ = true;
                 sequence_ = metadata.sequence;
             } else {
-                late = request; // the picture was damaged on its way
+                unused = request; // the image is damaged
                 dropped_++;
             }
         }
         arrived_.notify_one();
-        if (late) {
-            late->reuse(libcamera::Request::ReuseBuffers);
-            camera_->queueRequest(late);
+        if (unused) {
+            unused->reuse(libcamera::Request::ReuseBuffers);
+            camera_->queueRequest(unused);
         }
     }
 
@@ -400,21 +401,21 @@ class Source
     {
         {
             std::lock_guard<std::mutex> guard(lock_);
-            gone_ = true;
+            unplugged_ = true;
         }
         arrived_.notify_one();
     }
 
-    enum status take(libcamera::Request *request, frame *out)
+    enum status fill_frame(libcamera::Request *request, frame *out)
     {
         const libcamera::FrameBuffer *buffer = request->buffers().begin()->second;
         const Mapping &memory = *mappings_.at(buffer);
         int64_t time_ns = request->metadata()
                               .get(libcamera::controls::SensorTimestamp)
                               .value_or(int64_t(buffer->metadata().timestamp));
-        time_ns += int64_t(facts_->calibration.color.readout_s / 2 * 1e9); // theirs is the first row's
+        time_ns += int64_t(facts_->calibration.color.readout_s / 2 * 1e9); // the camera's time is that of the first row
         if (time_ns <= last_ns_)
-            time_ns = last_ns_ + 1; // some cameras give no times; their order is all there is
+            time_ns = last_ns_ + 1; // some cameras report no times; keep them rising
         last_ns_ = time_ns;
         out->time_ns = time_ns;
         std::snprintf(out->name, sizeof out->name, "%04lld", static_cast<long long>(count_++));
@@ -426,7 +427,7 @@ class Source
         return status;
     }
 
-    // NV12's chroma plane; libcamera gives it by itself or right behind the luma.
+    // NV12's chroma plane; libcamera gives it separately or directly after the luma plane.
     const uint8_t *chroma_of(const Mapping &memory) const
     {
         return memory.count() > 1 ? memory.bytes(1) : memory.bytes(0) + size_t(stride_) * size_t(height_);
@@ -448,11 +449,12 @@ class Source
         }
         if (memory.length(0) < needed || (format_ == NV12 && memory.count() > 1 && memory.length(1) < rows / 2))
             return fail(ERR_DEVICE, "the camera %s gives less than a picture", name_.c_str());
+        const yuv_layout layout = {encoding_, width_, height_};
         if (format_ == NV12)
-            pixels_from_nv12(in, stride_, chroma_of(memory), stride_, encoding_, width_, height_, rgb_.data());
+            pixels_from_nv12(in, stride_, chroma_of(memory), stride_, &layout, rgb_.data());
         else if (format_ == YUYV || format_ == UYVY)
-            pixels_from_yuv422(in, stride_, format_ == YUYV, encoding_, width_, height_, rgb_.data());
-        else // libcamera names the parts from the word's top: BGR888 has red in its first byte
+            pixels_from_yuv422(in, stride_, format_ == YUYV, &layout, rgb_.data());
+        else // libcamera names channels from the most significant byte: BGR888 has red in its first byte
             pixels_from_packed(in, stride_,
                                format_ == BGR888     ? PACKED_RGB
                                : format_ == RGB888   ? PACKED_BGR
@@ -463,8 +465,8 @@ class Source
     }
 
     source_facts *facts_;
-    std::shared_ptr<Counter> counter_;
-    std::shared_ptr<libcamera::CameraManager> manager_; // outlives the camera
+    std::shared_ptr<ExportState> exports_;
+    std::shared_ptr<libcamera::CameraManager> manager_; // must outlive the camera
     std::shared_ptr<libcamera::Camera> camera_;
     std::string name_;
     bool acquired_ = false, started_ = false;
@@ -472,7 +474,7 @@ class Source
     std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
     std::vector<std::unique_ptr<libcamera::Request>> requests_;
     std::map<const libcamera::FrameBuffer *, std::unique_ptr<Mapping>> mappings_;
-    enum status known_ = NOTHING; // is there a calibration of this camera?
+    enum status lens_status_ = NOTHING; // OK: a calibration of this camera is stored
     libcamera::PixelFormat format_;
     int width_ = 0, height_ = 0;
     unsigned stride_ = 0;
@@ -485,10 +487,10 @@ class Source
     libcamera::Request *latest_ = nullptr;
     int64_t dropped_ = 0;
     unsigned sequence_ = 0;
-    bool numbered_ = false, gone_ = false;
+    bool has_sequence_ = false, unplugged_ = false;
 };
 
-// Nothing thrown leaves this file.
+// Turns exceptions into a status: none may leave this file.
 template <typename Work> enum status guarded(Work work) noexcept
 {
     try {

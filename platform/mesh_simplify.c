@@ -2,13 +2,13 @@
 
 #include <meshoptimizer.h>
 
-int mesh_simplify(const float (*points)[3], int point_count, const int32_t *corners, int corner_count, int most,
-                  float error, int32_t *out)
+int mesh_simplify(const struct simplify_mesh *mesh, int max_corners, float error, int32_t *out)
 {
-    size_t count = (size_t)point_count, stride = sizeof *points;
-    float scale = meshopt_simplifyScale(points[0], count, stride);
-    size_t left = meshopt_simplify((unsigned *)out, (const unsigned *)corners, (size_t)corner_count, points[0], count,
-                                   stride, (size_t)most, error / scale, 0, NULL);
+    const float *points = mesh->points[0];
+    size_t count = (size_t)mesh->point_count, stride = sizeof *mesh->points;
+    float scale = meshopt_simplifyScale(points, count, stride); // meshoptimizer's error is relative to the extent
+    size_t left = meshopt_simplify((unsigned *)out, (const unsigned *)mesh->corners, (size_t)mesh->corner_count, points,
+                                   count, stride, (size_t)max_corners, error / scale, 0, NULL);
     meshopt_optimizeVertexCache((unsigned *)out, (const unsigned *)out, left, count);
     return (int)left;
 }

@@ -1,11 +1,15 @@
-// The same shape with fewer triangles, by meshoptimizer. Pure; deterministic.
+// Mesh simplification by edge collapse with quadric error metrics (meshoptimizer; Garland & Heckbert 1997). Pure and
+// deterministic; any thread may call.
 #pragma once
 #include "base/status.h"
 
-// Takes out one point after the other, each time the one whose absence moves the surface
-// least, until `most` corners are left or the next would move it by more than `error`; the
-// other points stay where they are. points: three floats each. corners: corner_count
-// numbers of points, three to a triangle. out[corner_count]: in an order in which neighbours follow one
-// another, so that a GPU works out each point but once. Returns how many corners are left.
-int mesh_simplify(const float (*points)[3], int point_count, const int32_t *corners, int corner_count, int most,
-                  float error, int32_t *out);
+struct simplify_mesh {
+    const float (*points)[3];
+    const int32_t *corners; // indices of points, three to a triangle
+    int point_count, corner_count;
+};
+
+// Removes points, in the order of the least change of the surface, until `max_corners` corners are left or the next
+// removal would move the surface by more than `error` (units of the points). The points that remain do not move.
+// out[corner_count] receives the remaining corners, ordered for the GPU's vertex cache. Returns their number.
+int mesh_simplify(const struct simplify_mesh *mesh, int max_corners, float error, int32_t *out);

@@ -1,25 +1,24 @@
 // Depth sensors and .oni files through OpenNI2's C API.
 //
 //   openni, openni:N   the first, the N-th (from 0) connected sensor; live
-//   oni:FILE           a recording made by OpenNI2; every frame comes out, as
-//                      fast as it is asked for, and NOTHING at its end
+//   oni:FILE           a recording made by OpenNI2; returns every frame, as
+//                      fast as it is called, and NOTHING at the end
 //
-// Depth is asked for in millimetres (100 µm is converted, rounded to the
+// Depth is requested in millimetres (100 µm is converted, rounded to the
 // nearest), colour in RGB; the sensor registers depth to colour where it can.
-// Pictures are never mirrored: what the device or the file mirrors is turned
-// back here.
+// Images that the device or the file mirrors are mirrored back here.
 //
-// A frame is a depth picture with the colour picture nearest in time, at most
-// half a frame apart. Times are the sensor's own (OpenNI2's recorder lets each
-// stream of a file begin at 0). Frames are counted as dropped where the depth
-// stream's frame numbers have gaps, or where time does not rise.
+// A frame is a depth image with the colour image nearest in time, at most half
+// a frame apart. Times are the sensor's own (OpenNI2's recorder lets each stream
+// of a file begin at 0). Frames are counted as dropped where the depth stream's
+// frame numbers have gaps, or where times do not rise.
 //
-// The calibration comes from the fields of view that the sensor states; OpenNI2
-// tells neither the lens's centre, so the picture's centre is taken, nor its
-// distortion, so none is. Registered depth has the colour camera's lens. Whether
-// a file's depth is registered is written nowhere; it is taken to be. A sensor
-// that cannot register is said to be not registered, with its two cameras in
-// one place, for OpenNI2 does not say how far they are apart.
+// The calibration comes from the fields of view that the sensor states. OpenNI2
+// gives neither principal point nor distortion: the image's centre and none are
+// assumed. Registered depth has the colour camera's lens. A file does not say
+// whether its depth is registered; it is assumed to be. A sensor that cannot
+// register is reported as not registered, with both cameras in one position,
+// because OpenNI2 does not give their distance.
 #include "base/clock.h"
 #include "platform/file.h"
 #include "platform/openni_internal.h"
@@ -29,18 +28,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-// OpenNI2 counts its users without a lock, and opening changes the working
-// folder for a moment; so only one thread at a time opens or closes.
+// OpenNI2's reference count has no lock, and opening changes the working folder
+// temporarily; so only one thread at a time opens or closes.
 static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
 
-// OpenNI2's player of files walks its list of streams without a lock, every 10 ms while no stream
-// runs, and crashes when it meets a stream coming or going. So streams are made right after it has
-// looked for the first time, and destroyed when it has had time to finish a picture and rest.
+// OpenNI2's file player iterates over its streams without a lock, every 10 ms while no stream runs, and crashes when
+// one is created or destroyed meanwhile. So streams are created right after its first iteration, and destroyed when it
+// has had time to finish an image and go idle.
 static const int64_t PLAYER_IDLE_NS = 25000000;
 
 // ------------------------------------------------------------- sentences
 
-// What OpenNI2 last complained of, on one line.
+// OpenNI2's last error message, on one line.
 static const char *last_error(char text[200])
 {
     snprintf(text, 200, "%s", oniGetExtendedError());
@@ -53,11 +52,11 @@ static const char *last_error(char text[200])
     return *begin ? begin : "OpenNI2 gives no reason";
 }
 
-// Where OpenNI2 looks for its drivers: beside its own library, unless /etc/openni2/OpenNI.ini says otherwise.
+// The folder of OpenNI2's drivers: beside its own library, unless /etc/openni2/OpenNI.ini says otherwise.
 static void drivers_folder(char *out, size_t size)
 {
     Dl_info info;
-    // A function's address as an object's: what dladdr wants and POSIX allows.
+    // dladdr takes an object pointer; POSIX allows the conversion.
     void *address;
     OniStatus (*initialize)(int) = oniInitialize;
     memcpy(&address, &initialize, sizeof address);
@@ -81,7 +80,7 @@ static enum status no_sensor(int index, int count)
                 folder);
 }
 
-// ------------------------------------------------------------- news from OpenNI2's threads
+// ------------------------------------------------------------- callbacks, on OpenNI2's threads
 
 static void on_disconnected(const OniDeviceInfo *info, void *cookie)
 {
@@ -103,26 +102,26 @@ static void on_state(const OniDeviceInfo *info, OniDeviceState state, void *cook
 
 // ------------------------------------------------------------- opening
 
-// How well a mode serves: the nearer to 640 x 480 at 30 Hz the better; -1 not at all.
+// Rank of a video mode: the nearer to 640 x 480 at 30 Hz, the higher; -1: unusable.
 static int mode_score(const OniVideoMode *mode, OniSensorType type)
 {
-    int worth = 0;
+    int format_score = 0;
     if (type == ONI_SENSOR_DEPTH && mode->pixelFormat == ONI_PIXEL_FORMAT_DEPTH_1_MM)
-        worth = 2000000;
+        format_score = 2000000;
     else if (type == ONI_SENSOR_DEPTH && mode->pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM)
-        worth = 1000000;
+        format_score = 1000000;
     else if (type == ONI_SENSOR_COLOR && mode->pixelFormat == ONI_PIXEL_FORMAT_RGB888)
-        worth = 2000000;
+        format_score = 2000000;
     else
         return -1;
     if (mode->resolutionX < 1 || mode->resolutionY < 1 || mode->resolutionX > 4096 || mode->resolutionY > 4096)
         return -1;
     int away = abs(mode->resolutionX - 640) + abs(mode->resolutionY - 480), slow = abs(mode->fps - 30);
-    return worth - 100 * (away < 9000 ? away : 9000) - (slow < 99 ? slow : 99);
+    return format_score - 100 * (away < 9000 ? away : 9000) - (slow < 99 ? slow : 99);
 }
 
-// NOTHING: the device has no such stream. Leaves the stream made, in its best mode, not started.
-static enum status make_stream(struct openni_sensor *s, struct lane *lane, OniSensorType type)
+// Creates the stream in its best mode, not started. NOTHING: the device has no such stream.
+static enum status make_stream(struct openni_sensor *s, struct image_stream *stream, OniSensorType type)
 {
     const char *what = type == ONI_SENSOR_DEPTH ? "depth" : "colour";
     const OniSensorInfo *info = oniDeviceGetSensorInfo(s->device, type);
@@ -137,37 +136,37 @@ static enum status make_stream(struct openni_sensor *s, struct lane *lane, OniSe
     if (!best)
         return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s gives its %s pictures in no format that can be used", s->name,
                     what);
-    lane->mode = *best;
+    stream->mode = *best;
     char why[200];
-    if (oniDeviceCreateStream(s->device, type, &lane->stream) != ONI_STATUS_OK) {
-        lane->stream = NULL;
+    if (oniDeviceCreateStream(s->device, type, &stream->handle) != ONI_STATUS_OK) {
+        stream->handle = NULL;
         return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, last_error(why));
     }
-    if (!s->file && oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_VIDEO_MODE, &lane->mode,
-                                         sizeof lane->mode) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, lane->mode.resolutionX,
-                    lane->mode.resolutionY, last_error(why));
+    if (!s->file && oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_VIDEO_MODE, &stream->mode,
+                                         sizeof stream->mode) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, stream->mode.resolutionX,
+                    stream->mode.resolutionY, last_error(why));
     OniBool mirrored = FALSE;
     int size = sizeof mirrored;
     if (!s->file)
-        oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
-    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
-        lane->mirrored = mirrored; // some cannot be told not to, and no file can
-    if (s->file && oniStreamSetFrameBuffersAllocator(lane->stream, gate_alloc, gate_free, lane) != ONI_STATUS_OK)
+        oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
+    if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
+        stream->mirrored = mirrored; // some devices ignore the setting, and files cannot change it
+    if (s->file && oniStreamSetFrameBuffersAllocator(stream->handle, gate_alloc, gate_free, stream) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, last_error(why));
     return OK;
 }
 
-static enum status read_lens(const struct openni_sensor *s, const struct lane *lane, const char *what,
+static enum status read_lens(const struct openni_sensor *s, const struct image_stream *stream, const char *what,
                              struct lens *lens)
 {
     float h = 0, v = 0;
     int h_size = sizeof h, v_size = sizeof v;
-    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
-        oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
+    if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
+        oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
         !(h > 0.1f && h < 3.0f) || !(v > 0.1f && v < 3.0f))
         return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s does not say how wide its %s camera sees", s->name, what);
-    int w = lane->mode.resolutionX, height = lane->mode.resolutionY;
+    int w = stream->mode.resolutionX, height = stream->mode.resolutionY;
     *lens = (struct lens){.width = w,
                           .height = height,
                           .fx = w / (2 * tan(0.5 * (double)h)),
@@ -182,7 +181,7 @@ static enum status calibrate(struct openni_sensor *s)
     struct calibration *c = &s->facts->calibration;
     *c = (struct calibration){.registered = true, .color_from_depth = POSE_IDENTITY};
     enum status status = read_lens(s, &s->depth, "depth", &c->depth);
-    if (status != OK || !s->color.stream)
+    if (status != OK || !s->color.handle)
         return status;
     if ((status = read_lens(s, &s->color, "colour", &c->color)) != OK)
         return status;
@@ -192,7 +191,7 @@ static enum status calibrate(struct openni_sensor *s)
                         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode, sizeof mode) ==
                             ONI_STATUS_OK;
     }
-    if (c->registered) { // the colour camera's lens, at the depth picture's size
+    if (c->registered) { // the colour camera's lens, at the depth image's size
         double scale = (double)c->depth.width / c->color.width;
         c->depth.fx = c->color.fx * scale;
         c->depth.fy = c->color.fy * scale;
@@ -219,7 +218,7 @@ static enum status make_streams(struct openni_sensor *s)
     s->half_frame_ns = 500000000 / (d->fps > 0 ? d->fps : 30);
     if (s->file) {
         int count = -1, size = sizeof count;
-        if (oniStreamGetProperty(s->depth.stream, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
+        if (oniStreamGetProperty(s->depth.handle, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
                 ONI_STATUS_OK &&
             count >= 0)
             s->facts->remaining = count;
@@ -227,28 +226,28 @@ static enum status make_streams(struct openni_sensor *s)
     return OK;
 }
 
-// A file's player runs as soon as one stream is started and would throw away the other's first
-// pictures; at speed -1 it waits to be asked, so both streams are started before anything moves.
+// A file's player runs as soon as one stream is started and would drop the other stream's first images. At speed -1 it
+// waits, so both streams are started before it plays.
 static enum status start(struct openni_sensor *s)
 {
     char why[200];
-    float by_hand = -1, no_waiting = 0;
+    float paused = -1, as_fast_as_read = 0;
     OniBool repeat = FALSE;
-    if (s->file && (oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat,
-                                         sizeof repeat) != ONI_STATUS_OK ||
-                    oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &by_hand, sizeof by_hand) !=
-                        ONI_STATUS_OK))
+    if (s->file &&
+        (oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat, sizeof repeat) !=
+             ONI_STATUS_OK ||
+         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &paused, sizeof paused) != ONI_STATUS_OK))
         return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, last_error(why));
-    if (oniStreamStart(s->depth.stream) != ONI_STATUS_OK)
+    if (oniStreamStart(s->depth.handle) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, last_error(why));
-    if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
+    if (s->color.handle && oniStreamStart(s->color.handle) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, last_error(why));
     if (s->file) {
-        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &no_waiting, sizeof no_waiting);
+        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read, sizeof as_fast_as_read);
         for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
-            (void)!openni_read_frame(s, SLICE_MS); // the first one waits for openni_next
-    } else if (s->color.stream) {
-        oniDeviceEnableDepthColorSync(s->device); // nice to have; pairs are made by time anyway
+            (void)!openni_read_frame(s, SLICE_MS); // the first image stays queued for openni_next
+    } else if (s->color.handle) {
+        oniDeviceEnableDepthColorSync(s->device); // optional: frames are paired by time in any case
     }
     return OK;
 }
@@ -259,24 +258,24 @@ static void openni_close(void *self)
     if (!s)
         return;
     pthread_mutex_lock(&opening);
-    // A player closed before its thread has begun never ends: OpenNI2 waits 3 s and then shoots it.
+    // A player closed before its thread has begun does not end: OpenNI2 waits 3 s and then kills the thread.
     if (s->file && s->device && !s->got_frame)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
     gate_open(&s->gate);
-    lane_release_frames(&s->depth);
-    lane_release_frames(&s->color);
+    image_stream_release_frames(&s->depth);
+    image_stream_release_frames(&s->color);
     if (s->callbacks)
         oniUnregisterDeviceCallbacks(s->callbacks);
-    if (s->color.stream)
-        oniStreamStop(s->color.stream);
-    if (s->depth.stream)
-        oniStreamStop(s->depth.stream);
+    if (s->color.handle)
+        oniStreamStop(s->color.handle);
+    if (s->depth.handle)
+        oniStreamStop(s->depth.handle);
     if (s->file && s->device)
         clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS);
-    if (s->color.stream)
-        oniStreamDestroy(s->color.stream);
-    if (s->depth.stream)
-        oniStreamDestroy(s->depth.stream);
+    if (s->color.handle)
+        oniStreamDestroy(s->color.handle);
+    if (s->depth.handle)
+        oniStreamDestroy(s->depth.handle);
     if (s->device)
         oniDeviceClose(s->device);
     if (s->initialized)

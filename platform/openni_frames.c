@@ -1,5 +1,5 @@
-// Reading from OpenNI2: holding a file's player back, pairing depth and colour,
-// turning pictures round. See openni.c for what comes out.
+// Reading from OpenNI2: throttling a file's player, pairing depth and colour,
+// mirroring images. openni.c describes the frames.
 #include "base/clock.h"
 #include "platform/openni_internal.h"
 
@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Goes before the pixels in memory that the gate hands out.
+// Header of the memory that the gate allocates, before the pixels.
 struct gate_block {
-    struct lane *lane;
+    struct image_stream *stream;
     bool taken;
 };
 enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
@@ -18,28 +18,28 @@ enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
 
 void *gate_alloc(int size, void *cookie)
 {
-    struct lane *lane = cookie;
-    struct gate *gate = lane->gate;
+    struct image_stream *stream = cookie;
+    struct gate *gate = stream->gate;
     pthread_mutex_lock(&gate->lock);
-    while (lane->untaken && !gate->open)
+    while (stream->untaken && !gate->open)
         pthread_cond_wait(&gate->changed, &gate->lock);
-    lane->untaken = true;
+    stream->untaken = true;
     pthread_mutex_unlock(&gate->lock);
     size_t rounded = (BLOCK_BYTES + (size_t)size + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
     uint8_t *memory = aligned_alloc(BLOCK_BYTES, rounded);
     if (!memory)
         return NULL;
-    *(struct gate_block *)memory = (struct gate_block){lane, false};
+    *(struct gate_block *)memory = (struct gate_block){stream, false};
     return memory + BLOCK_BYTES;
 }
 
-static void gate_taken(struct lane *lane, struct gate_block *block)
+static void gate_taken(struct image_stream *stream, struct gate_block *block)
 {
-    struct gate *gate = lane->gate;
+    struct gate *gate = stream->gate;
     pthread_mutex_lock(&gate->lock);
     if (!block->taken) {
         block->taken = true;
-        lane->untaken = false;
+        stream->untaken = false;
         pthread_cond_broadcast(&gate->changed);
     }
     pthread_mutex_unlock(&gate->lock);
@@ -51,7 +51,7 @@ void gate_free(void *data, void *cookie)
     if (!data)
         return;
     struct gate_block *block = (struct gate_block *)((uint8_t *)data - BLOCK_BYTES);
-    gate_taken(block->lane, block); // thrown away unread: the next may come
+    gate_taken(block->stream, block); // discarded unread: the next may come
     free(block);
 }
 
@@ -65,11 +65,11 @@ void gate_open(struct gate *gate)
 
 // ------------------------------------------------------------- frames
 
-void lane_release_frames(struct lane *lane)
+void image_stream_release_frames(struct image_stream *stream)
 {
-    for (int i = 0; i < lane->count; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count = 0;
+    for (int i = 0; i < stream->count; i++)
+        oniFrameRelease(stream->queue[i]);
+    stream->count = 0;
 }
 
 static int64_t time_of(const OniFrame *frame)
@@ -77,50 +77,50 @@ static int64_t time_of(const OniFrame *frame)
     return (int64_t)frame->timestamp * 1000; // microseconds
 }
 
-static void drop_oldest(struct lane *lane, int how_many)
+static void drop_oldest(struct image_stream *stream, int how_many)
 {
     for (int i = 0; i < how_many; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count -= how_many;
-    memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
+        oniFrameRelease(stream->queue[i]);
+    stream->count -= how_many;
+    memmove(stream->queue, stream->queue + how_many, (size_t)stream->count * sizeof *stream->queue);
 }
 
 enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
 {
-    struct lane *lanes[2] = {&s->depth, &s->color};
-    OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
+    struct image_stream *both[2] = {&s->depth, &s->color};
+    OniStreamHandle streams[2] = {s->depth.handle, s->color.handle};
     int index = 0;
     OniFrame *frame = NULL;
-    if (oniWaitForAnyStream(streams, s->color.stream ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
+    if (oniWaitForAnyStream(streams, s->color.handle ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
         oniStreamReadFrame(streams[index], &frame) != ONI_STATUS_OK || !frame)
         return NOTHING;
-    struct lane *lane = lanes[index];
+    struct image_stream *stream = both[index];
     if (s->file)
-        gate_taken(lane, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
-    if (lane->count == LANE_QUEUE)
-        drop_oldest(lane, 1);
-    lane->queue[lane->count++] = frame;
+        gate_taken(stream, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
+    if (stream->count == STREAM_QUEUE)
+        drop_oldest(stream, 1);
+    stream->queue[stream->count++] = frame;
     s->got_frame = true;
     return OK;
 }
 
-// Is it known which colour picture, if any, belongs to the oldest depth picture? For a file
-// this depends on the pictures' order alone, never on how fast they come.
+// Whether it is decided which colour image, if any, belongs to the oldest depth image. For a file this depends only on
+// the order of the images, not on timing.
 static bool pairing_decided(const struct openni_sensor *s, bool over)
 {
     if (!s->depth.count)
         return false;
-    if (over || !s->color.stream)
+    if (over || !s->color.handle)
         return true;
     if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
-        return true; // whatever comes later is further away
-    return s->depth.count >= (s->file ? LANE_QUEUE : 2);
+        return true; // later images are further away
+    return s->depth.count >= (s->file ? STREAM_QUEUE : 2);
 }
 
-static enum status check_frame(const struct openni_sensor *s, const struct lane *lane, const OniFrame *frame,
+static enum status check_frame(const struct openni_sensor *s, const struct image_stream *stream, const OniFrame *frame,
                                int pixel_bytes, const char *what)
 {
-    int w = lane->mode.resolutionX, h = lane->mode.resolutionY;
+    int w = stream->mode.resolutionX, h = stream->mode.resolutionY;
     if (frame->width != w || frame->height != h)
         return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", s->name, what,
                     frame->frameIndex, frame->width, frame->height, w, h);
@@ -166,8 +166,8 @@ static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
     return OK;
 }
 
-// Counts what is missing between the last depth picture handed out and the oldest in the queue. A sensor
-// drops; a file's missing pictures are damage, which is said once, before the picture behind it.
+// Counts the depth images missing between the last one returned and the oldest in the queue. A sensor has dropped them;
+// in a file they are damaged, which is reported once, before the next image.
 static enum status count_gap(struct openni_sensor *s)
 {
     int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
@@ -181,7 +181,7 @@ static enum status count_gap(struct openni_sensor *s)
     return fail(ERR_INPUT, "%s: the %d pictures before number %d are damaged and left out", s->name, gap, index);
 }
 
-// The colour picture nearest in time, at most half a frame away; -1: none.
+// The colour image nearest in time, at most half a frame away; -1: none.
 static int color_for(const struct openni_sensor *s, int64_t time_ns)
 {
     int best = -1;
@@ -196,7 +196,7 @@ static int color_for(const struct openni_sensor *s, int64_t time_ns)
     return best;
 }
 
-// Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
+// Makes a frame of the oldest depth image and its colour. NOTHING: it was dropped because its time does not rise.
 static enum status make_frame(struct openni_sensor *s, struct frame *out)
 {
     enum status status = count_gap(s);
@@ -222,14 +222,14 @@ static enum status make_frame(struct openni_sensor *s, struct frame *out)
     out->depth = s->mm;
     out->color = color >= 0 ? s->rgb : NULL;
     drop_oldest(&s->depth, 1);
-    int used = color + 1; // and those before it; what is older than half a frame serves no later picture
+    int used = color + 1; // and those before it; colour older than half a frame fits no later depth image
     while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
         used++;
     drop_oldest(&s->color, used);
     return status;
 }
 
-// A file that ends before the number of pictures it announced says so, once.
+// Reports, once, a file that ends before the number of images it announced.
 static enum status at_end(struct openni_sensor *s)
 {
     int64_t lost = s->facts->remaining;
@@ -244,15 +244,16 @@ enum status openni_next(void *self, struct frame *out)
     struct openni_sensor *s = self;
     int64_t since_ns = clock_now_ns();
     for (;;) {
-        while (s->depth.count < LANE_QUEUE && !(s->file && pairing_decided(s, false)) && openni_read_frame(s, 0) == OK)
+        while (s->depth.count < STREAM_QUEUE && !(s->file && pairing_decided(s, false)) &&
+               openni_read_frame(s, 0) == OK)
             since_ns = clock_now_ns();
-        // Asked before the queues are filled a last time: what came before the end is then in them.
+        // Read before the queues are filled for the last time, so that they then hold all that came before the end.
         bool gone = atomic_load(&s->gone), over = gone || atomic_load(&s->ended);
         if (over)
-            while (s->depth.count < LANE_QUEUE && openni_read_frame(s, 0) == OK)
+            while (s->depth.count < STREAM_QUEUE && openni_read_frame(s, 0) == OK)
                 ;
         if (!s->file && s->depth.count > 2)
-            drop_oldest(&s->depth, s->depth.count - 2); // late: the newest is wanted; the gap is counted
+            drop_oldest(&s->depth, s->depth.count - 2); // late: keep the newest; count_gap() counts the rest
         if (pairing_decided(s, over)) {
             enum status status = make_frame(s, out);
             if (status != NOTHING)

@@ -15,7 +15,7 @@ static size_t pixel_bytes(enum png_kind kind) { return (size_t)kind; }
 struct reader {
     const uint8_t *bytes;
     size_t count, at;
-    char message[160]; // what libpng complained of
+    char message[160]; // libpng's error
 };
 
 static void keep_message(png_structp png, png_const_charp message)
@@ -40,7 +40,7 @@ static void feed(png_structp png, png_bytep out, png_size_t want)
     reader->at += want;
 }
 
-// Asks libpng for exactly `kind`; false when the samples have another depth.
+// Sets libpng's conversions to `kind`. False: the samples have another bit depth.
 static bool set_transforms(png_structp png, png_infop info, enum png_kind kind)
 {
     int depth = png_get_bit_depth(png, info), color = png_get_color_type(png, info);
@@ -70,9 +70,10 @@ static bool set_transforms(png_structp png, png_infop info, enum png_kind kind)
     return true;
 }
 
-enum status png_decode(const uint8_t *bytes, size_t count, const char *name, enum png_kind kind, void **pixels,
-                       int *width, int *height)
+enum status png_decode(const uint8_t *bytes, size_t count, const char *name, struct png_layout *layout, void **pixels)
 {
+    const enum png_kind kind = layout->kind;
+    int *width = &layout->width, *height = &layout->height;
     struct reader reader = {.bytes = bytes, .count = count};
     uint8_t *volatile rows = NULL; // volatile: written between setjmp and longjmp
     volatile enum status status = OK;
@@ -122,7 +123,10 @@ enum status png_read(const char *path, enum png_kind kind, void **pixels, int *w
     size_t count;
     enum status status = file_read(path, &bytes, &count);
     if (status == OK) {
-        status = png_decode(bytes, count, path, kind, pixels, width, height);
+        struct png_layout layout = {.kind = kind};
+        status = png_decode(bytes, count, path, &layout, pixels);
+        *width = layout.width;
+        *height = layout.height;
         free(bytes);
     }
     return status;
@@ -152,9 +156,10 @@ static void grow(png_structp png, png_bytep data, png_size_t count)
 
 static void flush_nothing(png_structp png) { (void)png; }
 
-enum status png_encode(enum png_kind kind, const void *pixels, int width, int height, int level, uint8_t **bytes,
-                       size_t *count)
+enum status png_encode(const struct png_layout *layout, const void *pixels, int level, uint8_t **bytes, size_t *count)
 {
+    const enum png_kind kind = layout->kind;
+    const int width = layout->width, height = layout->height;
     static const int color_type[] = {[PNG_GRAY8] = PNG_COLOR_TYPE_GRAY,
                                      [PNG_GRAY16] = PNG_COLOR_TYPE_GRAY,
                                      [PNG_RGB8] = PNG_COLOR_TYPE_RGB,
@@ -193,7 +198,7 @@ enum status png_write(const char *path, enum png_kind kind, const void *pixels, 
 {
     uint8_t *bytes;
     size_t count;
-    enum status status = png_encode(kind, pixels, width, height, 6, &bytes, &count);
+    enum status status = png_encode(&(struct png_layout){kind, width, height}, pixels, 6, &bytes, &count);
     if (status == OK) {
         status = file_write(path, bytes, count);
         free(bytes);

@@ -11,7 +11,7 @@ struct source {
     struct source_facts facts;
 };
 
-// How a URI begins, and who takes what stands behind the colon.
+// A URI scheme and the kind of source that it opens.
 struct scheme {
     const char *name;
     bool sensor, camera; // what it can be opened as
@@ -28,7 +28,7 @@ static const struct scheme schemes[] = {
     {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},
 };
 
-// The part of `uri` behind "NAME:", "" where the URI is NAME alone; NULL: another scheme.
+// The part of `uri` after "NAME:", "" where the URI is NAME alone; NULL: another scheme.
 static const char *uri_argument(const char *uri, const char *name)
 {
     size_t length = strlen(name);
@@ -98,7 +98,7 @@ enum status source_next(struct source *s, struct frame *out)
     *out = (struct frame){0};
     enum status status = s->kind->next(s->self, out);
     if (status != OK)
-        *out = (struct frame){0}; // half a frame must not look like one
+        *out = (struct frame){0}; // no partly filled frame
     return status;
 }
 
@@ -111,7 +111,7 @@ void source_close(struct source **s)
     *s = NULL;
 }
 
-// A kind that cannot even look (no driver, no camera stack) has no devices: the others may.
+// A kind that cannot enumerate (no driver, no camera stack) counts as having no devices.
 enum status source_devices(struct source_device *out, int capacity, int *count)
 {
     int sensors = 0, cameras = 0;

@@ -1,5 +1,5 @@
-// Dear ImGui behind ui.h: its draw lists, its fonts and its idea of which area is
-// touched. It draws nothing by itself here, and none of its own controls is used.
+// ui.h by Dear ImGui: its draw lists, font atlas and hit testing. gpu_draw2d draws; none of ImGui's own widgets is
+// used.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic"
 extern "C" {
@@ -15,20 +15,20 @@ extern "C" {
 #include <new>
 #include <vector>
 
-static_assert(sizeof(gpu_draw2d_vertex) == sizeof(ImDrawVert), "the vertices are handed on as they are");
-static_assert(sizeof(ImDrawIdx) == sizeof(uint16_t), "so are the indices");
+static_assert(sizeof(gpu_draw2d_vertex) == sizeof(ImDrawVert), "vertices are copied one for one");
+static_assert(sizeof(ImDrawIdx) == sizeof(uint16_t), "indices are copied as they are");
 
 struct ui {
-    gpu *device;
+    struct gpu *gpu;
     ImGuiContext *context;
-    gpu_draw2d *flat;
+    gpu_draw2d *draw2d;
     gpu_texture *font_texture;
     std::vector<ui_face> faces;
     std::vector<ImFont *> fonts;
     double px_per_dp;
     int width_px, height_px;
-    ImDrawList *ink; // of the frame being gathered
-    std::vector<gpu_draw2d_batch> runs;
+    ImDrawList *draw_list; // between ui_begin and ui_end
+    std::vector<gpu_draw2d_batch> batches;
     std::vector<gpu_draw2d_vertex> vertices;
     std::vector<uint16_t> indices;
 };
@@ -36,14 +36,14 @@ struct ui {
 namespace
 {
 
-ImU32 ink_of(uint32_t color) { return IM_COL32(color >> 24, color >> 16 & 255, color >> 8 & 255, color & 255); }
+ImU32 to_imgui_color(uint32_t color) { return IM_COL32(color >> 24, color >> 16 & 255, color >> 8 & 255, color & 255); }
 
 ImVec2 at(double x, double y) { return ImVec2(float(x), float(y)); }
 ImVec2 at(ui_point p) { return at(p.x, p.y); }
 ImVec2 first(ui_box b) { return at(b.x, b.y); }
 ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 
-// Latin with all its accents, and the punctuation of good typesetting.
+// Latin with accents, typographic punctuation, arrows and the minus sign.
 const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
                                 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 
@@ -69,10 +69,11 @@ enum status build_font_atlas(ui *u, double px_per_dp)
     if (!atlas->Build())
         return fail(ERR_INPUT, "a font of the controls cannot be read");
     atlas->GetTexDataAsRGBA32(&pixels, &width, &height);
-    for (long i = 0, n = long(width) * height; i < n; i++) // white letters: multiply alpha in
+    for (long i = 0, n = long(width) * height; i < n; i++) // premultiplied white
         pixels[4 * i] = pixels[4 * i + 1] = pixels[4 * i + 2] = pixels[4 * i + 3];
     gpu_texture_close(&u->font_texture);
-    enum status status = gpu_texture_open(&u->font_texture, u->device, GPU_RGBA8, width, height, GPU_LINEAR, pixels);
+    const gpu_texture_layout layout = {GPU_RGBA8, width, height, GPU_LINEAR};
+    enum status status = gpu_texture_open(&u->font_texture, u->gpu, &layout, pixels);
     atlas->SetTexID(u->font_texture);
     atlas->ClearTexData();
     u->px_per_dp = px_per_dp;
@@ -81,13 +82,13 @@ enum status build_font_atlas(ui *u, double px_per_dp)
 
 enum status open_ui(ui *u, const gpu_draw2d_shaders *shaders)
 {
-    enum status status = gpu_draw2d_open(&u->flat, u->device, shaders);
+    enum status status = gpu_draw2d_open(&u->draw2d, u->gpu, shaders);
     if (status != OK)
         return status;
     u->context = ImGui::CreateContext();
     ImGui::SetCurrentContext(u->context);
     ImGuiIO &io = ImGui::GetIO();
-    io.IniFilename = nullptr; // it writes no file of its own
+    io.IniFilename = nullptr; // ImGui writes no files
     io.LogFilename = nullptr;
     io.BackendFlags |= ImGuiBackendFlags_RendererHasVtxOffset;
     io.MouseDragThreshold = 0;
@@ -119,7 +120,7 @@ enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_draw2d_sh
     ui *u = new (std::nothrow) ui{};
     if (!u)
         return fail(ERR_MEMORY, "out of memory");
-    u->device = gpu;
+    u->gpu = gpu;
     u->faces.assign(faces, faces + face_count);
     enum status status = open_ui(u, shaders);
     if (status != OK)
@@ -139,7 +140,7 @@ void ui_close(struct ui **out)
         ImGui::DestroyContext(u->context);
     }
     gpu_texture_close(&u->font_texture);
-    gpu_draw2d_close(&u->flat);
+    gpu_draw2d_close(&u->draw2d);
     delete u;
     *out = nullptr;
 }
@@ -155,11 +156,11 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     u->width_px = in->width_px;
     u->height_px = in->height_px;
     ImGuiIO &io = ImGui::GetIO();
-    // It clips to whole dp; to too few of them, and the last row and column would stay empty.
+    // Rounded up: ImGui clips to whole dp, and rounding down would leave the last row and column empty.
     io.DisplaySize =
         ImVec2(float(std::ceil(in->width_px / in->px_per_dp)), float(std::ceil(in->height_px / in->px_per_dp)));
     io.DisplayFramebufferScale = ImVec2(float(in->px_per_dp), float(in->px_per_dp));
-    io.DeltaTime = 1.0F / 60; // nothing here lasts; what moves is timed by its users
+    io.DeltaTime = 1.0F / 60; // any value: ImGui's own animations are not used
     io.MousePos = in->pointer_there ? ImVec2(float(in->pointer_x), float(in->pointer_y)) : ImVec2(-FLT_MAX, -FLT_MAX);
     io.MouseDown[0] = in->pointer_down;
     ImGui::NewFrame();
@@ -169,19 +170,19 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
                  ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoMove |
                      ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav |
                      ImGuiWindowFlags_NoBringToFrontOnFocus);
-    u->ink = ImGui::GetWindowDrawList();
-    u->ink->_FringeScale = float(1 / in->px_per_dp); // edges one pixel soft, not one dp
-    u->ink->ChannelsSplit(UI_LAYERS);
+    u->draw_list = ImGui::GetWindowDrawList();
+    u->draw_list->_FringeScale = float(1 / in->px_per_dp); // anti-aliasing over one pixel, not one dp
+    u->draw_list->ChannelsSplit(UI_LAYERS);
     return OK;
 }
 
 void ui_end(struct ui *u)
 {
-    u->ink->ChannelsMerge();
+    u->draw_list->ChannelsMerge();
     ImGui::End();
     ImGui::Render();
     const ImDrawData *data = ImGui::GetDrawData();
-    u->runs.clear();
+    u->batches.clear();
     u->vertices.clear();
     u->indices.clear();
     const float s = float(u->px_per_dp);
@@ -197,50 +198,53 @@ void ui_end(struct ui *u)
         u->indices.insert(u->indices.end(), list->IdxBuffer.begin(), list->IdxBuffer.end());
         for (const ImDrawCmd &c : list->CmdBuffer)
             if (c.ElemCount)
-                u->runs.push_back({static_cast<const gpu_texture *>(c.TextureId), std::fmax(0.0F, c.ClipRect.x * s),
-                                   std::fmax(0.0F, c.ClipRect.y * s), std::fmin(float(u->width_px), c.ClipRect.z * s),
-                                   std::fmin(float(u->height_px), c.ClipRect.w * s), base_vertex + int(c.VtxOffset),
-                                   base_index + int(c.IdxOffset), int(c.ElemCount)});
+                u->batches.push_back({static_cast<const gpu_texture *>(c.TextureId), std::fmax(0.0F, c.ClipRect.x * s),
+                                      std::fmax(0.0F, c.ClipRect.y * s),
+                                      std::fmin(float(u->width_px), c.ClipRect.z * s),
+                                      std::fmin(float(u->height_px), c.ClipRect.w * s), base_vertex + int(c.VtxOffset),
+                                      base_index + int(c.IdxOffset), int(c.ElemCount)});
     }
-    u->ink = nullptr;
+    u->draw_list = nullptr;
 }
 
 enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
 {
     static const float black[3] = {0, 0, 0};
     const gpu_draw2d_view view = {target, u->width_px, u->height_px, quarter_turns, black};
-    gpu_draw2d_begin(u->flat, &view);
-    gpu_draw2d_draw(u->flat, u->vertices.data(), int(u->vertices.size()), u->indices.data(), int(u->indices.size()),
-                    u->runs.data(), int(u->runs.size()));
-    return gpu_draw2d_end(u->flat);
+    gpu_draw2d_begin(u->draw2d, &view);
+    const gpu_draw2d_list list = {u->vertices.data(),      u->indices.data(),      u->batches.data(),
+                                  int(u->vertices.size()), int(u->indices.size()), int(u->batches.size())};
+    gpu_draw2d_draw(u->draw2d, &list);
+    return gpu_draw2d_end(u->draw2d);
 }
 
 double ui_width(const struct ui *u) { return u->width_px / u->px_per_dp; }
 double ui_height(const struct ui *u) { return u->height_px / u->px_per_dp; }
 double ui_px_per_dp(const struct ui *u) { return u->px_per_dp; }
 
-// ---------------------------------------------------------------- ink
+// ---------------------------------------------------------------- drawing
 
-void ui_layer(struct ui *u, int layer) { u->ink->ChannelsSetCurrent(layer); }
+void ui_layer(struct ui *u, int layer) { u->draw_list->ChannelsSetCurrent(layer); }
 
 void ui_fill(struct ui *u, struct ui_box box, double radius, uint32_t color)
 {
-    u->ink->AddRectFilled(first(box), last(box), ink_of(color), float(radius));
+    u->draw_list->AddRectFilled(first(box), last(box), to_imgui_color(color), float(radius));
 }
 
 void ui_border(struct ui *u, struct ui_box box, double radius, double thickness, uint32_t color)
 {
-    u->ink->AddRect(first(box), last(box), ink_of(color), float(radius), 0, float(thickness));
+    u->draw_list->AddRect(first(box), last(box), to_imgui_color(color), float(radius), 0, float(thickness));
 }
 
 void ui_fade(struct ui *u, struct ui_box box, uint32_t top, uint32_t bottom)
 {
-    u->ink->AddRectFilledMultiColor(first(box), last(box), ink_of(top), ink_of(top), ink_of(bottom), ink_of(bottom));
+    u->draw_list->AddRectFilledMultiColor(first(box), last(box), to_imgui_color(top), to_imgui_color(top),
+                                          to_imgui_color(bottom), to_imgui_color(bottom));
 }
 
 void ui_shadow(struct ui *u, struct ui_box box, double radius, double spread, uint32_t color)
 {
-    // Rings that grow and fade, laid over one another: near enough to a blur at no cost.
+    // Growing, fading boxes over one another: approximates a blur cheaply.
     const int rings = 8;
     for (int i = rings; i > 0; i--) {
         double grow = spread * i / rings;
@@ -252,42 +256,42 @@ void ui_shadow(struct ui *u, struct ui_box box, double radius, double spread, ui
 
 void ui_disc(struct ui *u, struct ui_point centre, double radius, uint32_t color)
 {
-    u->ink->AddCircleFilled(at(centre), float(radius), ink_of(color));
+    u->draw_list->AddCircleFilled(at(centre), float(radius), to_imgui_color(color));
 }
 
 void ui_ring(struct ui *u, struct ui_point centre, double radius, double thickness, uint32_t color)
 {
-    u->ink->AddCircle(at(centre), float(radius), ink_of(color), 0, float(thickness));
+    u->draw_list->AddCircle(at(centre), float(radius), to_imgui_color(color), 0, float(thickness));
 }
 
 void ui_line(struct ui *u, struct ui_point a, struct ui_point b, double thickness, uint32_t color)
 {
-    u->ink->AddLine(at(a), at(b), ink_of(color), float(thickness));
+    u->draw_list->AddLine(at(a), at(b), to_imgui_color(color), float(thickness));
 }
 
 void ui_stroke(struct ui *u, const struct ui_point *points, int count, bool closed, double thickness, uint32_t color)
 {
     for (int i = 0; i < count; i++)
-        u->ink->PathLineTo(at(points[i]));
-    u->ink->PathStroke(ink_of(color), closed ? ImDrawFlags_Closed : 0, float(thickness));
-    if ((color & 255) == 255) // a see-through joint would show twice
+        u->draw_list->PathLineTo(at(points[i]));
+    u->draw_list->PathStroke(to_imgui_color(color), closed ? ImDrawFlags_Closed : 0, float(thickness));
+    if ((color & 255) == 255) // a translucent joint would be blended twice
         for (int i = 0; i < count; i++)
-            u->ink->AddCircleFilled(at(points[i]), float(thickness / 2), ink_of(color));
+            u->draw_list->AddCircleFilled(at(points[i]), float(thickness / 2), to_imgui_color(color));
 }
 
 void ui_polygon(struct ui *u, const struct ui_point *points, int count, uint32_t color)
 {
     for (int i = 0; i < count; i++)
-        u->ink->PathLineTo(at(points[i]));
-    u->ink->PathFillConvex(ink_of(color));
+        u->draw_list->PathLineTo(at(points[i]));
+    u->draw_list->PathFillConvex(to_imgui_color(color));
 }
 
 void ui_image(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_uv_rect part, double radius,
               uint32_t tint)
 {
     ImTextureID id = const_cast<gpu_texture *>(texture);
-    u->ink->AddImageRounded(id, first(box), last(box), at(part.u0, part.v0), at(part.u1, part.v1), ink_of(tint),
-                            float(radius));
+    u->draw_list->AddImageRounded(id, first(box), last(box), at(part.u0, part.v0), at(part.u1, part.v1),
+                                  to_imgui_color(tint), float(radius));
 }
 
 // ---------------------------------------------------------------- text
@@ -309,10 +313,11 @@ void ui_text(struct ui *u, int face, struct ui_point top_left, uint32_t color, c
 
 void ui_text_lines(struct ui *u, int face, struct ui_point top_left, double width, uint32_t color, const char *text)
 {
-    // Onto whole pixels: letters between them look soft.
+    // Rounded to whole pixels: text between them is blurred.
     const double s = u->px_per_dp;
     ImVec2 where = at(std::round(top_left.x * s) / s, std::round(top_left.y * s) / s);
-    u->ink->AddText(font_of(u, face), size_of(u, face), where, ink_of(color), text, nullptr, float(width));
+    u->draw_list->AddText(font_of(u, face), size_of(u, face), where, to_imgui_color(color), text, nullptr,
+                          float(width));
 }
 
 void ui_clip(struct ui *u, struct ui_box box)
@@ -327,7 +332,7 @@ void ui_unclip(struct ui *u)
     (void)u;
 }
 
-// ---------------------------------------------------------------- fingers
+// ---------------------------------------------------------------- touch
 
 struct ui_touch ui_area(struct ui *u, const char *name, struct ui_box box)
 {

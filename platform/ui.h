@@ -1,12 +1,11 @@
-// Ink and fingers: what a screen is drawn with and touched through (Dear ImGui).
-// This is the bare immediate mode: shapes, text, and areas that feel a pointer.
-// What a button looks like is its users' business.
+// Immediate-mode drawing and touch areas for screens (Dear ImGui): shapes, text, and rectangles that take a pointer.
+// Widgets are built from them in app/ui.
 //
-// Lengths are in dp, 1/160 inch at arm's length, x to the right and y down from the
-// top left corner. Colours are 0xRRGGBBAA, alpha not multiplied in. Text is UTF-8.
+// Lengths are in dp, 1/160 inch at arm's length, x to the right and y down from the top left corner. Colours are
+// 0xRRGGBBAA in sRGB, alpha not premultiplied. Text is UTF-8.
 //
-// Between ui_begin and ui_end everything is gathered; ui_draw puts it on a target
-// or a window. One ui in a process at a time, on one thread.
+// Calls between ui_begin and ui_end are collected; ui_draw draws them into a target or window. One ui in a process at a
+// time, on one thread.
 #pragma once
 #include "platform/gpu_draw2d.h"
 
@@ -31,45 +30,48 @@ struct ui_face {
     double size; // dp, of a line
 };
 
-// Faces are spoken of by their place in the list. ERR_INPUT: not a font. ERR_MEMORY.
+// The other functions name faces by their index in this list. ERR_MEMORY; ERR_DEVICE as gpu_draw2d_open. *out is NULL
+// on error. Fonts are read by the first ui_begin.
 MUST_CHECK enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_draw2d_shaders *shaders,
                                const struct ui_face *faces, int face_count);
 void ui_close(struct ui **ui); // NULL is fine
 
 struct ui_input {
-    int width_px, height_px; // of what is drawn on, as the eye has it up
-    double px_per_dp;        // when it changes, the letters are cut anew. ERR_DEVICE then, where they do not fit
+    int width_px, height_px; // of the upright image
+    double px_per_dp;        // pixels per dp; a change rebuilds the font atlas
     int64_t now_ns;
-    double pointer_x, pointer_y; // dp; what the first finger or the mouse touches
+    double pointer_x, pointer_y; // dp; of the first finger or the mouse
     bool pointer_down;
     bool pointer_there; // false: no finger and no mouse; nothing is hovered
 };
+// ERR_INPUT: a face is not a font. ERR_DEVICE: the font atlas is too large for the GPU. Do not call ui_end then.
 MUST_CHECK enum status ui_begin(struct ui *ui, const struct ui_input *input);
 void ui_end(struct ui *ui);
 
-// What was gathered last. quarter_turns: as gpu_draw2d_view has them. target NULL: the window. ERR_DEVICE.
+// Draws what the last ui_begin .. ui_end collected. target NULL: the window. quarter_turns: as in gpu_draw2d_view.
+// ERR_DEVICE.
 MUST_CHECK enum status ui_draw(struct ui *ui, struct gpu_target *target, int quarter_turns);
 
 double ui_width(const struct ui *ui);
 double ui_height(const struct ui *ui);
 double ui_px_per_dp(const struct ui *ui); // of the last ui_begin
 
-// ---- ink
+// ---- drawing
 enum { UI_LAYERS = 3 };
-void ui_layer(struct ui *ui, int layer); // what is drawn from here on lies above all lower layers; 0 at first
+void ui_layer(struct ui *ui, int layer); // of the shapes that follow; higher layers cover lower ones; 0 after ui_begin
 void ui_fill(struct ui *ui, struct ui_box box, double radius, uint32_t color);
 void ui_border(struct ui *ui, struct ui_box box, double radius, double thickness, uint32_t color);
-void ui_fade(struct ui *ui, struct ui_box box, uint32_t top, uint32_t bottom); // a gradient
+void ui_fade(struct ui *ui, struct ui_box box, uint32_t top, uint32_t bottom); // vertical gradient
 void ui_shadow(struct ui *ui, struct ui_box box, double radius, double spread, uint32_t color);
 void ui_disc(struct ui *ui, struct ui_point centre, double radius, uint32_t color);
 void ui_ring(struct ui *ui, struct ui_point centre, double radius, double thickness, uint32_t color);
 void ui_line(struct ui *ui, struct ui_point a, struct ui_point b, double thickness, uint32_t color);
-// Round joints.
+// A polyline with round joints.
 void ui_stroke(struct ui *ui, const struct ui_point *points, int count, bool closed, double thickness, uint32_t color);
 void ui_polygon(struct ui *ui, const struct ui_point *points, int count, uint32_t color); // convex
 
-// A picture, its part from (u0, v0) to (u1, v1), 0..1; u0 > u1 turns it over.
-// premultiplied alpha in the texture; tint's alpha lets what lies behind through.
+// An image: the part of the texture from (u0, v0) to (u1, v1), 0..1; u0 > u1 mirrors it. The texture has premultiplied
+// alpha; tint's alpha is its opacity.
 struct ui_uv_rect {
     double u0, v0, u1, v1;
 };
@@ -86,16 +88,16 @@ void ui_text_lines(struct ui *ui, int face, struct ui_point top_left, double wid
 void ui_clip(struct ui *ui, struct ui_box box);
 void ui_unclip(struct ui *ui);
 
-// ---- fingers
+// ---- touch
 struct ui_touch {
-    bool over; // the pointer is over it and nothing above it
+    bool over; // the pointer is over the area, and no other area covers it there
     bool went_down;
-    bool held;   // since it went down here, wherever it is by now
-    bool tapped; // let go over it
-    double x, y; // of the pointer, within the box's top left
+    bool held;   // the pointer went down in the area and is still down, wherever it is
+    bool tapped; // the pointer went down and up in the area
+    double x, y; // of the pointer, relative to the box's top left
 };
-// An area that feels the pointer. Of areas that overlap, the one asked for first
-// has it; `name` tells areas apart, also those of one frame from those of the last.
+// An area that takes the pointer. Of overlapping areas the first one called gets it. `name` is the area's identity
+// within a frame and from frame to frame.
 struct ui_touch ui_area(struct ui *ui, const char *name, struct ui_box box);
 
 #ifdef __cplusplus

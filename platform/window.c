@@ -13,7 +13,7 @@ struct window {
     SDL_GLContext context;
     SDL_GameController *pads[MAX_PADS];
     Uint32 wake_event;
-    SDL_atomic_t woken; // a wake event is under way
+    SDL_atomic_t woken; // 1: a wake event is in the queue
     int quarter_turns;
     double requested_dpi;
 };
@@ -27,7 +27,7 @@ static enum status fail_open(struct window **s, const char *what)
 
 static bool make_window(struct window *s, const struct window_options *o)
 {
-    SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0"); // a finger is a finger and no mouse besides
+    SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0"); // no mouse events for touches, nor the reverse
     SDL_SetHint(SDL_HINT_MOUSE_TOUCH_EVENTS, "0");
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_PROFILE_MASK, SDL_GL_CONTEXT_PROFILE_ES);
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_MAJOR_VERSION, 3);
@@ -49,14 +49,14 @@ enum status window_open(struct window **out, const struct window_options *option
         return fail(ERR_MEMORY, "no memory for a window");
     s->quarter_turns = options->quarter_turns & 3;
     s->requested_dpi = options->dpi;
-    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // Ctrl-C is the program's
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // the program handles SIGINT itself
     SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
     if (SDL_Init(SDL_INIT_VIDEO))
         return fail_open(&s, "no window can be opened; is there a display?");
     if (!make_window(s, options))
         return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?");
-    SDL_GL_SetSwapInterval(1); // not every display can wait; then the loop's own pace holds
-    // A tablet without a game pad is no fault.
+    SDL_GL_SetSwapInterval(1); // may fail: then the main loop's own pacing limits the rate
+    // Game pads are optional.
     if (!SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER))
         SDL_GameControllerEventState(SDL_ENABLE);
     s->wake_event = SDL_RegisterEvents(1);
@@ -89,7 +89,7 @@ void window_size(const struct window *s, int *width, int *height)
     *height = s->quarter_turns & 1 ? w : h;
 }
 
-// What the panel says of itself (EDID, bytes 21 and 22: centimetres), for KMS, where SDL does not ask. 0: nobody says.
+// From the panel's EDID (byte 21: width in centimetres), for KMS, where SDL does not read it. 0: unknown.
 static double panel_dpi(int width_px)
 {
     glob_t found;
@@ -119,7 +119,7 @@ double window_dpi(const struct window *s)
         dpi = (float)panel_dpi(width);
     else if (SDL_GetDisplayDPI(display < 0 ? 0 : display, NULL, &dpi, NULL))
         dpi = 0;
-    return dpi >= 60 && dpi <= 800 ? (double)dpi : 96; // others are made up
+    return dpi >= 60 && dpi <= 800 ? (double)dpi : 96; // values outside are placeholders
 }
 
 double window_refresh_hz(const struct window *s)
@@ -146,9 +146,9 @@ void window_fullscreen(struct window *s, bool on)
     SDL_SetWindowFullscreen(s->window, on ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
 }
 
-// ---------------------------------------------------------------- hands
+// ---------------------------------------------------------------- input
 
-// From shares of the glass to upright pixels.
+// From a position on the display as mounted, 0..1 per axis, to upright pixels.
 static void to_upright(const struct window *s, double right, double down, struct window_event *out)
 {
     int width, height;
@@ -166,7 +166,7 @@ static void to_upright(const struct window *s, double right, double down, struct
 
 static void translate_mouse(const struct window *s, int x, int y, enum window_event_kind kind, struct window_event *out)
 {
-    int width, height; // of the window in its own units, which are not pixels everywhere
+    int width, height; // in window units, which are not pixels everywhere
     SDL_GetWindowSize(s->window, &width, &height);
     out->kind = kind;
     out->pointer = -1;
@@ -308,14 +308,14 @@ struct window_event window_wait(struct window *s, int wait_ms)
     if (wait_ms > 0 ? SDL_WaitEventTimeout(&event, wait_ms) : SDL_PollEvent(&event))
         do
             translate_event(s, &event, &out);
-        while (out.kind == WINDOW_NO_EVENT && SDL_PollEvent(&event)); // what means nothing to us is passed over
+        while (out.kind == WINDOW_NO_EVENT && SDL_PollEvent(&event)); // events that are not translated are skipped
     return out;
 }
 
 void window_wake(struct window *s)
 {
     if (!SDL_AtomicCAS(&s->woken, 0, 1))
-        return; // one is enough
+        return; // one is queued already
     SDL_Event event = {.type = s->wake_event};
     SDL_PushEvent(&event);
 }

@@ -1,11 +1,9 @@
-// The tablet's glass: a window or the whole screen with an OpenGL ES 3 context on
-// it, and everything hands can do to it (SDL2). The same on KMS without a desktop,
-// on Wayland and on X11. One screen in a process, on the thread that opened it;
-// only window_wake may be called from others.
+// A window or the whole screen with an OpenGL ES 3 context, and its input: touch, mouse, keyboard, game pads (SDL2).
+// The same on KMS without a desktop, on Wayland and on X11. One window in a process, on the thread that opened it; only
+// window_wake may be called from other threads. gpu_adopt takes the context over for drawing.
 //
-// Lengths are pixels of the picture as the eye has it up: a screen that is mounted
-// turned (quarter_turns) is turned here, fingers included. gpu_adopt takes the
-// context over for drawing.
+// Lengths are pixels of the upright image, from its top left corner: for a display that is mounted rotated
+// (quarter_turns), sizes and pointer positions are rotated here.
 #pragma once
 #include "base/status.h"
 
@@ -13,44 +11,44 @@ struct window;
 
 struct window_options {
     const char *title;
-    int width, height; // of a window; on KMS and in fullscreen the glass says
+    int width, height; // of a window; ignored on KMS and in fullscreen
     bool fullscreen;
-    int quarter_turns; // 0..3, clockwise: how the glass is mounted
+    int quarter_turns; // 0..3, clockwise: how the display is mounted
     double dpi;        // 0: ask the system
 };
 
-// ERR_DEVICE: no display, or none with OpenGL ES 3; the sentence says which.
+// ERR_DEVICE: no display, or none with OpenGL ES 3; the sentence says which. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status window_open(struct window **out, const struct window_options *options);
 void window_close(struct window **s); // NULL is fine
 
 void window_size(const struct window *s, int *width, int *height);
-double window_dpi(const struct window *s);        // pixels an inch; 96 where nobody knows
-double window_refresh_hz(const struct window *s); // 60 where nobody knows
+double window_dpi(const struct window *s);        // pixels an inch; 96 where the system does not know
+double window_refresh_hz(const struct window *s); // 60 where the system does not know
 int window_quarter_turns(const struct window *s);
 const char *window_driver(const struct window *s); // "KMSDRM", "wayland", "x11"
 
-// Shows what was drawn; waits for the display's turn.
+// Swaps buffers: shows what was drawn; waits for vertical sync where the driver supports it.
 void window_present(struct window *s);
 
 void window_fullscreen(struct window *s, bool on);
 
 enum window_event_kind {
-    WINDOW_NO_EVENT,     // nothing happened
+    WINDOW_NO_EVENT,     // no event
     WINDOW_WOKEN,        // window_wake
     WINDOW_QUIT,         // closed
-    WINDOW_RESIZED,      // size or dpi are others; or what was shown is lost and has to be drawn again
-    WINDOW_HIDDEN,       // nobody sees it: draw nothing, let the camera rest
-    WINDOW_SHOWN,        // it is seen again
+    WINDOW_RESIZED,      // size or dpi changed, or the contents were lost: draw again
+    WINDOW_HIDDEN,       // not visible: draw nothing, suspend the camera
+    WINDOW_SHOWN,        // visible again
     WINDOW_POINTER_DOWN, // finger or mouse button
     WINDOW_POINTER_MOVE, // also the mouse with no button down
     WINDOW_POINTER_UP,
-    WINDOW_WHEEL,      // amount: notches, away from the hand is positive
+    WINDOW_WHEEL,      // amount: notches, away from the user is positive
     WINDOW_KEY,        // key
     WINDOW_PAD_BUTTON, // button, pressed
     WINDOW_PAD_AXIS,   // axis at amount, -1..1; triggers 0..1
 };
 
-// Keys that write nothing; others are their lower-case Latin letter.
+// Keys without a printable character, and space; other keys are their lower-case ASCII character.
 enum window_key {
     WINDOW_KEY_ENTER = 13,
     WINDOW_KEY_ESCAPE = 27,
@@ -84,7 +82,7 @@ enum pad_axis { PAD_LEFT_X, PAD_LEFT_Y, PAD_RIGHT_X, PAD_RIGHT_Y, PAD_LEFT_TRIGG
 
 struct window_event {
     enum window_event_kind kind;
-    int64_t pointer; // fingers are told apart; the mouse is -1
+    int64_t pointer; // a finger's number, constant while it is down; the mouse is -1
     double x, y;     // pixels
     int key;         // enum window_key or a letter
     bool shift;
@@ -93,7 +91,7 @@ struct window_event {
     double amount;
 };
 
-// The next thing that happened; waits up to wait_ms for one, 0 not at all.
+// The next event; waits up to wait_ms for one, 0: does not wait.
 struct window_event window_wait(struct window *s, int wait_ms);
 
 // Makes window_wait return; from any thread, until window_close.

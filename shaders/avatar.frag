@@ -1,14 +1,13 @@
 #version 300 es
-// The person's figure: where the shown frame itself saw this place, squarely and
-// near enough, its own colours; elsewhere those gathered over the take; and
-// smoothly from the one to the other.
+// Fragment of the avatar: the shown frame's own colour where its depth agrees and it viewed the surface frontally, the
+// fused texture elsewhere, blended smoothly.
 precision highp float;
 
-in vec4 place;
-in vec4 seen;
+in vec4 uv;
+in vec4 frame_sample;
 in vec2 lighting;
 
-uniform highp sampler2D atlas;       // colours in the mean light
+uniform highp sampler2D atlas; // fused colours under the mean light
 uniform highp sampler2D frame_color;
 
 out vec4 color; // premultiplied
@@ -18,6 +17,6 @@ out vec4 color; // premultiplied
 
 void main()
 {
-    vec3 own = texture(atlas, place.xy).rgb * lighting.x;
-    color = room_visibility() * vec4(mix(own, texture(frame_color, place.zw).rgb, depth_agreement(seen)), 1.0);
+    vec3 fused = texture(atlas, uv.xy).rgb * lighting.x;
+    color = room_visibility() * vec4(mix(fused, texture(frame_color, uv.zw).rgb, depth_agreement(frame_sample)), 1.0);
 }

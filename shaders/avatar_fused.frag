@@ -1,12 +1,12 @@
 #version 300 es
-// The person's figure in the colours gathered over the take: the triangles that have nothing of the shown frame's own,
-// and the ribbon along the outline, which fades outwards, for what a frame itself saw at its outline is half the room.
+// Fragment of the avatar in fused colours only: triangles the shown frame did not see, and the silhouette ribbon, which
+// fades outwards. (At its silhouette a frame's own pixels are half background.)
 precision highp float;
 
-in vec4 place;
+in vec4 uv;
 in vec2 lighting;
 
-uniform highp sampler2D atlas; // colours in the mean light
+uniform highp sampler2D atlas; // fused colours under the mean light
 
 out vec4 color; // premultiplied
 
@@ -14,5 +14,5 @@ out vec4 color; // premultiplied
 
 void main()
 {
-    color = room_visibility() * lighting.y * vec4(texture(atlas, place.xy).rgb * lighting.x, 1.0);
+    color = room_visibility() * lighting.y * vec4(texture(atlas, uv.xy).rgb * lighting.x, 1.0);
 }

@@ -1,12 +1,12 @@
 #version 300 es
-// Where each pixel of the person's figure is from, as renderer_read_source has it.
+// Fragment of the avatar that encodes where its colour comes from, as renderer_read_source documents.
 precision highp float;
 
-in vec4 place;
-in vec4 seen;
+in vec4 uv;
+in vec4 frame_sample;
 
-uniform vec4 kind;                 // x: the shown frame's time, seconds of the take
-uniform highp sampler2D atlas_when; // hundredths of a second (high, low byte); blue: 1 if nobody saw it
+uniform vec4 frame_params;          // x: the shown frame's time, seconds of the take
+uniform highp sampler2D atlas_when; // time seen, hundredths of a second (high, low byte); blue: 1 if never seen
 
 out vec4 color;
 
@@ -14,11 +14,11 @@ out vec4 color;
 
 void main()
 {
-    float now = depth_agreement(seen);
-    vec4 when = texture(atlas_when, place.xy);
-    float then = floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5);
-    float age = min(abs(then - floor(kind.x * 100.0 + 0.5)), 65535.0);
-    float what = now > 0.5 ? 85.0 : when.b > 0.5 ? 255.0 : 170.0;
-    vec2 bytes = now > 0.5 ? vec2(0.0) : vec2(floor(age / 256.0), mod(age, 256.0));
-    color = vec4(what / 255.0, bytes / 255.0, 1.0);
+    float own = depth_agreement(frame_sample);
+    vec4 when = texture(atlas_when, uv.xy);
+    float seen_time = floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5);
+    float age = min(abs(seen_time - floor(frame_params.x * 100.0 + 0.5)), 65535.0);
+    float source = own > 0.5 ? 85.0 : when.b > 0.5 ? 255.0 : 170.0;
+    vec2 bytes = own > 0.5 ? vec2(0.0) : vec2(floor(age / 256.0), mod(age, 256.0));
+    color = vec4(source / 255.0, bytes / 255.0, 1.0);
 }

@@ -1,5 +1,5 @@
 #version 300 es
-// A camera's picture as it lies in its memory, turned into RGB by the integer arithmetic of base/pixels.c, to the bit.
+// A camera image in its own memory layout, converted to RGB by the integer arithmetic of base/pixels.c, bit for bit.
 precision highp float;
 precision highp int;
 uniform highp sampler2D first_plane;  // YUYV, UYVY: two pixels a texel; NV12: luma; RGBX, BGRX: a pixel

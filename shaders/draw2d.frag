@@ -1,5 +1,5 @@
 #version 300 es
-// What controls are made of: a texture, tinted.
+// Fragment of 2D drawing (controls): a tinted texture.
 precision highp float;
 in vec2 at;
 in vec4 tint; // premultiplied

@@ -1,10 +1,10 @@
 #version 300 es
-// What controls are made of: pixels to the screen.
+// Vertex of 2D drawing (controls): pixels to clip space.
 precision highp float;
 layout(location = 0) in vec2 position; // pixels
 layout(location = 1) in vec2 uv;
 layout(location = 2) in vec4 color; // straight alpha
-uniform vec4 map[2]; // rows of the affine map from pixels to clip space; w: the share of the texture that is used
+uniform vec4 map[2]; // rows of the affine map from pixels to clip space; w: used share of the texture, along that axis
 out vec2 at;
 out vec4 tint; // premultiplied
 void main()

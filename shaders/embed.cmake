@@ -1,6 +1,6 @@
-# Writes OUT: a C file with the text of every file in SHADERS (a list), as bytes,
-# so that no quoting can go wrong. Run by cmake -P at build time. A line
-# #include "NAME" becomes the text of that one of PARTS (a list).
+# Writes OUT: a C file with the text of every file in SHADERS (a list), as bytes, which need no quoting.
+# Run by cmake -P at build time. A line
+# #include "NAME" is replaced by the text of the file of that name in PARTS (a list).
 set(code "// Made from shaders/ at build time.\n#include \"reenact/render/shaders.h\"\n\n")
 set(table "")
 foreach(path ${SHADERS})

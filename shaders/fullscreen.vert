@@ -1,5 +1,5 @@
 #version 300 es
-// One triangle over the whole picture.
+// One triangle over the whole target.
 precision highp float;
 layout(location = 0) in vec2 corner;
 void main()

@@ -1,29 +1,32 @@
-// Where the tablet is, picture after picture: the seam between the app and whatever
-// locates. It survives a camera that is opened anew and whose clock begins anew.
+// The camera's pose, image after image: the app's interface to tracking and relocalisation (locate/camera_tracker.h).
+// It survives a camera that is opened again and whose clock restarts.
 //
-// A camera that was followed and is lost, or jumps, is found anew on a thread of its own: meanwhile
-// the pictures go on, and nobody knows where they were taken. Where that leads nowhere, or
-// nothing could be followed before, whoever asks waits until the picture's place is found.
+// A camera that was tracked and is lost, or jumps, is relocalised on another thread (relocalizer.h); meanwhile images
+// come without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks until
+// the image is localised.
+//
+// One thread calls.
 #pragma once
 #include "app/camera/present_gap.h"
 #include "locate/locator.h"
 
 struct camera_localizer;
 
-// Copies what it needs of both. lull: when to begin to look for a lost camera; NULL: at once. It must outlive the
-// finder. ERR_INPUT, ERR_MEMORY as locator_open.
+// Copies what it needs of place and lens. gap: relocalisation starts in it; NULL: immediately; must outlive the
+// localizer. ERR_INPUT, ERR_MEMORY as locator_open; *out is then NULL.
 MUST_CHECK enum status localizer_open(struct camera_localizer **out, const struct place *place, const struct lens *lens,
                                       struct present_gap *gap);
-void localizer_close(struct camera_localizer **f); // NULL is fine
+void localizer_close(struct camera_localizer **l); // NULL is fine; waits for a running relocalisation
 
-// The lens by which the camera was last looked for, see locator_lens.
-const struct lens *localizer_lens(const struct camera_localizer *f);
+// The lens used for the last image; self-calibration may have changed it: camera_tracker_lens.
+const struct lens *localizer_lens(const struct camera_localizer *l);
 
-// How many tags hang elsewhere than the place has them, by the last picture that was looked at; *first: the lowest
-// number of them, -1 for none. See locator_moved_tags.
-int32_t localizer_moved_tags(const struct camera_localizer *f, int32_t *first);
+// How many tags are not where the place has them, by the last image that was localised. *first: the lowest of their
+// numbers, -1 for none. See camera_tracker_moved_tags.
+int32_t localizer_moved_tags(const struct camera_localizer *l, int32_t *first);
 
-// color: RGB of the lens's size; time_ns: when it was taken, by the camera's clock.
-// OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_localize.
-MUST_CHECK enum status localizer_locate(struct camera_localizer *f, const uint8_t *color, int64_t time_ns,
+// color: RGB of the lens's size. time_ns: of the exposure, by the camera's clock.
+// OK, AMBIGUOUS: *world_from_camera is filled. NOTHING: the pose is not known. Errors as locator_localize; the next
+// image may be tried.
+MUST_CHECK enum status localizer_locate(struct camera_localizer *l, const uint8_t *color, int64_t time_ns,
                                         struct pose *world_from_camera);

@@ -8,7 +8,7 @@
 
 enum { MAX_PENDING = 2 };
 
-// What the GPU may still be reading.
+// A DMA buffer that the GPU may still be reading.
 struct pending_read {
     struct dmabuf_image *dmabuf;
     struct gpu_fence *fence;
@@ -19,9 +19,9 @@ struct camera_texture {
     struct gpu_texture *uploaded;
     int width, height; // of `uploaded`
     struct yuv_to_rgb *converter;
-    bool shows_imported; // the picture last shown is there, not in `uploaded`
+    bool shows_imported; // the image shown last is the converter's, not `uploaded`
     bool can_import;
-    struct dmabuf_image tried; // its kind of picture was tried
+    struct dmabuf_image tried; // the kind of image that `trust` is about
     enum { UNTRIED, GOOD, BAD } trust;
     struct pending_read pending[MAX_PENDING];
     struct camera_texture_counts counts;
@@ -31,25 +31,25 @@ struct camera_texture {
 enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu)
 {
     *out = NULL;
-    struct camera_texture *v = calloc(1, sizeof *v);
-    if (!v)
+    struct camera_texture *t = calloc(1, sizeof *t);
+    if (!t)
         return fail(ERR_MEMORY, "out of memory");
-    v->gpu = gpu;
-    v->can_import = gpu_can_import(gpu);
-    enum status status = v->can_import ? yuv_to_rgb_open(&v->converter, gpu) : OK;
+    t->gpu = gpu;
+    t->can_import = gpu_can_import(gpu);
+    enum status status = t->can_import ? yuv_to_rgb_open(&t->converter, gpu) : OK;
     if (status != OK) {
-        free(v);
+        free(t);
         return status;
     }
-    *out = v;
+    *out = t;
     return OK;
 }
 
-// Returns what the GPU is done with.
-static void release_finished(struct camera_texture *v, bool wait)
+// Releases what the GPU has finished reading; wait: waits for it.
+static void release_finished(struct camera_texture *t, bool wait)
 {
     for (int i = 0; i < MAX_PENDING; i++) {
-        struct pending_read *r = &v->pending[i];
+        struct pending_read *r = &t->pending[i];
         if (!r->dmabuf || (!gpu_fence_passed(r->fence, wait) && !wait))
             continue;
         gpu_fence_close(&r->fence);
@@ -59,33 +59,34 @@ static void release_finished(struct camera_texture *v, bool wait)
 
 void camera_texture_close(struct camera_texture **out)
 {
-    struct camera_texture *v = *out;
-    if (!v)
+    struct camera_texture *t = *out;
+    if (!t)
         return;
-    release_finished(v, true);
-    yuv_to_rgb_close(&v->converter);
-    gpu_texture_close(&v->uploaded);
-    free(v);
+    release_finished(t, true);
+    yuv_to_rgb_close(&t->converter);
+    gpu_texture_close(&t->uploaded);
+    free(t);
     *out = NULL;
 }
 
-bool camera_texture_can_import(const struct camera_texture *v) { return v->can_import; }
+bool camera_texture_can_import(const struct camera_texture *t) { return t->can_import; }
 
-static enum status upload(struct camera_texture *v, const struct camera_frame *frame)
+static enum status upload(struct camera_texture *t, const struct camera_frame *frame)
 {
-    v->counts.uploaded++;
-    v->shows_imported = false;
-    if (v->uploaded && v->width == frame->lens.width && v->height == frame->lens.height) {
-        gpu_texture_write(v->uploaded, frame->rgb);
+    t->counts.uploaded++;
+    t->shows_imported = false;
+    if (t->uploaded && t->width == frame->lens.width && t->height == frame->lens.height) {
+        gpu_texture_write(t->uploaded, frame->rgb);
         return OK;
     }
-    gpu_texture_close(&v->uploaded);
-    v->width = frame->lens.width;
-    v->height = frame->lens.height;
-    return gpu_texture_open(&v->uploaded, v->gpu, GPU_RGB8, v->width, v->height, GPU_LINEAR, frame->rgb);
+    gpu_texture_close(&t->uploaded);
+    t->width = frame->lens.width;
+    t->height = frame->lens.height;
+    return gpu_texture_open(&t->uploaded, t->gpu,
+                            &(struct gpu_texture_layout){GPU_RGB8, t->width, t->height, GPU_LINEAR}, frame->rgb);
 }
 
-// ---------------------------------------------------------------- borrowing
+// ---------------------------------------------------------------- import
 
 static bool same_kind(const struct dmabuf_image *a, const struct dmabuf_image *b)
 {
@@ -94,94 +95,95 @@ static bool same_kind(const struct dmabuf_image *a, const struct dmabuf_image *b
            a->planes[0].stride == b->planes[0].stride;
 }
 
-static enum status draw(struct camera_texture *v, const struct dmabuf_image *l)
+static enum status convert(struct camera_texture *t, const struct dmabuf_image *image)
 {
     struct yuv_plane planes[2];
     struct gpu_texture *textures[2] = {NULL, NULL};
-    int count = yuv_planes(l->layout, l->width, l->height, planes);
+    int count = yuv_planes(image->layout, image->width, image->height, planes);
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
-        const struct gpu_dmabuf memory = {l->planes[i].file, l->planes[i].offset, l->planes[i].stride};
-        status = gpu_texture_import(&textures[i], v->gpu, planes[i].format, planes[i].width, planes[i].height, &memory);
+        const struct gpu_dmabuf memory = {image->planes[i].file, image->planes[i].offset, image->planes[i].stride};
+        status = gpu_texture_import(&textures[i], t->gpu, planes[i].format, planes[i].width, planes[i].height, &memory);
     }
     const struct gpu_texture *const read[2] = {textures[0], textures[1]};
     if (status == OK)
-        status = yuv_to_rgb_draw(v->converter, l, read);
+        status = yuv_to_rgb_draw(t->converter, image, read);
     for (int i = 0; i < count; i++)
-        gpu_texture_close(&textures[i]); // the driver keeps what it still draws with
+        gpu_texture_close(&textures[i]); // the driver keeps what it still reads
     return status;
 }
 
-static enum status compare(struct camera_texture *v, const struct camera_frame *frame)
+// Whether the GPU's pixels equal the CPU's. ERR_DEVICE: they do not.
+static enum status compare(struct camera_texture *t, const struct camera_frame *frame)
 {
     const size_t pixels = (size_t)frame->lens.width * (size_t)frame->lens.height;
     uint8_t *rgba = malloc(4 * pixels);
     if (!rgba)
         return fail(ERR_MEMORY, "out of memory");
-    enum status status = yuv_to_rgb_read(v->converter, rgba);
-    size_t others = 0;
+    enum status status = yuv_to_rgb_read(t->converter, rgba);
+    size_t different = 0;
     for (size_t i = 0; i < pixels && status == OK; i++)
-        others += rgba[4 * i] != frame->rgb[3 * i] || rgba[4 * i + 1] != frame->rgb[3 * i + 1] ||
-                  rgba[4 * i + 2] != frame->rgb[3 * i + 2];
+        different += rgba[4 * i] != frame->rgb[3 * i] || rgba[4 * i + 1] != frame->rgb[3 * i + 1] ||
+                     rgba[4 * i + 2] != frame->rgb[3 * i + 2];
     free(rgba);
-    if (status == OK && others)
-        return fail(ERR_DEVICE, "the graphics driver reads the memory wrongly: %zu of %zu pixels", others, pixels);
+    if (status == OK && different)
+        return fail(ERR_DEVICE, "the graphics driver reads the memory wrongly: %zu of %zu pixels", different, pixels);
     return status;
 }
 
-// OK: the picture is drawn and the loan taken over, until the GPU is done with it.
-static enum status import_dmabuf(struct camera_texture *v, const struct camera_frame *frame,
+// OK: the image is converted, and *dmabuf taken over until the GPU has finished. NOTHING: to be uploaded instead.
+static enum status import_dmabuf(struct camera_texture *t, const struct camera_frame *frame,
                                  struct dmabuf_image **dmabuf)
 {
-    if (!same_kind(*dmabuf, &v->tried)) {
-        v->tried = **dmabuf;
-        v->trust = UNTRIED;
+    if (!same_kind(*dmabuf, &t->tried)) {
+        t->tried = **dmabuf;
+        t->trust = UNTRIED;
     }
-    if (v->trust == BAD)
+    if (t->trust == BAD)
         return NOTHING;
     struct pending_read *slot = NULL;
     for (int i = 0; i < MAX_PENDING; i++)
-        if (!v->pending[i].dmabuf)
-            slot = &v->pending[i];
+        if (!t->pending[i].dmabuf)
+            slot = &t->pending[i];
     if (!slot)
         return NOTHING; // the GPU is far behind
-    enum status status = draw(v, *dmabuf);
-    if (status == OK && v->trust == UNTRIED)
-        status = compare(v, frame);
+    enum status status = convert(t, *dmabuf);
+    if (status == OK && t->trust == UNTRIED)
+        status = compare(t, frame);
     if (status == OK)
-        status = gpu_fence_open(&slot->fence, v->gpu);
-    v->trust = status == OK ? GOOD : BAD;
+        status = gpu_fence_open(&slot->fence, t->gpu);
+    t->trust = status == OK ? GOOD : BAD;
     if (status != OK) {
-        snprintf(v->why, sizeof v->why, "%s", status_message());
+        snprintf(t->why, sizeof t->why, "%s", status_message());
         return NOTHING;
     }
     slot->dmabuf = *dmabuf;
     *dmabuf = NULL;
-    v->shows_imported = true;
-    v->counts.imported++;
+    t->shows_imported = true;
+    t->counts.imported++;
     return OK;
 }
 
-enum status camera_texture_update(struct camera_texture *v, const struct camera_frame *frame,
+enum status camera_texture_update(struct camera_texture *t, const struct camera_frame *frame,
                                   struct dmabuf_image **dmabuf)
 {
-    release_finished(v, false);
+    release_finished(t, false);
     bool fits =
-        *dmabuf && v->can_import && (*dmabuf)->width == frame->lens.width && (*dmabuf)->height == frame->lens.height;
-    if (fits && import_dmabuf(v, frame, dmabuf) == OK)
+        *dmabuf && t->can_import && (*dmabuf)->width == frame->lens.width && (*dmabuf)->height == frame->lens.height;
+    if (fits && import_dmabuf(t, frame, dmabuf) == OK)
         return OK;
     dmabuf_image_release(dmabuf);
-    return upload(v, frame);
+    return upload(t, frame);
 }
 
-const struct gpu_texture *camera_texture_current(struct camera_texture *v)
+const struct gpu_texture *camera_texture_current(struct camera_texture *t)
 {
-    return v->shows_imported ? yuv_to_rgb_texture(v->converter) : v->uploaded;
+    return t->shows_imported ? yuv_to_rgb_texture(t->converter) : t->uploaded;
 }
 
-struct camera_texture_counts camera_texture_count(const struct camera_texture *v)
+struct camera_texture_counts camera_texture_count(const struct camera_texture *t)
 {
-    struct camera_texture_counts counts = v->counts;
-    counts.why = v->why;
+    struct camera_texture_counts counts = t->counts;
+    counts.why = t->why;
     return counts;
 }

@@ -1,27 +1,29 @@
-// The camera's picture on the graphics chip: read where it lies in the camera's
-// memory where the driver can, else uploaded; either way the same pixels. That the
-// driver can is believed once it has shown the very pixels that the processor reads.
-// One thread, the gpu's.
+// The camera's image as a GPU texture: imported from the camera's memory (DMA buffer) without a copy where the driver
+// can, else uploaded; the pixels are the same either way. A driver is trusted with a kind of image after its pixels
+// equalled the CPU's once.
+//
+// One thread, the GPU's.
 #pragma once
 #include "app/camera/camera_feed.h"
 #include "platform/gpu.h"
 
 struct camera_texture;
-MUST_CHECK enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu);
-void camera_texture_close(struct camera_texture **v); // NULL is fine; waits for the GPU and returns what was lent
+MUST_CHECK enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu); // ERR_DEVICE, ERR_MEMORY
+void camera_texture_close(struct camera_texture **t); // NULL is fine; waits for the GPU and releases the DMA buffers
 
-bool camera_texture_can_import(const struct camera_texture *v); // it is worth lending it pictures
+// Whether the driver can import at all, so that lending DMA buffers is worth while.
+bool camera_texture_can_import(const struct camera_texture *t);
 
-// The picture of that sight. *dmabuf, where there is one, is the same picture where it lies; it becomes the
-// viewfinder's, which returns it when the GPU is done with it. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status camera_texture_update(struct camera_texture *v, const struct camera_frame *frame,
+// Shows the frame's image. *dmabuf, if not NULL, is the same image as a DMA buffer; this takes it over and sets it to
+// NULL, and releases it when the GPU has finished reading. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status camera_texture_update(struct camera_texture *t, const struct camera_frame *frame,
                                              struct dmabuf_image **dmabuf);
 
-// The texture of the picture last shown; linear filtering is its user's affair.
-const struct gpu_texture *camera_texture_current(struct camera_texture *v);
+// The texture of the image shown last; the user sets its filtering.
+const struct gpu_texture *camera_texture_current(struct camera_texture *t);
 
 struct camera_texture_counts {
-    int64_t imported, uploaded; // pictures shown, each way
-    const char *why;            // the last one that was lent was not borrowed; "" where there was no such
+    int64_t imported, uploaded; // images shown, each way
+    const char *why;            // why the last import failed; "": none failed
 };
-struct camera_texture_counts camera_texture_count(const struct camera_texture *v);
+struct camera_texture_counts camera_texture_count(const struct camera_texture *t);

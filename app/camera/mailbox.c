@@ -12,58 +12,58 @@ struct mailbox {
 
 enum status mailbox_open(struct mailbox **out)
 {
-    struct mailbox *l = *out = calloc(1, sizeof *l);
-    if (!l)
+    struct mailbox *m = *out = calloc(1, sizeof *m);
+    if (!m)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&l->lock, NULL);
-    pthread_cond_init(&l->put, NULL);
+    pthread_mutex_init(&m->lock, NULL);
+    pthread_cond_init(&m->put, NULL);
     return OK;
 }
 
-void mailbox_close(struct mailbox **l)
+void mailbox_close(struct mailbox **m)
 {
-    if (*l) {
-        pthread_cond_destroy(&(*l)->put);
-        pthread_mutex_destroy(&(*l)->lock);
-        free(*l);
+    if (*m) {
+        pthread_cond_destroy(&(*m)->put);
+        pthread_mutex_destroy(&(*m)->lock);
+        free(*m);
     }
-    *l = NULL;
+    *m = NULL;
 }
 
-void *mailbox_put(struct mailbox *l, void *item)
+void *mailbox_put(struct mailbox *m, void *item)
 {
-    pthread_mutex_lock(&l->lock);
-    void *untaken = l->item;
-    l->item = item;
-    pthread_cond_signal(&l->put);
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_lock(&m->lock);
+    void *untaken = m->item;
+    m->item = item;
+    pthread_cond_signal(&m->put);
+    pthread_mutex_unlock(&m->lock);
     return untaken;
 }
 
-void *mailbox_take(struct mailbox *l, bool wait)
+void *mailbox_take(struct mailbox *m, bool wait)
 {
-    pthread_mutex_lock(&l->lock);
-    while (wait && !l->item && !l->stopped)
-        pthread_cond_wait(&l->put, &l->lock);
-    void *item = l->stopped ? NULL : l->item;
+    pthread_mutex_lock(&m->lock);
+    while (wait && !m->item && !m->stopped)
+        pthread_cond_wait(&m->put, &m->lock);
+    void *item = m->stopped ? NULL : m->item;
     if (item)
-        l->item = NULL;
-    pthread_mutex_unlock(&l->lock);
+        m->item = NULL;
+    pthread_mutex_unlock(&m->lock);
     return item;
 }
 
-bool mailbox_full(struct mailbox *l)
+bool mailbox_full(struct mailbox *m)
 {
-    pthread_mutex_lock(&l->lock);
-    bool waits = l->item;
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_lock(&m->lock);
+    bool waits = m->item;
+    pthread_mutex_unlock(&m->lock);
     return waits;
 }
 
-void mailbox_stop(struct mailbox *l)
+void mailbox_stop(struct mailbox *m)
 {
-    pthread_mutex_lock(&l->lock);
-    l->stopped = true;
-    pthread_cond_broadcast(&l->put);
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_lock(&m->lock);
+    m->stopped = true;
+    pthread_cond_broadcast(&m->put);
+    pthread_mutex_unlock(&m->lock);
 }

@@ -1,21 +1,21 @@
-// A place for one thing between two threads: whoever puts never waits, whoever
-// takes gets the newest, what was not taken in time goes back to who put it.
+// A slot for one item between two threads, newest wins: putting never waits, taking gets the newest item, and an item
+// that is replaced before it was taken goes back to the thread that puts.
 #pragma once
 #include "base/status.h"
 
 struct mailbox;
 
 MUST_CHECK enum status mailbox_open(struct mailbox **out); // ERR_MEMORY
-void mailbox_close(struct mailbox **l); // NULL is fine; both threads are done with it, what is in it is not freed
+void mailbox_close(struct mailbox **m); // NULL is fine; neither thread may use it any more; an item in it is not freed
 
-// Returns what lay there untaken, which is the caller's again; else NULL.
-void *mailbox_put(struct mailbox *l, void *item);
+// Returns the replaced item, which belongs to the caller again, or NULL.
+void *mailbox_put(struct mailbox *m, void *item);
 
-// What lies there, or NULL. wait: waits for something; NULL then means stopped.
-void *mailbox_take(struct mailbox *l, bool wait);
+// Takes the item, or NULL. wait: blocks until there is one; NULL then means stopped.
+void *mailbox_take(struct mailbox *m, bool wait);
 
-// Does something lie there?
-bool mailbox_full(struct mailbox *l);
+// Whether an item is waiting.
+bool mailbox_full(struct mailbox *m);
 
-// From either side: nobody waits any more.
-void mailbox_stop(struct mailbox *l);
+// From either thread: mailbox_take returns NULL from now on.
+void mailbox_stop(struct mailbox *m);

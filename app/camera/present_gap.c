@@ -1,66 +1,60 @@
 #include "app/camera/present_gap.h"
 
 #include "base/clock.h"
+#include "base/condition.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
-#include <time.h>
 
 static const int64_t MAX_WAIT_NS = 50000000;
 
 struct present_gap {
-    pthread_mutex_t lock; // of what follows
+    pthread_mutex_t lock; // protects the fields below
     pthread_cond_t changed;
     int64_t count;
 };
 
 enum status present_gap_open(struct present_gap **out)
 {
-    struct present_gap *l = *out = calloc(1, sizeof *l);
-    if (!l)
+    struct present_gap *g = *out = calloc(1, sizeof *g);
+    if (!g)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&l->lock, NULL);
-    pthread_condattr_t clock;
-    pthread_condattr_init(&clock);
-    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
-    pthread_cond_init(&l->changed, &clock);
-    pthread_condattr_destroy(&clock);
+    pthread_mutex_init(&g->lock, NULL);
+    condition_open(&g->changed);
     return OK;
 }
 
-void present_gap_close(struct present_gap **l)
+void present_gap_close(struct present_gap **g)
 {
-    if (*l) {
-        pthread_cond_destroy(&(*l)->changed);
-        pthread_mutex_destroy(&(*l)->lock);
-        free(*l);
+    if (*g) {
+        pthread_cond_destroy(&(*g)->changed);
+        pthread_mutex_destroy(&(*g)->lock);
+        free(*g);
     }
-    *l = NULL;
+    *g = NULL;
 }
 
-void present_gap_begin(struct present_gap *l)
+void present_gap_begin(struct present_gap *g)
 {
-    pthread_mutex_lock(&l->lock);
-    l->count++;
-    pthread_cond_broadcast(&l->changed);
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_lock(&g->lock);
+    g->count++;
+    pthread_cond_broadcast(&g->changed);
+    pthread_mutex_unlock(&g->lock);
 }
 
-int64_t present_gap_count(struct present_gap *l)
+int64_t present_gap_count(struct present_gap *g)
 {
-    pthread_mutex_lock(&l->lock);
-    const int64_t count = l->count;
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_lock(&g->lock);
+    const int64_t count = g->count;
+    pthread_mutex_unlock(&g->lock);
     return count;
 }
 
-void present_gap_wait(struct present_gap *l, int64_t count)
+void present_gap_wait(struct present_gap *g, int64_t count)
 {
     const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
-    const struct timespec until = {(time_t)(until_ns / 1000000000), (long)(until_ns % 1000000000)};
-    pthread_mutex_lock(&l->lock);
-    while (l->count <= count && pthread_cond_timedwait(&l->changed, &l->lock, &until) != ETIMEDOUT)
+    pthread_mutex_lock(&g->lock);
+    while (g->count <= count && condition_wait_until_ns(&g->changed, &g->lock, until_ns))
         continue;
-    pthread_mutex_unlock(&l->lock);
+    pthread_mutex_unlock(&g->lock);
 }

@@ -1,16 +1,16 @@
-// The time between two pictures: from when one has been handed to the display until the next is drawn. What has to be
-// computed beside the pictures begins then, and disturbs none where it has ended by the next. Any thread may call.
+// The gap between two frames: from presenting one until drawing the next. A background computation that starts at the
+// beginning of a gap delays no frame if it ends within it. Any thread may call.
 #pragma once
 #include "base/status.h"
 
 struct present_gap;
 
 MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
-void present_gap_close(struct present_gap **l);                    // NULL is fine; nobody may be waiting
+void present_gap_close(struct present_gap **g);                    // NULL is fine; no thread may be waiting
 
-void present_gap_begin(struct present_gap *l); // a picture has been shown
+void present_gap_begin(struct present_gap *g); // a frame has been presented
 
-// How many have begun by now: what present_gap_wait wants to know.
-int64_t present_gap_count(struct present_gap *l);
-// Until more have begun than `count`, or for 50 ms: it may be that nothing is drawn.
-void present_gap_wait(struct present_gap *l, int64_t count);
+// How many gaps have begun: the argument of a later present_gap_wait.
+int64_t present_gap_count(struct present_gap *g);
+// Blocks until more than `count` gaps have begun, at most 50 ms: maybe nothing is being drawn.
+void present_gap_wait(struct present_gap *g, int64_t count);

@@ -3,13 +3,12 @@
 #include "base/thread_priority.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// Each time it follows the newest picture. Where following takes longer than until the next one comes, as on a busy
-// machine, it is always behind: then whoever lent the track goes on from there, over the gap.
-enum { MAX_FOLLOWED = 3 };
+// At max_finds so many images are tracked after the camera was found, each time the newest. Where tracking takes longer
+// than until the next image arrives, as on a busy machine, it never catches up: the caller then tracks on from there.
+enum { MAX_TRACKED = 3 };
 
 struct relocalizer_frame {
     uint8_t *color;
@@ -21,69 +20,68 @@ struct relocalizer {
     struct present_gap *gap;
     pthread_t thread;
     bool runs;
-    struct relocalizer_frame current; // the thread's, while it searches
+    struct relocalizer_frame current; // used by the thread while it runs
 
-    pthread_mutex_t lock; // of what follows; never held while a picture is looked at
+    pthread_mutex_t lock; // protects the fields below; never held while an image is processed
     pthread_cond_t changed;
-    struct camera_tracker *track; // NULL: none is lent
+    struct camera_tracker *tracker; // lent; NULL: none
     struct relocalizer_frame newer;
     bool newer_pending, closing;
     int max_finds, finds;
-    int64_t gap_count;  // when it was lent
-    enum status status; // of the last search
-    char sentence[512];
+    int64_t gap_count;      // when the tracker was lent
+    struct failure failure; // of the last run
 };
 
-// A solver that gave up did so on this picture, no more.
+// A solver that failed did so on this image only.
 static enum status drop_solver_failure(enum status status) { return status == ERR_SOLVER ? NOTHING : status; }
 
 static bool is_found(enum status status) { return status == OK || status == AMBIGUOUS; }
 
-static enum status find(struct camera_tracker *track, const struct relocalizer_frame *p)
+static enum status localize_frame(struct camera_tracker *tracker, const struct relocalizer_frame *p)
 {
     struct location location;
     struct camera_motion motion;
-    return drop_solver_failure(camera_tracker_localize(track, p->color, NULL, &location, &motion));
+    return drop_solver_failure(camera_tracker_localize(tracker, p->color, NULL, &location, &motion));
 }
 
-static enum status follow(struct camera_tracker *track, const struct relocalizer_frame *p)
+static enum status track_frame(struct camera_tracker *tracker, const struct relocalizer_frame *p)
 {
     struct location location;
     struct camera_motion motion;
-    return drop_solver_failure(camera_tracker_track(track, p->color, NULL, p->time_ns, &location, &motion));
+    return drop_solver_failure(camera_tracker_track(tracker, p->color, NULL, p->time_ns, &location, &motion));
 }
 
-// Takes the newest picture in hand; wait: for one that is newer. False: there is none.
-static bool take_newer(struct relocalizer *s, bool wait)
+// Makes the newest image the current one; wait: blocks until there is a newer one. False: there is none.
+static bool take_newer(struct relocalizer *r, bool wait)
 {
-    pthread_mutex_lock(&s->lock);
-    while (wait && !s->newer_pending && !s->closing)
-        pthread_cond_wait(&s->changed, &s->lock);
-    const bool newer = s->newer_pending && !s->closing;
+    pthread_mutex_lock(&r->lock);
+    while (wait && !r->newer_pending && !r->closing)
+        pthread_cond_wait(&r->changed, &r->lock);
+    const bool newer = r->newer_pending && !r->closing;
     if (newer) {
-        const struct relocalizer_frame before = s->current;
-        s->current = s->newer;
-        s->newer = before;
-        s->newer_pending = false;
+        const struct relocalizer_frame swap = r->current;
+        r->current = r->newer;
+        r->newer = swap;
+        r->newer_pending = false;
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&r->lock);
     return newer;
 }
 
-static enum status search(struct relocalizer *s, struct camera_tracker *track, int most, int *finds)
+static enum status search(struct relocalizer *r, struct camera_tracker *tracker, int max_finds, int *finds)
 {
-    enum status status = find(track, &s->current);
-    int followed = 0; // since it was found
+    enum status status = localize_frame(tracker, &r->current);
+    int tracked = 0; // since the camera was last found
     *finds = is_found(status);
-    while (status >= 0 && followed < MAX_FOLLOWED && take_newer(s, !is_found(status))) {
-        status = follow(track, &s->current);
-        followed++;
-        if (status == ERR_ORDER || (status == NOTHING && *finds == most))
-            return NOTHING; // the camera's clock began anew, or to know its speed does not help
+    while (status >= 0 && tracked < MAX_TRACKED && take_newer(r, !is_found(status))) {
+        status = track_frame(tracker, &r->current);
+        tracked++;
+        if (status == ERR_ORDER || (status == NOTHING && *finds == max_finds))
+            return NOTHING; // the camera's clock restarted, or tracking fails even with a known velocity
         if (status == NOTHING) {
-            status = find(track, &s->current);
+            status = localize_frame(tracker, &r->current);
             *finds += is_found(status);
-            followed = 0;
+            tracked = 0;
         }
     }
     return status;
@@ -91,48 +89,47 @@ static enum status search(struct relocalizer *s, struct camera_tracker *track, i
 
 static void *run(void *self)
 {
-    struct relocalizer *s = self;
+    struct relocalizer *r = self;
     thread_lower_priority();
-    pthread_mutex_lock(&s->lock);
-    while (!s->closing) {
-        struct camera_tracker *track = s->track;
-        if (!track) {
-            pthread_cond_wait(&s->changed, &s->lock);
+    pthread_mutex_lock(&r->lock);
+    while (!r->closing) {
+        struct camera_tracker *tracker = r->tracker;
+        if (!tracker) {
+            pthread_cond_wait(&r->changed, &r->lock);
             continue;
         }
-        const int most = s->max_finds;
-        const int64_t gap_count = s->gap_count;
-        pthread_mutex_unlock(&s->lock);
-        if (s->gap)
-            present_gap_wait(s->gap, gap_count);
+        const int max_finds = r->max_finds;
+        const int64_t gap_count = r->gap_count;
+        pthread_mutex_unlock(&r->lock);
+        if (r->gap)
+            present_gap_wait(r->gap, gap_count);
         int finds;
-        enum status status = search(s, track, most, &finds);
-        pthread_mutex_lock(&s->lock);
-        s->finds = finds;
-        s->status = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status < 0 ? status_message() : "");
-        s->newer_pending = false;
-        s->track = NULL;
+        enum status status = search(r, tracker, max_finds, &finds);
+        pthread_mutex_lock(&r->lock);
+        r->finds = finds;
+        failure_keep(&r->failure, status);
+        r->newer_pending = false;
+        r->tracker = NULL;
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&r->lock);
     return NULL;
 }
 
-// ---------------------------------------------------------------- the other side
+// ---------------------------------------------------------------- calling thread
 
 enum status relocalizer_open(struct relocalizer **out, int width, int height, struct present_gap *gap)
 {
-    struct relocalizer *s = *out = calloc(1, sizeof *s);
-    if (!s)
+    struct relocalizer *r = *out = calloc(1, sizeof *r);
+    if (!r)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&s->lock, NULL);
-    pthread_cond_init(&s->changed, NULL);
-    s->gap = gap;
-    s->bytes = 3 * (size_t)width * (size_t)height;
-    s->current.color = malloc(s->bytes);
-    s->newer.color = malloc(s->bytes);
-    s->runs = s->current.color && s->newer.color && !pthread_create(&s->thread, NULL, run, s);
-    if (s->runs)
+    pthread_mutex_init(&r->lock, NULL);
+    pthread_cond_init(&r->changed, NULL);
+    r->gap = gap;
+    r->bytes = 3 * (size_t)width * (size_t)height;
+    r->current.color = malloc(r->bytes);
+    r->newer.color = malloc(r->bytes);
+    r->runs = r->current.color && r->newer.color && !pthread_create(&r->thread, NULL, run, r);
+    if (r->runs)
         return OK;
     relocalizer_close(out);
     return fail(ERR_MEMORY, "out of memory");
@@ -140,62 +137,62 @@ enum status relocalizer_open(struct relocalizer **out, int width, int height, st
 
 void relocalizer_close(struct relocalizer **out)
 {
-    struct relocalizer *s = *out;
-    if (!s)
+    struct relocalizer *r = *out;
+    if (!r)
         return;
-    pthread_mutex_lock(&s->lock);
-    s->closing = true;
-    pthread_cond_broadcast(&s->changed);
-    pthread_mutex_unlock(&s->lock);
-    if (s->runs)
-        pthread_join(s->thread, NULL);
-    pthread_cond_destroy(&s->changed);
-    pthread_mutex_destroy(&s->lock);
-    free(s->current.color);
-    free(s->newer.color);
-    free(s);
+    pthread_mutex_lock(&r->lock);
+    r->closing = true;
+    pthread_cond_broadcast(&r->changed);
+    pthread_mutex_unlock(&r->lock);
+    if (r->runs)
+        pthread_join(r->thread, NULL);
+    pthread_cond_destroy(&r->changed);
+    pthread_mutex_destroy(&r->lock);
+    free(r->current.color);
+    free(r->newer.color);
+    free(r);
     *out = NULL;
 }
 
-static void store_frame(struct relocalizer_frame *p, const struct relocalizer *s, const uint8_t *color, int64_t time_ns)
+static void store_frame(struct relocalizer_frame *p, const struct relocalizer *r, const uint8_t *color, int64_t time_ns)
 {
-    memcpy(p->color, color, s->bytes);
+    memcpy(p->color, color, r->bytes);
     p->time_ns = time_ns;
 }
 
-void relocalizer_begin(struct relocalizer *s, struct camera_tracker *track, const uint8_t *color, int64_t time_ns,
+void relocalizer_begin(struct relocalizer *r, struct camera_tracker *tracker, const uint8_t *color, int64_t time_ns,
                        int finds)
 {
-    const int64_t gap_count = s->gap ? present_gap_count(s->gap) : 0;
-    pthread_mutex_lock(&s->lock);
-    assert(!s->track);
-    s->gap_count = gap_count;
-    store_frame(&s->current, s, color, time_ns);
-    s->track = track;
-    s->max_finds = finds;
-    pthread_cond_broadcast(&s->changed);
-    pthread_mutex_unlock(&s->lock);
+    const int64_t gap_count = r->gap ? present_gap_count(r->gap) : 0;
+    pthread_mutex_lock(&r->lock);
+    assert(!r->tracker);
+    r->gap_count = gap_count;
+    store_frame(&r->current, r, color, time_ns);
+    r->tracker = tracker;
+    r->max_finds = finds;
+    pthread_cond_broadcast(&r->changed);
+    pthread_mutex_unlock(&r->lock);
 }
 
-bool relocalizer_busy(struct relocalizer *s, const uint8_t *color, int64_t time_ns)
+bool relocalizer_busy(struct relocalizer *r, const uint8_t *color, int64_t time_ns)
 {
-    pthread_mutex_lock(&s->lock);
-    const bool goes_on = s->track;
-    if (goes_on) {
-        store_frame(&s->newer, s, color, time_ns);
-        s->newer_pending = true;
-        pthread_cond_broadcast(&s->changed);
+    pthread_mutex_lock(&r->lock);
+    const bool busy = r->tracker;
+    if (busy) {
+        store_frame(&r->newer, r, color, time_ns);
+        r->newer_pending = true;
+        pthread_cond_broadcast(&r->changed);
     }
-    pthread_mutex_unlock(&s->lock);
-    return goes_on;
+    pthread_mutex_unlock(&r->lock);
+    return busy;
 }
 
-enum status relocalizer_finish(struct relocalizer *s, int *finds)
+enum status relocalizer_finish(struct relocalizer *r, int *finds)
 {
-    pthread_mutex_lock(&s->lock);
-    assert(!s->track);
-    const enum status status = s->status;
-    *finds = s->finds;
-    pthread_mutex_unlock(&s->lock);
-    return status < 0 ? fail(status, "%s", s->sentence) : status;
+    pthread_mutex_lock(&r->lock);
+    assert(!r->tracker);
+    const enum status status = failure_restore(&r->failure);
+    *finds = r->finds;
+    pthread_mutex_unlock(&r->lock);
+    return status;
 }

@@ -1,26 +1,27 @@
-// A lost camera, found anew on a thread of its own, so that its pictures go on meanwhile: in the picture in
-// which it was lost, and then followed through those that came since, until there is no newer one.
+// Relocalises a lost camera on a thread of its own: in the image in which it was lost, then by tracking through the
+// images that arrived since, until there is no newer one.
 //
-// The track is lent from relocalizer_begin to relocalizer_finish. One thread calls.
+// The camera_tracker is lent from relocalizer_begin until relocalizer_busy returns false. One thread calls.
 #pragma once
 #include "app/camera/present_gap.h"
 #include "locate/camera_tracker.h"
 
 struct relocalizer;
 
-// Of pictures of that size. lull: when to begin; NULL: at once. It must outlive the search. ERR_MEMORY
+// width, height: of the images. gap: when to start; NULL: immediately; must outlive the relocalizer. ERR_MEMORY: *out
+// is NULL. Keeps two images.
 MUST_CHECK enum status relocalizer_open(struct relocalizer **out, int width, int height, struct present_gap *gap);
-void relocalizer_close(
-    struct relocalizer **s); // NULL is fine; waits for the picture being searched, a part of a second
+void relocalizer_close(struct relocalizer **r); // NULL is fine; waits for the image in work, a part of a second
 
-// A camera_tracker that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in
-// so many pictures, at least 1, where it cannot be followed from the one to the next.
-void relocalizer_begin(struct relocalizer *s, struct camera_tracker *track, const uint8_t *color, int64_t time_ns,
+// tracker: one that lost the camera in the image of time_ns. color: RGB; copied. finds: in how many images the camera
+// may be localised from scratch, at least 1, where it cannot be tracked from one to the next.
+void relocalizer_begin(struct relocalizer *r, struct camera_tracker *tracker, const uint8_t *color, int64_t time_ns,
                        int finds);
 
-// Is the track still lent? With true, the picture, which came meanwhile, will be looked at, too.
-bool relocalizer_busy(struct relocalizer *s, const uint8_t *color, int64_t time_ns);
+// Whether it is still running. If so it takes this newer image, too; color: RGB; copied.
+bool relocalizer_busy(struct relocalizer *r, const uint8_t *color, int64_t time_ns);
 
-// Once it does not go on: OK, AMBIGUOUS: the camera was found, and followed to the newest picture. NOTHING: it was
-// found, and lost again. Errors as camera_tracker_process. *finds: in how many pictures it was found.
-MUST_CHECK enum status relocalizer_finish(struct relocalizer *s, int *finds);
+// Once relocalizer_busy has returned false. OK, AMBIGUOUS: the camera was found, and tracked to the newest image.
+// NOTHING: it was not found, or lost again. Errors as camera_tracker_process. *finds: in how many images it was
+// localised from scratch.
+MUST_CHECK enum status relocalizer_finish(struct relocalizer *r, int *finds);

@@ -1,22 +1,19 @@
+// reenact-capture devices: lists the sensors and cameras that can be opened.
 #include "app/commands/commands.h"
 
 #include "platform/json.h"
 #include "platform/source.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    (void)value;
     bool *json = state->input;
-    if (key == COMMAND_KEY)
-        *json = true;
-    else if (key == ARGP_KEY_ARG)
-        argp_error(state, "devices takes no arguments");
-    else
-        return ARGP_ERR_UNKNOWN;
-    return 0;
+    switch (key) {
+    case COMMAND_KEY: *json = true; return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
 }
 
 static int print_json(const char *program, const struct source_device *devices, int count)
@@ -27,15 +24,7 @@ static int print_json(const char *program, const struct source_device *devices, 
         json_add_string(device, "uri", devices[i].uri);
         json_add_string(device, "name", devices[i].name);
     }
-    char *text = json_print(root);
-    json_free(&root);
-    if (!text) {
-        fail(ERR_MEMORY, "no memory to print the devices");
-        return command_failed(program);
-    }
-    fputs(text, stdout);
-    free(text);
-    return 0;
+    return command_print_json(&root) == OK ? 0 : command_failed(program);
 }
 
 int capture_devices(int argc, char **argv)
@@ -64,7 +53,7 @@ int capture_devices(int argc, char **argv)
         if (source_open(&s, "openni", SOURCE_SENSOR) == OK)
             source_close(&s); // plugged in just now
         else
-            fprintf(stderr, "%s: %s\n", argv[0], status_message()); // where drivers were looked for
+            fprintf(stderr, "%s: %s\n", argv[0], status_message()); // says where drivers were looked for
     }
     for (int i = 0; i < count; i++)
         printf("%-14s %s\n", devices[i].uri, devices[i].name);

@@ -1,17 +1,15 @@
+// reenact-capture export: writes a take's joints for other programs.
 #include "app/commands/commands.h"
 
 #include "capture/export.h"
 
-#include <string.h>
-
-static const struct format {
-    const char *name;
-    enum status (*write)(const struct take *take, const char *path);
-} formats[] = {{"joints-csv", export_joints_csv}, {"bvh", export_bvh}};
+typedef enum status format_writer(const struct take *take, const char *path);
+static const char *const format_names[] = {"joints-csv", "bvh"};
+static format_writer *const format_writers[] = {export_joints_csv, export_bvh};
 
 struct export_arguments {
     const char *file, *take, *out;
-    const struct format *as;
+    format_writer *write;
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
@@ -20,22 +18,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case COMMAND_KEY: given->take = value; return 0;
     case COMMAND_KEY + 1:
-        for (size_t i = 0; i < COUNT_OF(formats); i++)
-            if (!strcmp(value, formats[i].name))
-                given->as = &formats[i];
-        if (!given->as)
-            argp_error(state, "--as knows joints-csv and bvh, not '%s'", value);
+        given->write = format_writers[command_parse_choice(state, "--as", value, format_names, COUNT_OF(format_names))];
         return 0;
     case COMMAND_KEY + 2: given->out = value; return 0;
-    case ARGP_KEY_ARG:
-        if (given->file)
-            argp_error(state, "one FILE, not two");
-        given->file = value;
-        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &given->file, value); return 0;
     case ARGP_KEY_END:
         command_require(state, given->file, "FILE");
         command_require(state, given->take, "--take NAME");
-        command_require(state, given->as, "--as FORMAT");
+        command_require(state, given->write ? given : NULL, "--as FORMAT");
         command_require(state, given->out, "--out PATH");
         return 0;
     }
@@ -60,7 +50,7 @@ int capture_export(int argc, char **argv)
     if (status == OK)
         status = take_open(&take, recording, given.take);
     if (status == OK)
-        status = given.as->write(take, given.out);
+        status = given.write(take, given.out);
     take_close(&take);
     recording_free(&recording);
     return status == OK ? 0 : command_failed(argv[0]);

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <sys/stat.h>
 
-// What info says of a take, whichever way it is printed.
+// What info reports of a take, as text or JSON.
 struct take_summary {
     const char *name;
     int64_t frames, dropped, with_skeleton, located, representative;
@@ -31,7 +31,7 @@ static struct take_summary summarize(const struct take *t, const char *name)
         s.located += take_entry(t, i)->located;
     }
     if (s.frames > 1) {
-        // As double first: the times of a strange file may lie further apart than an int64 can say.
+        // Converted first: the difference of times in a malformed file may overflow an int64.
         s.duration_s = ((double)take_entry(t, s.frames - 1)->time_ns - (double)take_entry(t, 0)->time_ns) * 1e-9;
         s.fps = (double)(s.frames - 1) / s.duration_s;
     }
@@ -58,8 +58,8 @@ static void print_place(const struct place *p)
     for (int32_t i = 0; i < p->tag_count; i++) {
         const struct place_tag *t = &p->tags[i];
         struct vec3 at = t->world_from_tag.translation;
-        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d sightings\n", t->id, t->side_m * 1e3, at.x,
-               at.y, at.z, t->rms_px, t->sightings);
+        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d observations\n", t->id, t->side_m * 1e3,
+               at.x, at.y, at.z, t->rms_px, t->observations);
     }
 }
 
@@ -102,7 +102,7 @@ static void add_place(struct json *root, const struct place *p)
         json_add_number(tag, "id", t->id);
         json_add_number(tag, "side_m", t->side_m);
         json_add_number(tag, "rms_px", t->rms_px);
-        json_add_number(tag, "sightings", t->sightings);
+        json_add_number(tag, "sightings", t->observations);
         add_point(tag, "position_m", t->world_from_tag.translation);
         struct vec3 corners[4];
         place_tag_corners(t, corners);
@@ -132,7 +132,7 @@ static void add_take(struct json *takes, const struct take_summary *s)
 
 // ------------------------------------------------------------- the command
 
-// Prints as it goes, or fills `root` where it is not NULL.
+// Prints text, or fills `root` where it is not NULL.
 static enum status report(struct recording *r, const char *path, struct json *root)
 {
     struct stat about;

@@ -1,5 +1,7 @@
+// reenact-capture map: maps the empty place from a sweep.
 #include "app/commands/commands.h"
 
+#include "app/commands/place_input.h"
 #include "capture/mapping/mapper.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
@@ -20,12 +22,12 @@ enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JS
 static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
-     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags say how large the "
-     "place is, and points are what pictures from several places agree on",
+     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
+     "scale, and landmarks are triangulated from several pictures",
      0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
-     "the side is the outer edge of the black square; without it natural points and depth make the place",
+     "the side is the outer edge of the black square; without it the place is made of landmarks and depth",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
     {"into", KEY_INTO, "FILE", 0,
@@ -34,8 +36,8 @@ static const struct argp_option options[] = {
      0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
-    {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
-    {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
+    COMMAND_OPTION_QUAD_DECIMATE(KEY_DECIMATE),
+    COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
 
@@ -50,13 +52,13 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_INTO: a->into = value; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
-    case KEY_DECIMATE: a->decimate = command_parse_number(state, "--quad-decimate", value, 1, 8); return 0;
-    case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
+    case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
         if (!a->sensor == !a->camera)
             argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
         if (!a->into == !a->out)
-            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
+            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for an existing place");
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -83,7 +85,7 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
             status = OK;
             break;
         }
-        if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
+        if (status == ERR_INPUT) { // one damaged image; the next call continues after it
             ++*damaged;
             status = OK;
             continue;
@@ -132,11 +134,7 @@ static enum status rewrite_place(const char *path, const struct place *place)
 
 static enum status read_place(const char *path, struct place *out)
 {
-    struct recording *recording = NULL;
-    enum status status = recording_open(&recording, path);
-    if (status == OK)
-        status = recording_read_place(recording, out);
-    recording_free(&recording);
+    enum status status = place_input_read(path, out);
     return status == NOTHING ? fail(ERR_INPUT, "%s holds no place yet; film one with map --out", path) : status;
 }
 
@@ -155,7 +153,7 @@ static void print_json(const char *path, const struct place *before, const struc
     json_add_number(root, "tags_apart", r->tags_disconnected);
     json_add_number(root, "tags_unlisted", r->tags_unlisted);
     json_add_number(root, "tags_moved", r->tags_moved);
-    json_add_number(root, "tags_astray", r->tags_outlier);
+    json_add_number(root, "tags_outlier", r->tags_outlier);
     json_add_number(root, "tags_new", place->tag_count - before->tag_count);
     json_add_number(root, "points_new", place->point_count - before->point_count);
     json_add_number(root, "views_new", place->view_count - before->view_count);
@@ -170,7 +168,7 @@ static void print_json(const char *path, const struct place *before, const struc
         struct json *tag = json_add_object(tags, NULL);
         json_add_number(tag, "id", t->id);
         json_add_number(tag, "side_m", t->side_m);
-        json_add_number(tag, "sightings", t->sightings);
+        json_add_number(tag, "sightings", t->observations);
         json_add_number(tag, "rms_px", t->rms_px);
         struct vec3 world[4];
         place_tag_corners(t, world);
@@ -182,19 +180,16 @@ static void print_json(const char *path, const struct place *before, const struc
             json_push_number(corner, world[k].z);
         }
     }
-    char *text = json_print(root);
-    fputs(text ? text : "{}\n", stdout);
-    free(text);
-    json_free(&root);
+    (void)!command_print_json(&root); // the place is written
 }
 
 static void print_text(const char *path, const struct place *before, const struct place *place,
                        const struct mapper_report *r)
 {
-    printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
+    printf("%s: a place with %d tags and %d landmarks, from %d of %d pictures\n", path, (int)place->tag_count,
            (int)place->point_count, (int)r->frames_placed, (int)r->frames);
     if (before->tag_count || before->point_count)
-        printf("new are %d tags and %d points\n", (int)(place->tag_count - before->tag_count),
+        printf("%d tags and %d points are new\n", (int)(place->tag_count - before->tag_count),
                (int)(place->point_count - before->point_count));
     printf("%s fit to %.2f pixels", place->tag_count ? "tags" : "points", place->rms_px);
     if (place->rms_m > 0)
@@ -202,12 +197,12 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
-// The first tag that so few pictures show that nothing vouches for it; NULL: none.
+// The first tag with too few observations to check its pose; NULL: none.
 static const struct place_tag *rarely_observed(const struct place *place)
 {
     enum { MIN_OBSERVATIONS = 3 };
     for (int32_t i = 0; i < place->tag_count; i++)
-        if (place->tags[i].sightings < MIN_OBSERVATIONS)
+        if (place->tags[i].observations < MIN_OBSERVATIONS)
             return &place->tags[i];
     return NULL;
 }
@@ -217,12 +212,12 @@ static void warn(const char *program, const struct place *place, const struct ma
     const struct place_tag *seldom = rarely_observed(place);
     if (!place->point_count)
         fprintf(stderr,
-                "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
+                "%s: warning: there are no landmarks, so a camera is found only where it sees a tag; film "
                 "what can be recognised from two places\n",
                 program);
     if (seldom)
         fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
-                (int)seldom->id, (int)seldom->sightings, seldom->sightings == 1 ? "" : "s");
+                (int)seldom->id, (int)seldom->observations, seldom->observations == 1 ? "" : "s");
     if (r->tags_unseen)
         fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
                 program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
@@ -246,13 +241,13 @@ static void warn(const char *program, const struct place *place, const struct ma
                 program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest thing that was recognised; "
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or landmark; "
                 "film the floor too\n",
                 program);
     if (r->lost_to_s > r->lost_from_s)
         fprintf(
             stderr,
-            "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
+            "%s: warning: the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
             "more slowly, with more of what was seen before in sight\n",
             program, r->lost_from_s, r->lost_to_s);
     if (damaged)
@@ -314,13 +309,13 @@ int capture_map(int argc, char **argv)
         options,
         parse,
         "(--sensor URI [--tags TAGS.json] | --camera URI --tags TAGS.json) (--out FILE | --into FILE)",
-        "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
+        "Film the empty place: where its tags hang, where its landmarks are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
-        "the place is known by its natural points alone: move slowly, and come back to where you began. "
+        "the place is known by its landmarks alone: move slowly, and come back to where you began. "
         "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
-        "and then. With --camera any camera will do whose lens calibration.json describes: the places of printed tags "
-        "are all that it can tell.",
+        "and then. --camera takes any camera whose lens calibration.json describes; the scale then comes from the "
+        "printed tags alone.",
         NULL,
         NULL,
         NULL};

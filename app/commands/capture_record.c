@@ -1,5 +1,7 @@
+// reenact-capture record: records a take of the actor.
 #include "app/commands/commands.h"
 
+#include "app/commands/place_input.h"
 #include "capture/recorder.h"
 #include "platform/json.h"
 
@@ -19,12 +21,12 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case COMMAND_KEY + 2: given->out = value; return 0;
     case COMMAND_KEY + 3: given->take = value; return 0;
     case COMMAND_KEY + 4: given->json = true; return 0;
-    case ARGP_KEY_ARG: argp_error(state, "'%s' is not understood", value); return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
         command_require(state, given->sensor, "--sensor URI");
         command_require(state, given->take, "--take NAME");
         if (!given->into == !given->out)
-            argp_error(state, "either --into FILE, for a recording that is there, or --out FILE, for a new one");
+            argp_error(state, "either --into FILE, for an existing recording, or --out FILE, for a new one");
         return 0;
     }
     return ARGP_ERR_UNKNOWN;
@@ -34,9 +36,9 @@ static void step(void *context) { progress_bar_step(context); }
 
 static void start_smoothing(void *context, int64_t frames)
 {
-    command_catch_signals(); // the one that ended the filming has been heard
+    command_catch_signals(); // forget the one that ended the filming
     progress_bar_end(context);
-    progress_bar_start(context, "thinking it over", frames);
+    progress_bar_start(context, "smoothing", frames);
 }
 
 static void report(const struct record_arguments *given, const struct recorder_result *r)
@@ -53,7 +55,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "tags_moved", r->tags_moved);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
-        json_add_number(root, "settle_ms", r->smoothing_ms);
+        json_add_number(root, "smoothing_ms", r->smoothing_ms);
         (void)!command_print_json(&root);
         return;
     }
@@ -61,35 +63,26 @@ static void report(const struct record_arguments *given, const struct recorder_r
            (long long)r->tracked, (long long)r->dropped);
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
     if (r->smoothing_ms > 0)
-        printf("thinking it over took %.1f ms a frame\n", r->smoothing_ms);
+        printf("smoothing took %.1f ms a frame\n", r->smoothing_ms);
     else if (r->tracked)
-        printf("it was not thought over: the joints are as they were told at once\n");
+        printf("the joints were not smoothed%s: they are the online estimates\n",
+               r->smoothing_out_of_memory ? " for lack of memory" : "");
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
 }
 
-// What went less than well, said but no reason to fail.
+// What did not go well but is no reason to fail.
 static void warn(const char *program, bool has_place, const struct recorder_result *r)
 {
     if (r->damaged)
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
                 (long long)r->damaged, r->first_damage);
     if (has_place && !r->located)
-        fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n",
+        fprintf(stderr, "%s: the sensor recognised nothing of the place, so it is unknown where the actor stood\n",
                 program);
     command_warn_moved_tags(program, r->tags_moved, r->first_moved);
     if (r->frames && !r->tracked)
         fprintf(stderr, "%s: no person was found in any frame\n", program);
-}
-
-static enum status read_place(const char *path, struct place *place)
-{
-    struct recording *recording = NULL;
-    enum status status = recording_open(&recording, path);
-    if (status == OK)
-        status = recording_read_place(recording, place);
-    recording_free(&recording);
-    return status == NOTHING ? OK : status; // a file without a place is fine
 }
 
 static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result)
@@ -97,13 +90,19 @@ static enum status record(const struct record_arguments *given, struct place *pl
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
     struct progress_bar progress;
-    enum status status = given->into ? read_place(given->into, place) : OK;
+    enum status status = given->into ? place_input_read(given->into, place) : OK;
+    if (status == NOTHING) // a file without a place is fine
+        status = OK;
     if (status == OK)
         status = source_open(&source, given->sensor, SOURCE_SENSOR);
     if (status == OK)
         status = given->into ? recording_append(&writer, given->into) : recording_create(&writer, given->out);
     if (status == OK) {
-        struct recorder_options options = {command_stopped, step, start_smoothing, step, &progress};
+        struct recorder_options options = {.should_stop = command_stopped,
+                                           .on_frame = step,
+                                           .on_smoothing_begin = start_smoothing,
+                                           .on_smoothed = step,
+                                           .context = &progress};
         command_catch_signals();
         progress_bar_start(&progress, "filming", source_remaining(source));
         status = recorder_run(source, writer, given->take, place, &options, result);
@@ -121,7 +120,7 @@ int capture_record(int argc, char **argv)
         {"into", COMMAND_KEY + 1, "FILE", 0, "add the take to this recording, whose place the sensor is located in", 0},
         {"out", COMMAND_KEY + 2, "FILE", 0, "make a new recording without a place", 0},
         {"take", COMMAND_KEY + 3, "NAME", 0, "the take's name", 0},
-        {"json", COMMAND_KEY + 4, NULL, 0, "report as JSON", 0},
+        COMMAND_OPTION_JSON(COMMAND_KEY + 4),
         {0},
     };
     static const struct argp argp = {

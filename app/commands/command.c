@@ -1,3 +1,4 @@
+// What all commands of both programs share.
 #include "app/commands/command.h"
 
 #include "base/clock.h"
@@ -58,7 +59,7 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
 {
     if (count)
         fprintf(stderr,
-                "%s: warning: tag %d%s not where the place has %s, and left out of account; put %s back, or add a new "
+                "%s: warning: tag %d%s not where the place has %s, and ignored; put %s back, or add a new "
                 "sweep with reenact-capture map --into\n",
                 program, (int)first, count > 1 ? " and others are" : " is", count > 1 ? "them" : "it",
                 count > 1 ? "them" : "it");
@@ -75,9 +76,40 @@ double command_parse_number(const struct argp_state *state, const char *option, 
 {
     char *end;
     const double x = strtod(value, &end);
-    if (end == value || *end || !(x >= least && x <= most)) // and a NaN
+    if (end == value || *end || !(x >= least && x <= most)) // false for NaN, too
         argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, least, most, value);
     return x;
+}
+
+double command_parse_quad_decimate(const struct argp_state *state, const char *value)
+{
+    return command_parse_number(state, "--quad-decimate", value, 1, 8);
+}
+
+int command_parse_choice(const struct argp_state *state, const char *option, const char *value,
+                         const char *const *names, int count)
+{
+    char list[256] = "";
+    for (int i = 0; i < count; i++) {
+        if (!strcmp(value, names[i]))
+            return i;
+        const size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s", !i ? "" : i + 1 < count ? ", " : " or ", names[i]);
+    }
+    argp_error(state, "%s takes %s, not '%s'", option, list, value);
+    return 0;
+}
+
+void command_take_file(const struct argp_state *state, const char **file, const char *value)
+{
+    if (*file)
+        argp_error(state, "one FILE, not two: '%s'", value);
+    *file = value;
+}
+
+void command_refuse_argument(const struct argp_state *state, const char *value)
+{
+    argp_error(state, "'%s' is not understood", value);
 }
 
 static error_t parse_file(int key, char *argument, struct argp_state *state)
@@ -85,11 +117,7 @@ static error_t parse_file(int key, char *argument, struct argp_state *state)
     struct file_arguments *a = state->input;
     switch (key) {
     case COMMAND_KEY: a->json = true; return 0;
-    case ARGP_KEY_ARG:
-        if (a->path)
-            argp_error(state, "one FILE at a time");
-        a->path = argument;
-        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->path, argument); return 0;
     case ARGP_KEY_END: command_require(state, a->path, "FILE"); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -98,7 +126,7 @@ static error_t parse_file(int key, char *argument, struct argp_state *state)
 void command_parse_file(int argc, char **argv, const char *doc, struct file_arguments *out)
 {
     static const struct argp_option options[] = {
-        {"json", COMMAND_KEY, NULL, 0, "report as JSON", 0},
+        COMMAND_OPTION_JSON(COMMAND_KEY),
         {0},
     };
     const struct argp argp = {.options = options, .parser = parse_file, .args_doc = "FILE", .doc = doc};

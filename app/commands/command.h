@@ -1,5 +1,5 @@
-// What all commands of both programs share: choosing the command, exit codes,
-// the one sentence on stderr, the progress bar, and stopping on Ctrl-C.
+// What all commands of both programs share: choosing the command, parsing of common options, exit codes,
+// the one sentence on stderr, the progress bar, and stopping on Ctrl-C. Used on the main thread only.
 //
 // A command parses its own arguments with argp (so --help works everywhere) and
 // returns the exit code: 0 success, 1 the input is at fault, 2 wrong usage.
@@ -23,21 +23,44 @@ int command_main(const char *about, const struct command *commands, size_t count
 // Prints "program: sentence" of the last fail() to stderr; returns 1.
 int command_failed(const char *program);
 
-// Says that `count` tags hang elsewhere than the place has them, the first of them number `first`; of 0, nothing.
+// Warns on stderr that `count` tags are not where the place has them, the lowest id being `first`. 0: no output.
 void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 
-// For argp: an option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
+// ---- For argp parsers. On wrong usage these print a sentence and end the program with exit code 2.
+
+// An option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
 enum { COMMAND_KEY = 0x100 };
 
-// Ends with exit code 2 and a sentence when a needed option is missing.
+// Options that several commands have.
+#define COMMAND_OPTION_JSON(key)                                                                                       \
+    {                                                                                                                  \
+        "json", key, NULL, 0, "report as JSON", 0                                                                      \
+    }
+#define COMMAND_OPTION_QUAD_DECIMATE(key)                                                                              \
+    {                                                                                                                  \
+        "quad-decimate", key, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: most reliable)",  \
+            0                                                                                                          \
+    }
+double command_parse_quad_decimate(const struct argp_state *state, const char *value);
+
+// A required option must have been given.
 void command_require(const struct argp_state *state, const void *given, const char *option);
 
-// The value of an option that takes a number from `least` to `most`; ends with exit
-// code 2 and a sentence where it is none.
+// The value of an option that takes a number from `least` to `most`.
 double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
                             double most);
 
-// The arguments of a command that takes one FILE and --json.
+// The value of an option that takes one of `count` names, as its index.
+int command_parse_choice(const struct argp_state *state, const char *option, const char *value,
+                         const char *const *names, int count);
+
+// The argument of a command that takes one FILE, into *file; a second one is wrong usage.
+void command_take_file(const struct argp_state *state, const char **file, const char *value);
+
+// For a command that takes options only.
+void command_refuse_argument(const struct argp_state *state, const char *value);
+
+// Parses the arguments of a command that takes one FILE and --json.
 struct file_arguments {
     const char *path;
     bool json;
@@ -49,12 +72,12 @@ struct json;
 MUST_CHECK enum status command_print_json(struct json **root);
 
 // From the first call on, Ctrl-C and SIGTERM no longer end the program but make
-// command_stopped() true, so that long work can end in good order. Each call forgets
-// an earlier one, for the next piece of work.
+// command_stopped() true, so that long work can end in good order. Each call resets
+// command_stopped(), for the next piece of work.
 void command_catch_signals(void);
 bool command_stopped(void);
 
-// A bar on a terminal, nothing elsewhere. total <= 0: only the count is known.
+// A bar on stderr where that is a terminal, else nothing. total <= 0: only the count is shown.
 struct progress_bar {
     const char *what;
     int64_t total, done;

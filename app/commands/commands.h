@@ -1,4 +1,4 @@
-// The commands of both programs, each in the file of its name.
+// The commands of both programs, each in the file of its name. Each parses its arguments and returns the exit code.
 #pragma once
 #include "app/commands/command.h"
 

@@ -1,3 +1,4 @@
+// The report that verify and repair print.
 #include "app/commands/recording_report.h"
 
 #include "app/commands/command.h"
@@ -15,5 +16,5 @@ void recording_report_print_json(const char *path, enum status status, const str
     json_add_number(root, "frames", (double)r->frames);
     json_add_number(root, "damaged_frames", (double)r->damaged_frames);
     json_add_number(root, "bytes", (double)r->bytes);
-    (void)!command_print_json(&root); // the exit code tells of the recording, not of this
+    (void)!command_print_json(&root); // the exit code is about the recording, not this
 }

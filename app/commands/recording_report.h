@@ -1,7 +1,7 @@
-// What verify and repair say of a recording.
+// The report that verify and repair print.
 #pragma once
 #include "capture/recording/recording.h"
 
-// One JSON object on stdout: the report and how it went, with the sentence where it
-// went wrong.
+// One JSON object on stdout: the report and the status, with the error sentence where it
+// is not OK.
 void recording_report_print_json(const char *path, enum status status, const struct recording_report *r);

@@ -1,6 +1,7 @@
+// reenact locate: where a camera was in the place, image by image.
 #include "app/commands/commands.h"
 
-#include "capture/recording/recording.h"
+#include "app/commands/place_input.h"
 #include "locate/camera_tracker.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -23,8 +24,8 @@ static const struct argp_option options[] = {
     {"out", KEY_OUT, "trajectory.txt", 0,
      "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)",
      0},
-    {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
-    {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
+    COMMAND_OPTION_QUAD_DECIMATE(KEY_DECIMATE),
+    COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
 
@@ -35,12 +36,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_JSON: a->json = true; return 0;
-    case KEY_DECIMATE: a->decimate = command_parse_number(state, "--quad-decimate", value, 1, 8); return 0;
-    case ARGP_KEY_ARG:
-        if (a->file)
-            argp_error(state, "'%s' is one word too many", value);
-        a->file = value;
-        return 0;
+    case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END:
         command_require(state, a->file, "FILE");
         command_require(state, a->camera, "--camera");
@@ -50,7 +47,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
-// The lines of the trajectory, growing.
+// The lines of the trajectory; grows.
 struct text_buffer {
     char *bytes;
     size_t count, capacity;
@@ -59,7 +56,7 @@ struct text_buffer {
 static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose w)
 {
     char line[256];
-    // The nanoseconds by integers: a double of today's seconds has no room for them.
+    // In integers: a double cannot hold the seconds since 1970 to the nanosecond.
     int64_t micro = (time_ns + 500) / 1000;
     int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
                           (long long)(micro / 1000000), (long long)(micro % 1000000), w.translation.x, w.translation.y,
@@ -82,13 +79,13 @@ struct locate_summary {
     int64_t tags_used, tags_rejected;
     double sum_rms2;
     bool focal_wrong;
-    double focal_scale; // that fits, over the calibration's
+    double focal_scale; // the focal length that fits, divided by the calibration's
     int32_t tags_moved, first_moved;
-    struct lens lens; // as it is known in the end
-    bool learnt;      // more than it was told
+    struct lens lens; // as estimated at the end
+    bool learnt;      // self-calibration made it more accurate than the calibration
 };
 
-// One picture. Negative statuses only for what ends the run.
+// One image. Only errors that end the run are returned.
 static enum status locate_image(struct camera_tracker *track, const struct frame *frame, struct text_buffer *lines,
                                 struct locate_summary *s)
 {
@@ -102,7 +99,7 @@ static enum status locate_image(struct camera_tracker *track, const struct frame
         s->not_found++;
         return OK;
     }
-    if (status == AMBIGUOUS) { // a coin's toss is no place
+    if (status == AMBIGUOUS) { // one of two poses, not written
         s->ambiguous++;
         return OK;
     }
@@ -143,11 +140,11 @@ static void report(const struct locate_arguments *a, const struct locate_summary
 {
     double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
     if (!a->json) {
-        printf("%s: %lld of %lld pictures placed, by %.1f tags in the mean, which fit to %.2f pixels\n", a->out,
+        printf("%s: %lld of %lld pictures placed, with %.1f tags each on average, which fit to %.2f pixels\n", a->out,
                (long long)s->placed, (long long)s->images, (double)s->tags_used / placed, rms);
         if (s->learnt)
-            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, give or take %.1f %%\n",
-                   s->lens.fx, s->lens.fy, s->lens.focal_sigma * 100);
+            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n", s->lens.fx,
+                   s->lens.fy, s->lens.focal_sigma * 100);
         return;
     }
     struct json *root = json_new_object();
@@ -168,10 +165,7 @@ static void report(const struct locate_arguments *a, const struct locate_summary
         json_add_number(root, "fy", s->lens.fy);
         json_add_number(root, "focal_sigma", s->lens.focal_sigma);
     }
-    char *text = json_print(root);
-    fputs(text ? text : "{}\n", stdout);
-    free(text);
-    json_free(&root);
+    (void)!command_print_json(&root); // the trajectory is written
 }
 
 static void warn(const char *program, const struct locate_summary *s)
@@ -186,17 +180,13 @@ static void warn(const char *program, const struct locate_summary *s)
 
 static enum status open_inputs(const struct locate_arguments *a, struct camera_tracker **track, struct source **camera)
 {
-    struct recording *recording;
     struct place place = {0};
     struct locator_options wanted = locator_default_options();
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
-    enum status status = recording_open(&recording, a->file);
-    if (status == OK)
-        status = recording_read_place(recording, &place);
+    enum status status = place_input_read(a->file, &place);
     if (status == NOTHING)
         status = fail(ERR_INPUT, "%s holds no place; make one with reenact-capture map", a->file);
-    recording_free(&recording);
     if (status == OK)
         status = source_open(camera, a->camera, SOURCE_CAMERA);
     if (status == OK)

@@ -1,4 +1,4 @@
-// reenact: from a recording to the picture.
+// reenact: from a recording to the image.
 #include "app/commands/commands.h"
 
 int main(int argc, char **argv)

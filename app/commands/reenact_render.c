@@ -1,4 +1,4 @@
-#include "app/commands/command.h"
+// reenact render: draws a take into the images of a camera.
 #include "app/commands/commands.h"
 
 #include "locate/camera_tracker.h"
@@ -7,7 +7,7 @@
 #include "platform/json.h"
 #include "platform/png.h"
 #include "platform/source.h"
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -30,15 +30,16 @@ static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0, "the tablet's camera: libcamera, libcamera:N or folder:DIR", 0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
     {"detail", KEY_DETAIL, "LEVEL", 0,
-     "paper: the 2014 method to the letter; full: our best (default); auto: as much as the eye can tell", 0},
+     "paper: the 2014 method to the letter; full: the best quality (default); auto: as much as the eye can see", 0},
     {"layers", KEY_LAYERS, NULL, 0,
      "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "
-     "pixels is from: red 85 seen now, 170 borrowed from another moment, 255 filled in; 256 green + blue: how long "
-     "before or after, in hundredths of a second)",
+     "pixels is from: red 85 seen in this frame, 170 taken from another frame, 255 filled in; 256 green + blue: how "
+     "long before or after, in hundredths of a second)",
      0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
     {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
-    {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under him; paper never has them", 0},
+    {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under the actor; paper never has them",
+     0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -56,24 +57,15 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_JSON: a->json = true; return 0;
     case KEY_START: a->start_s = command_parse_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
-        for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
-            if (!strcmp(value, detail_names[d])) {
-                a->detail = (enum detail)d;
-                return 0;
-            }
-        argp_error(state, "--detail takes paper, full or auto, not '%s'", value);
-        return EINVAL;
-    case ARGP_KEY_ARG:
-        if (a->file)
-            argp_error(state, "one FILE is enough");
-        a->file = value;
+        a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, COUNT_OF(detail_names));
         return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END:
         command_require(state, a->file, "FILE");
         command_require(state, a->take, "--take NAME");
         command_require(state, a->camera, "--camera URI");
         command_require(state, a->out, "--out DIR");
-        a->alone |= a->detail == DETAIL_PAPER; // to the letter
+        a->alone |= a->detail == DETAIL_PAPER; // [D14] has neither
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -82,7 +74,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
 enum render_stage { STAGE_CAMERA, STAGE_LOCATE, STAGE_DRAW, STAGE_READ, STAGE_WRITE, STAGE_COUNT };
 static const char *const stage_names[] = {"camera", "locate", "draw", "read", "write"};
 
-// One run, from the opened file to the last picture.
+// The state of one run.
 struct render_run {
     const struct render_arguments *arguments;
     struct recording *recording;
@@ -97,10 +89,10 @@ struct render_run {
     struct lens lens;
 
     bool started;
-    int64_t first_ns; // the camera's clock at the first image
+    int64_t first_ns; // the camera's time at the first image
     int64_t images, placed, ambiguous, with_actor, damaged, parts;
     int64_t at_level[DETAIL_AUTO];
-    double error_px; // predicted, of all pictures with the actor
+    double error_px; // predicted, summed over all images with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
@@ -136,7 +128,7 @@ static bool on_progress(void *self, double share)
 static enum status open_renderer(struct render_run *r)
 {
     struct progress_bar progress;
-    const struct progress_watch watch = {.went_on = on_progress, .self = &progress};
+    const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
     struct renderer_options how = renderer_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;
@@ -216,10 +208,11 @@ static enum status write_image(struct render_run *r, const char *name, const cha
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/%s%s.png", r->arguments->out, name, ending);
-    // Level 3 is a third of the time for a few percent more bytes.
+    // Level 3 takes a third of the time and a few percent more bytes.
     uint8_t *bytes;
     size_t count;
-    enum status status = png_encode(kind, pixels, r->lens.width, r->lens.height, 3, &bytes, &count);
+    enum status status =
+        png_encode(&(struct png_layout){kind, r->lens.width, r->lens.height}, pixels, 3, &bytes, &count);
     if (status != OK)
         return status;
     status = file_write(path, bytes, count);
@@ -233,7 +226,7 @@ static enum status draw(struct render_run *r, const struct frame *frame)
     struct camera_motion motion;
     enum status found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
     lap(r, STAGE_LOCATE);
-    if (found < 0 && found != ERR_SOLVER) // a solver that gave up has not placed this image, no more
+    if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return found;
     if (found != OK && found != AMBIGUOUS)
         return renderer_draw_background(r->renderer, frame->color);
@@ -295,7 +288,7 @@ static enum status render_images(struct render_run *r)
         struct frame frame;
         status = source_next(r->camera, &frame);
         lap(r, STAGE_CAMERA);
-        if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
+        if (status == ERR_INPUT) { // one damaged image; the next call continues after it
             progress_bar_end(&progress);
             fprintf(stderr, "reenact render: %s; left out\n", status_message());
             r->damaged++;

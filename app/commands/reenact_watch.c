@@ -1,5 +1,4 @@
-// The tablet: a take in its place, seen through a camera or by walking round with a
-// finger.
+// reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
 #include "app/commands/commands.h"
 
 #include "app/viewer.h"
@@ -68,17 +67,13 @@ static error_t parse(int key, char *value, struct argp_state *state)
             a->width > 8192 || a->height > 8192)
             argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
         return 0;
-    case ARGP_KEY_ARG:
-        if (a->file)
-            argp_error(state, "one FILE, not two");
-        a->file = value;
-        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END: command_require(state, a->file, "FILE"); return 0;
     }
     return ARGP_ERR_UNKNOWN;
 }
 
-// The first camera there is; "" none.
+// The URI of the first camera; "": none.
 static const char *find_camera(void)
 {
     static struct source_device devices[16];
@@ -101,7 +96,7 @@ struct watch {
     bool fullscreen, hidden;
     int64_t shown_ns, until_ns;
     char status_text[512]; // the sentence that the screen shows
-    int64_t placed_before; // pictures with the actor in his place when it began to show that
+    int64_t placed_before; // images with the actor in place when that sentence appeared
 };
 
 static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
@@ -135,7 +130,7 @@ static void watch_close(struct watch *w)
     window_close(&w->screen);
 }
 
-// The graphics were lost: a driver was reset, a card slept. What lived in them is made anew, and the take begins again.
+// After the graphics device was lost (driver reset, suspend): everything on it is created again, and the take restarts.
 static enum status watch_reopen(struct watch *w)
 {
     const struct viewer *t = &w->viewer;
@@ -152,7 +147,7 @@ static enum status watch_reopen(struct watch *w)
     w->arguments = &again;
     enum status status = watch_open(w);
     w->arguments = given;
-    w->viewer.options.take = given->take; // chosen by now
+    w->viewer.options.take = given->take; // `take` is freed below
     free(take);
     return status;
 }
@@ -161,7 +156,7 @@ static enum status watch_reopen(struct watch *w)
 
 static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
 
-// Hears what happened, until there is something that has to be drawn first.
+// Handles events until none is left, or one needs a redraw first.
 static void handle_events(struct watch *w, int wait_ms)
 {
     for (;;) {
@@ -176,12 +171,12 @@ static void handle_events(struct watch *w, int wait_ms)
     }
 }
 
-// What is new on the screen, in words, for who cannot see it.
+// Prints what the screen shows when it changes, for tests and logs.
 static void print_status_change(struct watch *w)
 {
     const struct viewer *t = &w->viewer;
     const char *hint = view_state_hint(&t->state), *shown = hint                           ? hint
-                                                            : t->placed > w->placed_before ? "the actor in his place"
+                                                            : t->placed > w->placed_before ? "the actor in place"
                                                                                            : w->status_text;
     if (strcmp(shown, w->status_text))
         printf("shows     %s\n", shown);
@@ -193,11 +188,11 @@ static void print_status_change(struct watch *w)
 
 static enum status draw(struct watch *w, int64_t now_ns)
 {
-    struct viewer_surface glass = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
-    window_size(w->screen, &glass.width, &glass.height);
+    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
+    window_size(w->screen, &surface.width, &surface.height);
     if (w->fullscreen != w->viewer.state.fullscreen)
         window_fullscreen(w->screen, w->fullscreen = w->viewer.state.fullscreen);
-    enum status status = viewer_draw(&w->viewer, &glass, now_ns);
+    enum status status = viewer_draw(&w->viewer, &surface, now_ns);
     if (status != OK)
         return status;
     window_present(w->screen);
@@ -230,7 +225,7 @@ static enum status watch_loop(struct watch *w)
             if (status != OK)
                 return status;
         }
-        // What moves by itself moves at the display's pace, also where showing does not wait for it.
+        // Animations run at the display's rate, also where presenting does not wait for it.
         if ((s->changed || due_ns <= now_ns) && due_ns < w->shown_ns + frame_ns)
             due_ns = now_ns + frame_ns - (clock_now_ns() - now_ns);
     }
@@ -242,8 +237,8 @@ static void print_stats(const struct watch *w)
     const struct frame_times *t = &w->viewer.times;
     struct camera_feed_state feed = w->viewer.feed ? camera_feed_query(w->viewer.feed) : (struct camera_feed_state){0};
     printf("screen    %s, %s\n", window_driver(w->screen), gpu_renderer(w->gpu));
-    printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
-           (long long)feed.came, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
+    printf("pictures  %lld from the camera, %lld skipped, %lld drawn, %lld with the actor in place\n",
+           (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
     if (w->viewer.camera_texture) {
         struct camera_texture_counts c = camera_texture_count(w->viewer.camera_texture);
         printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,
@@ -279,7 +274,7 @@ int reenact_watch(int argc, char **argv)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
-    // Graphics that do not even last for a few pictures are not worth trying again.
+    // A device that is lost within a few frames is not opened again.
     while (status == ERR_DEVICE && watch.viewer.times.frames >= MIN_DRAWN_FRAMES) {
         status = watch_reopen(&watch);
         if (status == OK)

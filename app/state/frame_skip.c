@@ -1,10 +1,11 @@
 #include "app/state/frame_skip.h"
 
-static const double SMOOTH = 0.2, UNUSUAL = 3; // of a new time in the typical one; times the typical one
+// Chosen by hand: weight of a new time in the mean; ratio to the mean above which a time is an outlier.
+static const double SMOOTH = 0.2, OUTLIER_RATIO = 3;
 
-bool frame_skip_update(struct frame_skip *p, double took_ms, bool placed, bool newer)
+bool frame_skip_update(struct frame_skip *s, double took_ms, bool placed, bool newer)
 {
-    const bool unusual = p->typical_ms > 0 && took_ms > UNUSUAL * p->typical_ms;
-    p->typical_ms += (p->typical_ms > 0 ? SMOOTH : 1) * (took_ms - p->typical_ms);
-    return p->skipped_last = unusual && placed && newer && !p->skipped_last;
+    const bool unusual = s->typical_ms > 0 && took_ms > OUTLIER_RATIO * s->typical_ms;
+    s->typical_ms += (s->typical_ms > 0 ? SMOOTH : 1) * (took_ms - s->typical_ms);
+    return s->skipped_last = unusual && placed && newer && !s->skipped_last;
 }

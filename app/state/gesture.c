@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+// Chosen by hand.
 static const int64_t LONGEST_TAP_NS = 333000000;
 
 static int find(const struct gesture *g, int64_t id)
@@ -29,7 +30,7 @@ void gesture_down(struct gesture *g, int64_t id, double x, double y, int64_t now
     g->count++;
 }
 
-// The two first fingers before and after one of them moved.
+// One of the first two fingers moved to (x, y): adds their push, spread and twist.
 static void move_two(struct gesture *g, int moved, double x, double y)
 {
     double ax = g->fingers[0].x, ay = g->fingers[0].y, bx = g->fingers[1].x, by = g->fingers[1].y;

@@ -1,5 +1,5 @@
-// Fingers on the picture, told apart: one drags, two spread, twist and push, a
-// short touch taps. Pure. Any unit of length; what comes out is in the same.
+// Recognises touch gestures on the image: one finger drags, two spread, twist and push, a short touch taps.
+// Lengths are in any one unit, in and out. y runs down. Pure.
 #pragma once
 #include "base/status.h"
 
@@ -11,13 +11,13 @@ struct gesture {
         int64_t id;
         double x, y;
     } fingers[GESTURE_FINGERS];
-    double travelled; // by the first finger since it went down
+    double travelled; // path length of the first finger since it went down
     int64_t down_ns;
     bool several; // more than one finger took part since the first went down
-    // Gathered since gesture_take.
-    double drag_x, drag_y; // of one finger
-    double push_x, push_y; // of the middle of two
-    double spread;         // ratio of distances; 1: none
+    // Accumulated since the last gesture_take:
+    double drag_x, drag_y; // of a single finger
+    double push_x, push_y; // of the midpoint of two fingers
+    double spread;         // ratio of the fingers' distances; 1: unchanged
     double twist;          // radians, clockwise as seen
     bool tapped;
 };
@@ -27,5 +27,5 @@ void gesture_down(struct gesture *g, int64_t id, double x, double y, int64_t now
 void gesture_move(struct gesture *g, int64_t id, double x, double y);
 void gesture_up(struct gesture *g, int64_t id, double slack, int64_t now_ns);
 
-// What was gathered, which begins anew.
+// Returns what has accumulated, and resets it.
 struct gesture gesture_take(struct gesture *g);

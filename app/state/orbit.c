@@ -4,6 +4,7 @@ static double clamp(double x, double low, double high) { return x < low ? low : 
 
 void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notches)
 {
+    // Gains and limits chosen by hand.
     orbit->angle_rad -= 4 * drag_x;
     orbit->rise_rad = clamp(orbit->rise_rad + 2 * drag_y, -0.2, 1.4);
     orbit->distance_m = clamp(orbit->distance_m * pow(0.9, notches), 0.8, 12);
@@ -14,7 +15,7 @@ struct pose orbit_world_from_camera(const struct orbit *o)
     struct vec3 back =
         v3(cos(o->rise_rad) * sin(o->angle_rad), -cos(o->rise_rad) * cos(o->angle_rad), sin(o->rise_rad));
     struct vec3 z = v3_scale(back, -1);                // forward
-    struct vec3 x = v3_unit(v3_cross(z, v3(0, 0, 1))); // right; rise stays below a right angle
+    struct vec3 x = v3_unit(v3_cross(z, v3(0, 0, 1))); // right; the elevation stays below a right angle
     struct vec3 y = v3_cross(z, x);                    // down
     double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
     return (struct pose){quat_from_matrix(m), v3_add(o->centre, v3_scale(back, o->distance_m))};

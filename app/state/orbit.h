@@ -1,15 +1,17 @@
-// A camera that circles a point at arm's length, for looking without a tablet.
+// A virtual camera on a sphere about a point: the viewpoint moved by fingers, without a camera. Pure.
 #pragma once
 #include "base/lens.h"
 
 struct orbit {
-    struct vec3 centre; // looked at; world axes, z up
-    double angle_rad;   // round z, 0 = from -y
-    double rise_rad;    // above the horizon
-    double distance_m;
+    struct vec3 centre; // of the sphere, world axes, z up; always in the middle of the view
+    double angle_rad;   // azimuth about z; 0: seen from -y
+    double rise_rad;    // elevation above the horizon, -0.2 to 1.4
+    double distance_m;  // 0.8 to 12
 };
 
-// Turned by a drag of those shares of the picture, moved by that many notches; kept within sense.
+// drag_x, drag_y: shares of the image's height, right and down. notches: of the wheel; each comes a tenth nearer.
+// The elevation and the distance stay in their ranges.
 void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notches);
 
+// Camera axes: x right, y down, z towards the centre; never rolled.
 struct pose orbit_world_from_camera(const struct orbit *orbit);

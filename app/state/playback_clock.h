@@ -1,6 +1,5 @@
-// The time of a take while it is watched: playing, pausing, scrubbing, stepping,
-// slowly or fast, over and over. Pure: whoever calls says what time it is, by a
-// clock that only moves forward. Nanoseconds.
+// Maps the clock's time to a take's time: play, pause, scrub, step, change the speed, loop. Pure: every call is given
+// the time of a monotonic clock. Nanoseconds.
 #pragma once
 #include "base/status.h"
 
@@ -11,26 +10,26 @@ struct playback_clock {
     int64_t step_ns;   // from one recorded frame to the next
     bool playing, loop;
     double speed; // PLAYBACK_SLOWEST..PLAYBACK_FASTEST
-    // The take's instant `at_ns` belongs to the clock's `clock_ns`.
+    // The take's instant `at_ns` is shown at the clock's time `clock_ns`.
     int64_t at_ns, clock_ns;
 };
 
-// Paused at the beginning, at speed 1, looping. frames >= 1 spread evenly over length_ns >= 0.
+// Paused at the start, speed 1, looping. frames >= 1 are spread evenly over length_ns >= 0.
 struct playback_clock playback_start(int64_t length_ns, int64_t frames);
 
-// The take's instant that belongs to the clock's `clock_ns`, which may lie a
-// little before the last call's: a camera's picture is that old when it is drawn.
+// The take's instant at `clock_ns`, which may lie a little before that of the last call: a camera image is that old
+// when it is drawn.
 int64_t playback_at(const struct playback_clock *p, int64_t clock_ns);
 
-// Comes to an end, where it does not loop. True: it stopped just now.
+// Stops at the end if it does not loop. True: it stopped just now.
 bool playback_tick(struct playback_clock *p, int64_t clock_ns);
 
-void playback_play(struct playback_clock *p, int64_t clock_ns, bool playing); // from the end it begins anew
+void playback_play(struct playback_clock *p, int64_t clock_ns, bool playing); // from the end it starts again
 void playback_seek(struct playback_clock *p, int64_t clock_ns, int64_t at_ns);
-void playback_step(struct playback_clock *p, int64_t clock_ns,
-                   int frames); // pauses, then goes to the frame so far away
+// Pauses, then moves by that many frames.
+void playback_step(struct playback_clock *p, int64_t clock_ns, int frames);
 void playback_set_speed(struct playback_clock *p, int64_t clock_ns, double speed);
 void playback_set_loop(struct playback_clock *p, int64_t clock_ns, bool loop);
 
-// Time went by that nobody watched (the tablet slept): go on from where it was at clock_from_ns.
+// The app was suspended between the two times: continue with the instant of clock_from_ns.
 void playback_skip(struct playback_clock *p, int64_t clock_from_ns, int64_t clock_to_ns);

@@ -5,15 +5,16 @@
 // Each level has about 0.65 of the pixels of the one before.
 static const double scales[GOVERNOR_LEVELS] = {1, 0.8, 0.64, 0.5, 0.4};
 
-static const double SMOOTH = 0.2; // of a new time in the typical one
+// Chosen by hand. SMOOTH: weight of a new time in the mean. USEFUL_RATIO: a fall that leaves more than this share of
+// the time gained nothing. The others count frames.
+static const double SMOOTH = 0.2, USEFUL_RATIO = 0.93;
 enum {
     WARMUP = 4,
     HEADROOM_FRAMES = 90,
     MAX_HEADROOM_FRAMES = 16 * HEADROOM_FRAMES,
     EVALUATE_AFTER = 12,
     BACKOFF = 900
-};                                       // pictures
-static const double USEFUL_RATIO = 0.93; // a fall that leaves more of the time than this was for nothing
+};
 
 struct resolution_governor governor_start(double budget_ms)
 {
@@ -23,13 +24,13 @@ struct resolution_governor governor_start(double budget_ms)
 
 bool governor_update(struct resolution_governor *g, double took_ms)
 {
-    if (g->warmup_left > 0) { // the first ones after a change pay for it
+    if (g->warmup_left > 0) { // the first frames after a change carry its cost
         g->warmup_left--;
         g->typical_ms = took_ms;
         return false;
     }
     g->typical_ms += SMOOTH * (took_ms - g->typical_ms);
-    // What the finer level would take, if time went with pixels: it never goes faster than that.
+    // The finer level takes at most this ratio squared more time: time grows no faster than the number of pixels.
     double finer = g->level ? scales[g->level - 1] / scales[g->level] : 1;
     g->headroom_frames = g->typical_ms * finer * finer < 0.8 * g->budget_ms ? g->headroom_frames + 1 : 0;
     int level = g->level;

@@ -5,10 +5,12 @@
 #include <string.h>
 
 static const double PI = 3.14159265358979323846;
+// Durations, chosen by hand.
 static const int64_t NOTICE_NS = 3000000000, WARNING_NS = 8000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
-static const int64_t MOVED_NS = 2000000000; // a tag is moved for so long before it is told of
+static const int64_t MOVED_NS = 2000000000; // a tag must be reported as moved for this long before a notice
 static const double APPEAR_S = 0.2, FADE_S = 0.7, CROSSFADE_S = 0.5;
-static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
+
+const double view_speeds[VIEW_SPEEDS] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
 
 struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
 {
@@ -17,7 +19,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
                                .take_wanted = take_count == 1,
                                .playback = playback_start(0, 1),
                                .orbiting = true,
-                               .prepared = 1,
+                               .avatar_progress = 1,
                                .error_px = 1,
                                .tag_moved_notified = -1,
                                .dark = dark,
@@ -78,12 +80,12 @@ void view_state_warn(struct view_state *s, const char *notice, int64_t now_ns)
 
 static void change_speed(struct view_state *s, int by, int64_t now_ns)
 {
-    int nearest = 0, last = (int)COUNT_OF(speeds) - 1;
+    int nearest = 0, last = VIEW_SPEEDS - 1;
     for (int i = 1; i <= last; i++)
-        if (fabs(speeds[i] - s->playback.speed) < fabs(speeds[nearest] - s->playback.speed))
+        if (fabs(view_speeds[i] - s->playback.speed) < fabs(view_speeds[nearest] - s->playback.speed))
             nearest = i;
     int next = nearest + by < 0 ? 0 : nearest + by > last ? last : nearest + by;
-    playback_set_speed(&s->playback, now_ns, speeds[next]);
+    playback_set_speed(&s->playback, now_ns, view_speeds[next]);
 }
 
 static void go_back(struct view_state *s)
@@ -133,8 +135,8 @@ static void do_on_takes(struct view_state *s, enum view_action action)
         view_state_choose_take(s, s->take);
 }
 
-// True: it was about time.
-static bool do_with_time(struct view_state *s, enum view_action action, int64_t now_ns)
+// True: the action concerned the playback.
+static bool do_playback(struct view_state *s, enum view_action action, int64_t now_ns)
 {
     struct playback_clock *p = &s->playback;
     switch (action) {
@@ -153,7 +155,7 @@ static bool do_with_time(struct view_state *s, enum view_action action, int64_t 
 
 static void do_on_watch(struct view_state *s, enum view_action action, int64_t now_ns)
 {
-    if (do_with_time(s, action, now_ns))
+    if (do_playback(s, action, now_ns))
         return;
     switch (action) {
     case DO_MIRROR: s->placement.mirrored = !s->placement.mirrored; break;
@@ -161,7 +163,7 @@ static void do_on_watch(struct view_state *s, enum view_action action, int64_t n
         s->orbit_requested = !s->orbiting;
         s->orbiting = s->orbit_requested || !s->camera.seeing;
         if (s->orbiting && !s->orbit_requested)
-            view_state_notify(s, "There is no camera to look through", now_ns);
+            view_state_notify(s, "There is no camera image", now_ns);
         break;
     case DO_SKELETON: s->skeleton = !s->skeleton; break;
     case DO_SOURCES: s->sources = !s->sources; break;
@@ -244,8 +246,7 @@ void view_state_gesture(struct view_state *s, const struct gesture *g, const str
         s->sheet = SHEET_NONE;
         view_state_on_input(s, now_ns);
     } else if (g->tapped && view_state_controls_shown(s) && s->playback.playing && !s->moving) {
-        s->last_input_ns =
-            now_ns - CONTROLS_NS; // a tap on the picture sends the controls away, another brings them back
+        s->last_input_ns = now_ns - CONTROLS_NS; // a tap on the image hides the controls, another shows them
         s->changed = true;
     } else {
         view_state_on_input(s, now_ns);
@@ -272,9 +273,9 @@ void view_state_wheel(struct view_state *s, double notches, int64_t now_ns)
     view_state_on_input(s, now_ns);
 }
 
-// ---------------------------------------------------------------- the camera, and time
+// ---------------------------------------------------------------- camera and time
 
-// Once for each tag, and only of one that stays so: a single picture may show it half hidden.
+// Once for each tag, and only for one that stays moved: in a single image it may be half occluded.
 static void on_moved_tags(struct view_state *s, int64_t now_ns)
 {
     const struct view_camera *camera = &s->camera;
@@ -287,8 +288,7 @@ static void on_moved_tags(struct view_state *s, int64_t now_ns)
     s->tag_moved_notified = camera->first_moved;
     const bool more = camera->moved_tags > 1;
     char notice[sizeof s->notice];
-    snprintf(notice, sizeof notice,
-             "Tag %d%s not where the place has %s, and left out of account. Put %s back, or sweep again",
+    snprintf(notice, sizeof notice, "Tag %d%s not where the place has %s, and ignored. Put %s back, or sweep again",
              (int)camera->first_moved, more ? " and others are" : " is", more ? "them" : "it", more ? "them" : "it");
     view_state_warn(s, notice, now_ns);
 }
@@ -306,8 +306,8 @@ void view_state_on_camera(struct view_state *s, const struct view_camera *camera
         s->ever_placed = true;
     }
     on_moved_tags(s, now_ns);
-    // Without a camera's picture, or a place to find it in, one walks round with a finger.
-    s->orbiting = s->orbit_requested || !camera->there || !camera->knows_place || (!camera->seeing && !camera->frame);
+    // Without a camera image, or a place to localise it in, the view is the orbit's.
+    s->orbiting = s->orbit_requested || !camera->requested || !camera->has_place || (!camera->seeing && !camera->frame);
 }
 
 void view_state_set_problem(struct view_state *s, const char *sentence)
@@ -318,8 +318,8 @@ void view_state_set_problem(struct view_state *s, const char *sentence)
 
 void view_state_set_progress(struct view_state *s, double share)
 {
-    s->changed |= share != s->prepared;
-    s->prepared = share;
+    s->changed |= share != s->avatar_progress;
+    s->avatar_progress = share;
 }
 
 void view_state_set_avatar_shown(struct view_state *s, bool shown)
@@ -344,12 +344,12 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
     s->changed |=
         presence != s->presence || playback_tick(&s->playback, now_ns) || controls != view_state_controls_shown(s);
     s->presence = presence;
-    double fresh = s->avatar_shown ? toward(s->crossfade, 1, passed_s / CROSSFADE_S) : 0;
-    s->changed |= fresh != s->crossfade;
-    s->crossfade = fresh;
-    if (presence != wanted || (s->avatar_shown && fresh < 1))
+    double crossfade = s->avatar_shown ? toward(s->crossfade, 1, passed_s / CROSSFADE_S) : 0;
+    s->changed |= crossfade != s->crossfade;
+    s->crossfade = crossfade;
+    if (presence != wanted || (s->avatar_shown && crossfade < 1))
         next = now_ns;
-    bool frozen = s->camera.seeing && now_ns - s->camera.came_ns >= FROZEN_NS;
+    bool frozen = s->camera.seeing && now_ns - s->camera.received_ns >= FROZEN_NS;
     s->changed |= frozen != s->frozen;
     s->frozen = frozen;
     if (s->notice[0] && now_ns >= s->notice_until_ns) {
@@ -360,8 +360,8 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
         next = s->notice_until_ns;
     if (s->page == PAGE_WATCH && s->playback.playing && controls && s->last_input_ns + CONTROLS_NS < next)
         next = s->last_input_ns + CONTROLS_NS;
-    if (s->camera.seeing && !frozen && s->camera.came_ns + FROZEN_NS < next)
-        next = s->camera.came_ns + FROZEN_NS; // it may have frozen by then, which is to be said
+    if (s->camera.seeing && !frozen && s->camera.received_ns + FROZEN_NS < next)
+        next = s->camera.received_ns + FROZEN_NS; // to report it frozen then
     if (s->page == PAGE_WATCH && s->playback.playing && s->orbiting) {
         s->changed = true;
         next = now_ns;
@@ -382,18 +382,20 @@ const char *view_state_hint(const struct view_state *s)
         return NULL;
     if (s->problem)
         return s->problem;
-    if (!s->camera.there || s->orbit_requested)
+    if (!s->camera.requested || s->orbit_requested)
         return NULL;
     if (*s->camera_trouble)
         return s->camera_trouble;
     if (!s->camera.seeing)
         return "Waiting for the camera";
     if (s->frozen)
-        return "The camera has stopped sending pictures";
-    if (!s->camera.knows_place)
-        return "This recording knows no place to stand in. Walk round with a finger";
-    if (s->camera.frame && !s->camera.placed && s->presence <= 0) // not before he has faded: it may soon know again
-        return s->camera.knows_tags ? "Point me at a tag" : "Point me at more of the room that was filmed";
+        return "The camera has stopped sending images";
+    if (!s->camera.has_place)
+        return "This recording has no map of a place. Drag with a finger to move round the actor";
+    if (s->camera.frame && !s->camera.placed &&
+        s->presence <= 0) // only once the actor has faded: the pose may be found again soon
+        return s->camera.has_tags ? "Point the camera at a tag"
+                                  : "Point the camera at more of the room that was filmed";
     return NULL;
 }
 

@@ -1,18 +1,17 @@
-// What the screen shows and what hands have asked for: the whole of the app's
-// behaviour without a window, a camera or a clock. Pure.
+// The view state: what the screen shows, and how it reacts to input. All behaviour of the app without a window, a
+// camera or a clock. Pure; times are nanoseconds of a monotonic clock, passed in.
 //
-// Buttons, keys and the game pad all end in view_state_do; fingers on the picture in
-// view_state_gesture; what the camera knows comes in through view_state_on_camera. What is to be
-// drawn is read from the fields.
+// Buttons, keys and the game pad call view_state_do; fingers on the image view_state_gesture; the camera
+// view_state_on_camera. The drawing code reads the fields.
 #pragma once
 #include "app/state/gesture.h"
 #include "app/state/orbit.h"
 #include "app/state/playback_clock.h"
 
 enum view_page {
-    PAGE_TAKES, // choose one
+    PAGE_TAKES, // choose a take
     PAGE_WATCH,
-    PAGE_TROUBLE, // nothing can be watched; show.trouble says why
+    PAGE_TROUBLE, // nothing can be watched; view_state.trouble says why
 };
 
 enum view_sheet { SHEET_NONE, SHEET_LAYERS, SHEET_SPEED };
@@ -28,18 +27,18 @@ enum view_action {
     DO_FASTER,
     DO_LOOP,
     DO_MIRROR,
-    DO_ORBIT, // between the camera and walking round with a finger
+    DO_ORBIT, // switch between the camera and the orbit
     DO_SKELETON,
     DO_SOURCES,
     DO_INSET,
     DO_FRAME_GRAPH,
     DO_THEME,
     DO_MOVE,            // begin or end moving the actor
-    DO_RESET_PLACEMENT, // the actor to where he was filmed
+    DO_RESET_PLACEMENT, // put the actor back to where the take was filmed
     DO_SCREENSHOT,
     DO_LAYERS,
     DO_SPEED, // open or close the sheet
-    DO_BACK,  // one step out: sheet, moving, page, program
+    DO_BACK,  // leave, in this order: sheet, moving, page, program
     DO_TAKES,
     DO_FULLSCREEN,
     DO_QUIT,
@@ -50,19 +49,20 @@ enum view_action {
 
 // What is known of the camera at an instant.
 struct view_camera {
-    bool there;          // one was asked for
-    bool knows_place;    // the recording has a place to be found in
-    bool knows_tags;     // and there are tags in it
-    bool seeing;         // pictures come
-    int64_t came_ns;     // the last one
-    int64_t frame;       // number of the newest located picture; 0: none
-    bool placed;         // it was located
-    const char *trouble; // the camera's own sentence; "" none; borrowed for the call
-    int32_t moved_tags;  // that hang elsewhere than the place has them
-    int32_t first_moved; // the lowest number of them
+    bool requested;      // the app was started with a camera
+    bool has_place;      // the recording has a place to localise in
+    bool has_tags;       // and the place has tags
+    bool seeing;         // images arrive
+    int64_t received_ns; // when the last one arrived
+    int64_t frame;       // number of the newest processed image; 0: none
+    bool placed;         // its pose was found
+    const char *trouble; // the camera's error sentence; "" none; borrowed for the call
+    int32_t moved_tags;  // how many tags are not where the place has them
+    int32_t first_moved; // the lowest of their numbers
 };
 
-// Where the actor stands: moved over the floor from where he was filmed, and turned about himself.
+// Where the actor stands: a shift over the floor from where the take was filmed, and a rotation about the vertical
+// through the actor.
 struct placement {
     double x_m, y_m, yaw_rad;
     bool mirrored;
@@ -71,15 +71,15 @@ struct placement {
 struct view_state {
     enum view_page page;
     enum view_sheet sheet;
-    const char *trouble; // page trouble's sentence; borrowed
+    const char *trouble; // the sentence of PAGE_TROUBLE; borrowed
 
-    int take, take_count; // chosen, or about to be
+    int take, take_count; // the selected take, and of how many
     bool take_wanted;     // `take` has to be opened
     struct playback_clock playback;
     bool scrubbing, was_playing;
 
-    bool orbiting;        // else through the camera
-    bool orbit_requested; // by hand; else only because there is no camera to look through
+    bool orbiting;        // the view is the orbit's, else the camera's
+    bool orbit_requested; // by the user; else only for want of a camera image
     struct orbit orbit;
     struct placement placement;
     bool moving; // fingers move the actor, not the view
@@ -87,44 +87,48 @@ struct view_state {
     bool screenshot_wanted, quit;
 
     struct view_camera camera;
-    char camera_trouble[512]; // its sentence, kept: the camera's may be another by now
-    const char *problem;      // what is amiss with the recording while it plays; NULL nothing; borrowed
-    bool frozen;              // the camera is open and sends nothing
-    double error_px;          // that the actor may be wrong by, in the pixels he is drawn with
-    double presence;          // of the actor, 0..1: fades while it is not known where he stands
-    double prepared;          // the share of the take's preparing that is done; 1: all
-    bool avatar_shown;        // what was prepared is being drawn
-    double crossfade;         // 0..1: from the plain actor to the prepared one
+    char camera_trouble[512]; // a copy of the last view_camera.trouble
+    const char *problem;      // what is wrong with the recording while it plays; NULL: nothing; borrowed
+    bool frozen;              // the camera is open and sends no images
+    double error_px;          // permitted error of the drawn actor, pixels: selects the level of detail
+    double presence;          // the actor's opacity, 0..1: fades while the camera's pose is not known
+    double avatar_progress;   // progress of building the take's avatar, 0..1
+    bool avatar_shown;        // the avatar is drawn, no longer the body cylinders
+    double crossfade;         // 0..1: from the body cylinders to the avatar
     bool ever_placed;
-    int64_t placed_ns;     // last time it was known
-    int64_t last_input_ns; // last touch, for hiding the controls while playing
-    char notice[160];      // passes after a while
+    int64_t placed_ns;     // when the camera's pose was last known
+    int64_t last_input_ns; // of the last input, for hiding the controls while playing
+    char notice[160];      // shown until notice_until_ns
     bool notice_warns;
     int64_t notice_until_ns;
-    int64_t tag_moved_ns;       // since when the camera has known tags to be moved; 0: it does not
-    int32_t tag_moved_notified; // the first of those last told of; -1: none was
+    int64_t tag_moved_ns;       // since when the camera has reported moved tags; 0: it reports none
+    int32_t tag_moved_notified; // view_camera.first_moved of the last notice; -1: none yet
     int64_t now_ns;             // of the last view_state_tick
-    bool changed;               // there is something new to draw; the drawer clears it
+    bool changed;               // there is something new to draw; viewer_draw clears it
 };
+
+// The speeds to choose from, from PLAYBACK_SLOWEST to PLAYBACK_FASTEST.
+enum { VIEW_SPEEDS = 8 };
+extern const double view_speeds[VIEW_SPEEDS];
 
 struct view_state view_state_start(int take_count, bool dark, int64_t now_ns);
 
-// A take was opened: its length, and the view to begin with.
+// A take was opened: its length, and the orbit to start with.
 void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frames, const struct orbit *orbit,
                           int64_t now_ns);
-void view_state_fail(struct view_state *s, const char *sentence); // there is nothing to watch
+void view_state_fail(struct view_state *s, const char *sentence); // to PAGE_TROUBLE; the sentence is borrowed
 
 void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns);
 
-// Fingers on the picture, in shares of its height. at: where the first finger lies on
-// the floor before and after, metres; NULL where it points to no floor.
+// Fingers on the image; the gesture's lengths are shares of its height. at: the points of the floor under the first
+// finger before and after, metres, world axes; NULL where it points to no floor.
 struct floor_drag {
     double from_x, from_y, to_x, to_y;
 };
 void view_state_gesture(struct view_state *s, const struct gesture *g, const struct floor_drag *at, int64_t now_ns);
 void view_state_wheel(struct view_state *s, double notches, int64_t now_ns);
 
-// The timeline is held at that share, or (held false) let go.
+// The timeline is held at that share of its length, or (held false) released.
 void view_state_scrub(struct view_state *s, bool held, double share, int64_t now_ns);
 void view_state_set_speed(struct view_state *s, double speed, int64_t now_ns);
 void view_state_set_error(struct view_state *s, double error_px);
@@ -132,25 +136,25 @@ void view_state_set_yaw(struct view_state *s, double yaw_rad);
 void view_state_choose_take(struct view_state *s, int take);
 
 void view_state_on_camera(struct view_state *s, const struct view_camera *camera, int64_t now_ns);
-void view_state_set_problem(struct view_state *s, const char *sentence); // NULL: all is well again
-void view_state_set_progress(struct view_state *s, double share);        // of the take's preparing
-void view_state_set_avatar_shown(struct view_state *s, bool shown);      // the actor drawn last is the prepared one
+void view_state_set_problem(struct view_state *s, const char *sentence); // NULL: resolved
+void view_state_set_progress(struct view_state *s, double share);        // of building the avatar, 0..1
+void view_state_set_avatar_shown(struct view_state *s, bool shown);      // the frame drawn last shows the avatar
 void view_state_notify(struct view_state *s, const char *notice, int64_t now_ns);
-void view_state_warn(struct view_state *s, const char *notice,
-                     int64_t now_ns);                           // the same, of what went wrong; stays longer
-void view_state_on_input(struct view_state *s, int64_t now_ns); // somebody touched the screen
+// The same for what went wrong; stays longer.
+void view_state_warn(struct view_state *s, const char *notice, int64_t now_ns);
+void view_state_on_input(struct view_state *s, int64_t now_ns); // any input: shows the controls
 
-// Time goes by. Returns until when nothing changes by itself: INT64_MAX, or now_ns while something moves.
+// Advances to now_ns. Returns until when nothing changes by itself: INT64_MAX, or now_ns while something moves.
 int64_t view_state_tick(struct view_state *s, int64_t now_ns);
 
-// Nobody looked from one time to the other.
+// The app was suspended between the two times.
 void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns);
 
-// One sentence on what is amiss or what to do; NULL when all is well.
+// One sentence on what is wrong or what to do; NULL: nothing. Borrowed until the next call.
 const char *view_state_hint(const struct view_state *s);
 
-// Are the controls shown? They go away while it plays and nobody touches.
+// Whether the controls are shown: they hide while the take plays and there is no input.
 bool view_state_controls_shown(const struct view_state *s);
 
-// From where the take was filmed to where it is shown, without the mirror. anchor: the point he turns about.
+// Maps points of the take's world to where they are shown, without the mirroring. pivot: the rotation's centre.
 struct pose placement_pose(const struct placement *p, struct vec3 pivot);

@@ -1,3 +1,4 @@
+// The frame graph: a bar per frame, coloured by stage, against the time budget.
 #include "app/ui/screens.h"
 
 #include <math.h>
@@ -29,7 +30,7 @@ void frame_graph_draw(const struct brush *b, const struct frame_times *times, do
     char text[64];
     panel(b, box, true);
     struct ui_box in = inner(box, 12), top = cut_top(&in, 20), names = cut_bottom(&in, 18);
-    snprintf(text, sizeof text, "%.0f ms a picture; the display takes one every %.0f", frame_times_median(times),
+    snprintf(text, sizeof text, "%.0f ms per frame; the display shows one every %.0f", frame_times_median(times),
              budget_ms);
     label(b, FACE_SMALL, top, t->text, text);
     draw_bars(b, times, budget_ms, in);

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-// The grid of one icon: 24 units a side, strokes 2 wide.
+// Where one icon is drawn: 24 units a side, strokes 2 units wide.
 struct icon_grid {
     struct ui *ui;
     double x, y, unit;
@@ -35,7 +35,7 @@ static void solid(const struct icon_grid *g, const double *xy, int count)
     for (int i = 0; i < count; i++)
         points[i] = on(g, xy[2 * i], xy[2 * i + 1]);
     ui_polygon(g->ui, points, count, g->color);
-    ui_stroke(g->ui, points, count, true, g->unit, g->color); // a little rounded
+    ui_stroke(g->ui, points, count, true, g->unit, g->color); // rounded corners
 }
 #define SOLID(g, ...) solid(g, (const double[]){__VA_ARGS__}, (int)COUNT_OF(((const double[]){__VA_ARGS__})) / 2)
 
@@ -66,7 +66,8 @@ static void draw_sun(const struct icon_grid *g)
     }
 }
 
-// A disc of 8.5 round (12, 12), less one of 6.5 round (15.5, 8.5); they meet at these angles.
+// The outline of a disc of radius 8.5 about (12, 12) minus one of radius 6.5 about (15.5, 8.5), which meet at these
+// angles.
 static void draw_moon(const struct icon_grid *g)
 {
     enum { OUTER = 28, INNER = 14 };

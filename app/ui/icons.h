@@ -1,4 +1,4 @@
-// The app's icons, drawn with strokes on a grid of 24.
+// The app's icons, drawn as strokes on a grid of 24 by 24.
 #pragma once
 #include "platform/ui.h"
 
@@ -27,5 +27,5 @@ enum icon {
     ICON_BARS,
 };
 
-// size: of the grid's side, dp.
+// size: of the icon's side, dp.
 void icon_draw(struct ui *ui, enum icon icon, struct ui_point centre, double size, uint32_t color);

@@ -1,6 +1,6 @@
 #include "app/ui/input_map.h"
 
-static const double TAP_DP = 16;
+static const double TAP_DP = 16; // a tap moves no farther; chosen by hand
 
 enum view_action input_map_key(int key, bool shift)
 {
@@ -57,89 +57,89 @@ enum view_action input_map_button(enum pad_button button)
     return button < PAD_BUTTONS ? actions[button] : DO_NOTHING;
 }
 
-static void point(struct input_map *h, const struct window_event *e, double px_per_dp)
+static void point(struct input_map *m, const struct window_event *e, double px_per_dp)
 {
-    h->pointer_x = e->x / px_per_dp;
-    h->pointer_y = e->y / px_per_dp;
-    h->pointer_there = true;
-    h->leaving = false;
+    m->pointer_x = e->x / px_per_dp;
+    m->pointer_y = e->y / px_per_dp;
+    m->pointer_there = true;
+    m->leaving = false;
 }
 
-static bool on_pointer(struct input_map *h, struct view_state *show, const struct window_event *e, double px_per_dp,
+static bool on_pointer(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
                        int64_t now_ns)
 {
     const double x = e->x / px_per_dp, y = e->y / px_per_dp;
-    const bool first = h->pointer_down && h->pointer == e->pointer, mouse = e->pointer < 0;
+    const bool first = m->pointer_down && m->pointer == e->pointer, mouse = e->pointer < 0;
     switch (e->kind) {
     case WINDOW_POINTER_DOWN:
-        gesture_down(&h->gesture, e->pointer, x, y, now_ns);
-        if (h->pointer_down)
+        gesture_down(&m->gesture, e->pointer, x, y, now_ns);
+        if (m->pointer_down)
             return false;
-        point(h, e, px_per_dp);
-        h->pointer_down = true;
-        h->pointer = e->pointer;
+        point(m, e, px_per_dp);
+        m->pointer_down = true;
+        m->pointer = e->pointer;
         break;
     case WINDOW_POINTER_UP:
-        gesture_up(&h->gesture, e->pointer, TAP_DP, now_ns);
+        gesture_up(&m->gesture, e->pointer, TAP_DP, now_ns);
         if (!first)
             return false;
-        point(h, e, px_per_dp);
-        h->pointer_down = false;
-        h->leaving = !mouse;
+        point(m, e, px_per_dp);
+        m->pointer_down = false;
+        m->leaving = !mouse;
         break;
     default:
-        gesture_move(&h->gesture, e->pointer, x, y);
-        if (first || (mouse && !h->pointer_down))
-            point(h, e, px_per_dp);
-        show->changed = true;
+        gesture_move(&m->gesture, e->pointer, x, y);
+        if (first || (mouse && !m->pointer_down))
+            point(m, e, px_per_dp);
+        s->changed = true;
         return false;
     }
-    show->changed = true;
+    s->changed = true;
     return true;
 }
 
-bool input_map_event(struct input_map *h, struct view_state *show, const struct window_event *e, double px_per_dp,
+bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
                      int64_t now_ns)
 {
     switch (e->kind) {
     case WINDOW_POINTER_DOWN:
     case WINDOW_POINTER_MOVE:
-    case WINDOW_POINTER_UP: return on_pointer(h, show, e, px_per_dp, now_ns);
-    case WINDOW_WHEEL: h->wheel += e->amount; break;
-    case WINDOW_KEY: view_state_do(show, input_map_key(e->key, e->shift), now_ns); break;
-    case WINDOW_PAD_BUTTON: view_state_do(show, input_map_button(e->button), now_ns); break;
-    case WINDOW_PAD_AXIS: h->pad[e->axis] = e->amount; break;
-    case WINDOW_RESIZED: show->changed = true; break;
-    case WINDOW_QUIT: view_state_do(show, DO_QUIT, now_ns); break;
+    case WINDOW_POINTER_UP: return on_pointer(m, s, e, px_per_dp, now_ns);
+    case WINDOW_WHEEL: m->wheel += e->amount; break;
+    case WINDOW_KEY: view_state_do(s, input_map_key(e->key, e->shift), now_ns); break;
+    case WINDOW_PAD_BUTTON: view_state_do(s, input_map_button(e->button), now_ns); break;
+    case WINDOW_PAD_AXIS: m->pad[e->axis] = e->amount; break;
+    case WINDOW_RESIZED: s->changed = true; break;
+    case WINDOW_QUIT: view_state_do(s, DO_QUIT, now_ns); break;
     default: break;
     }
     return false;
 }
 
-void input_map_frame_done(struct input_map *h)
+void input_map_frame_done(struct input_map *m)
 {
-    if (h->leaving)
-        h->pointer_there = h->leaving = false;
+    if (m->leaving)
+        m->pointer_there = m->leaving = false;
 }
 
-bool input_map_pad(const struct input_map *h, struct view_state *show, double passed_s, int64_t now_ns)
+bool input_map_pad(const struct input_map *m, struct view_state *s, double passed_s, int64_t now_ns)
 {
-    const double x = h->pad[PAD_LEFT_X], y = h->pad[PAD_LEFT_Y], yaw = h->pad[PAD_RIGHT_X], zoom = -h->pad[PAD_RIGHT_Y];
-    const double wind = h->pad[PAD_RIGHT_TRIGGER] - h->pad[PAD_LEFT_TRIGGER];
-    if (show->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && wind == 0))
+    const double x = m->pad[PAD_LEFT_X], y = m->pad[PAD_LEFT_Y], yaw = m->pad[PAD_RIGHT_X], zoom = -m->pad[PAD_RIGHT_Y];
+    const double seek = m->pad[PAD_RIGHT_TRIGGER] - m->pad[PAD_LEFT_TRIGGER];
+    if (s->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && seek == 0))
         return false;
-    if (show->moving) { // a metre a second, as seen from where the orbit looks
-        double a = show->orbit.angle_rad;
-        show->placement.x_m += passed_s * (x * cos(a) + y * sin(a));
-        show->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
-        view_state_set_yaw(show, show->placement.yaw_rad + 1.5 * passed_s * yaw);
-    } else if (show->orbiting) {
-        orbit_move(&show->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
+    if (s->moving) { // one metre per second, relative to the orbit's direction
+        double a = s->orbit.angle_rad;
+        s->placement.x_m += passed_s * (x * cos(a) + y * sin(a));
+        s->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
+        view_state_set_yaw(s, s->placement.yaw_rad + 1.5 * passed_s * yaw);
+    } else if (s->orbiting) {
+        orbit_move(&s->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
     }
-    if (wind != 0) {
-        int64_t at = playback_at(&show->playback, now_ns);
-        playback_seek(&show->playback, now_ns, at + (int64_t)(3e9 * passed_s * wind));
+    if (seek != 0) {
+        int64_t at = playback_at(&s->playback, now_ns);
+        playback_seek(&s->playback, now_ns, at + (int64_t)(3e9 * passed_s * seek));
     }
-    view_state_on_input(show, now_ns);
+    view_state_on_input(s, now_ns);
     return true;
 }

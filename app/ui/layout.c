@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-static const double PLAY = 74, SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140;
+static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140;
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
@@ -14,7 +14,7 @@ static double sheet_height(enum view_sheet sheet)
     return sheet == SHEET_LAYERS ? frame + LAYER_ROWS * SWITCH : sheet == SHEET_SPEED ? frame + 2 * SWITCH + GAP : 0;
 }
 
-// Above the panel, at the screen's right edge where that is far from the middle.
+// Above the panel, on a wide screen at the right edge.
 static struct ui_box sheet_box(const struct layout *l, const struct view_state *s, double width)
 {
     const double w = fmin(SHEET_W, l->panel.w), h = sheet_height(s->sheet);
@@ -22,7 +22,7 @@ static struct ui_box sheet_box(const struct layout *l, const struct view_state *
     return (struct ui_box){right - w, l->panel.y - GAP - h, w, h};
 }
 
-// In the corner below, or above the panel where that reaches there, and not under a sheet.
+// In the lower left corner, or above the panel where that extends there; beside a sheet.
 static struct ui_box frame_graph_box(const struct layout *l, const struct view_state *s, double width, double height)
 {
     const bool beside = l->wide && l->panel.x > GRAPH_W + 2 * MARGIN;
@@ -31,21 +31,21 @@ static struct ui_box frame_graph_box(const struct layout *l, const struct view_s
     return (struct ui_box){MARGIN, bottom - GRAPH_H, fmin(GRAPH_W, most), GRAPH_H};
 }
 
-// How high the cards are together; 0: there are none.
+// Height of all cards; 0: there are none.
 static double cards_height(const struct layout *l, const struct view_state *s, const struct take_view_image *shown)
 {
     double h = s->inset && shown->inset ? l->cards.w / shown->inset_aspect + GAP : 0;
     return h + (s->sources && shown->sources ? layout_sources_height() + GAP : 0);
 }
 
-// No wider than he needs, as near to the screen's middle as may be.
+// No wider than high, as near to the screen's middle as possible.
 static struct ui_box box_between(double left, double right, double top, double bottom, double width)
 {
     const double w = fmin(right - left, bottom - top), middle_x = fmin(fmax(width / 2, left + w / 2), right - w / 2);
     return (struct ui_box){middle_x - w / 2, top, w, bottom - top};
 }
 
-// On a wide screen the upper corners are beside him, and so is all else but the panel.
+// On a wide screen all controls but the panel are beside the actor.
 static struct ui_box free_when_wide(const struct layout *l, const struct view_state *s, double cards, double width)
 {
     const double bottom = l->panel.y - GAP;
@@ -54,7 +54,7 @@ static struct ui_box free_when_wide(const struct layout *l, const struct view_st
     return box_between(left, (s->sheet != SHEET_NONE ? l->sheet.x : l->shutter.x) - GAP, MARGIN, bottom, width);
 }
 
-// On an upright one he stands between what is above and what is below; the cards are above him or beside him.
+// On an upright screen the actor is between the controls above and below; the cards are above or beside the actor.
 static struct ui_box free_when_upright(const struct layout *l, const struct view_state *s, double cards, double width)
 {
     const double low = (s->sheet != SHEET_NONE ? l->sheet.y : l->shutter.y) - GAP, right = width - MARGIN;

@@ -1,25 +1,25 @@
-// Where the page of watching has its controls, and what of the picture they leave free. All in dp. Pure.
+// The layout of the page for watching: its controls, and the part of the screen that they leave free. All in dp. Pure.
 #pragma once
 #include "app/view/take_view.h"
 
-static const double HEADING = 44, SWITCH = 58; // of a sheet: its name, a row
-enum { LAYER_ROWS = 7 };                       // of the layers' sheet
+static const double HEADING = 44, SWITCH = 58; // heights in a sheet: its title, a row
+static const double PLAY = 74;                 // side of the play button
+enum { LAYER_ROWS = 7 };                       // of the layers sheet
 
 struct layout {
     bool wide;
     struct ui_box top;         // the row of round buttons
-    struct ui_box panel;       // time and buttons, or moving
-    struct ui_box shutter;     // what photographs; hidden behind a sheet, and while he is moved
-    struct ui_box sheet;       // as large as the one that is open
-    struct ui_box cards;       // the sensor's picture, what colours mean: from its top as far down as they need
-    struct ui_box frame_graph; // time of each picture
-    struct ui_box free;        // covered by nothing of that; an orbit has the actor in its middle
+    struct ui_box panel;       // timeline and buttons, or the controls for moving the actor
+    struct ui_box shutter;     // the screenshot button; hidden by a sheet, and while the actor is moved
+    struct ui_box sheet;       // of the open sheet's size
+    struct ui_box cards;       // the column of the inset and the colour legend, which start at its top
+    struct ui_box frame_graph; // times of the last frames
+    struct ui_box free;        // covered by none of these; an orbit shows the actor in its middle
 };
 
-// Of a screen of that size. shown: its inset and sources are what the cards show. Whether the controls are hidden just
-// now makes no difference.
-struct layout layout_of(double width, double height, const struct view_state *show,
-                        const struct take_view_image *shown);
+// For a screen of that size. shown: only its inset and sources count, which the cards show. Does not depend on whether
+// the controls are hidden at the moment.
+struct layout layout_of(double width, double height, const struct view_state *s, const struct take_view_image *shown);
 
-// How high the card is that says what colours mean.
+// Height of the colour legend.
 double layout_sources_height(void);

@@ -1,9 +1,10 @@
+// The sheets of the page for watching: layers and speed.
 #include "app/ui/screens.h"
 
 #include <math.h>
 #include <stdio.h>
 
-// By how many pixels the actor may be wrong where that is quicker to draw.
+// Chooses the permitted error of the drawn actor, pixels: a larger one draws faster.
 static void error_row(const struct brush *b, struct view_state *s, struct ui_box row)
 {
     static const double errors_px[] = {0.5, 1, 2, 4};
@@ -29,8 +30,8 @@ static void layers_sheet(const struct brush *b, struct view_state *s, struct ui_
     } rows[] = {
         {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
         {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
-        {"sheet-inset", "The sensor's picture", ICON_INSET, s->inset, DO_INSET},
-        {"sheet-strip", "Time of each picture", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
+        {"sheet-inset", "The sensor's image", ICON_INSET, s->inset, DO_INSET},
+        {"sheet-frame-graph", "Frame times", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
         {"sheet-mirror", "Mirrored", ICON_MIRROR, s->placement.mirrored, DO_MIRROR},
         {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
     };
@@ -44,24 +45,23 @@ static void layers_sheet(const struct brush *b, struct view_state *s, struct ui_
                        (struct ui_box){in.x, in.y + HEADING + i * SWITCH, in.w, SWITCH}))
             view_state_do(s, rows[i].action, now_ns);
     error_row(b, s, (struct ui_box){in.x, in.y + HEADING + count * SWITCH, in.w, SWITCH});
-    (void)ui_area(b->ui, "sheet", box); // what lies beneath is out of reach
+    (void)ui_area(b->ui, "sheet", box); // touches do not pass through
 }
 
 static void speed_sheet(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
-    static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
     panel(b, box, false);
     struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
     label(b, FACE_HEAD, head, b->theme->text, "Speed");
     double w = (in.w - 3 * GAP) / 4;
-    for (int i = 0; i < (int)COUNT_OF(speeds); i++) {
+    for (int i = 0; i < VIEW_SPEEDS; i++) {
         char text[16], name[24];
-        snprintf(text, sizeof text, "%g×", speeds[i]);
+        snprintf(text, sizeof text, "%g×", view_speeds[i]);
         snprintf(name, sizeof name, "speed-%d", i);
-        bool on = fabs(s->playback.speed - speeds[i]) < 0.01;
+        bool on = fabs(s->playback.speed - view_speeds[i]) < 0.01;
         struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + HEADING + (i / 4) * (SWITCH + GAP), w, SWITCH};
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, key))
-            view_state_set_speed(s, speeds[i], now_ns);
+            view_state_set_speed(s, view_speeds[i], now_ns);
     }
     (void)ui_area(b->ui, "sheet", box);
 }

@@ -1,3 +1,4 @@
+// The page of takes: scrollable cards, one per take.
 #include "app/ui/screens.h"
 
 #include <math.h>
@@ -28,7 +29,7 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
     struct ui_box picture = {box.x, box.y, box.w, box.h - WORDS};
     ui_shadow(b->ui, box, ROUND, 12, faint(t->shadow, 0.7));
     ui_fill(b->ui, box, ROUND, t->surface);
-    if (card->image) { // the picture's upper corners are round, the lower ones are not
+    if (card->image) { // the image's upper corners are round, the lower ones are not
         double shape = picture.w / picture.h, part = fmin(1, card->image_aspect / shape);
         struct ui_uv_rect shown = {0, (1 - part) / 2, 1, (1 + part) / 2};
         ui_image(b->ui, card->image, picture, shown, ROUND, 0xffffffff);
@@ -42,7 +43,7 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
     label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
     snprintf(text, sizeof text, "%.1f s%s", (double)card->length_ns * 1e-9,
-             !card->watchable ? " · nobody in it"
+             !card->watchable ? " · no person in it"
              : card->complete ? ""
                               : " · interrupted");
     label(b, FACE_SMALL, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24}, t->quiet, text);
@@ -53,7 +54,7 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
 static void draw_cards(const struct brush *b, struct screens *screens, struct view_state *s,
                        const struct takes_page *page, struct ui_box in)
 {
-    // As many in a row as there is room for, and as large as these can be.
+    // As many in a row as fit, and as large as possible.
     int columns = (int)fmax(1, fmin(page->count, floor((in.w + MARGIN) / (CARD + MARGIN))));
     double w = fmin((in.w - (columns - 1) * MARGIN) / columns, WIDEST);
     double h = w * 0.62 + WORDS;

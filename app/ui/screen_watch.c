@@ -1,11 +1,12 @@
+// The page for watching: its controls, the messages over any page, and the page for trouble.
 #include "app/ui/screens.h"
 
 #include <math.h>
 #include <stdio.h>
 
-static const double PLAY = 74, PI = 3.14159265358979323846;
+static const double PI = 3.14159265358979323846;
 
-// ---------------------------------------------------------------- the panel below
+// ---------------------------------------------------------------- bottom panel
 
 static void time_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
 {
@@ -64,12 +65,12 @@ static void moving_panel(const struct brush *b, struct view_state *s, struct ui_
     struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 60);
     icon_draw(b->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
     label_centred(b, FACE_STRONG, degrees, t->text, text);
-    struct slide slide = slider(b, "turn", s->placement.yaw_rad / (2 * PI) + 0.5, in);
+    struct slide slide = slider(b, "yaw", s->placement.yaw_rad / (2 * PI) + 0.5, in);
     if (slide.held)
         view_state_set_yaw(s, (slide.share - 0.5) * 2 * PI * 0.9999);
 }
 
-// ---------------------------------------------------------------- around the picture
+// ---------------------------------------------------------------- controls over the image
 
 static void top_row(const struct brush *b, struct view_state *s, const struct watch_page *page, struct ui_box row,
                     int64_t now_ns)
@@ -77,7 +78,7 @@ static void top_row(const struct brush *b, struct view_state *s, const struct wa
     const struct theme *t = b->theme;
     if (icon_button(b, "back", s->take_count > 1 ? ICON_BACK : ICON_CLOSE, BUTTON_GLASS, cut_left(&row, TARGET)))
         view_state_do(s, DO_BACK, now_ns);
-    if (s->camera.there &&
+    if (s->camera.requested &&
         icon_button(b, "orbit", s->orbiting ? ICON_CAMERA : ICON_ORBIT, BUTTON_GLASS, cut_right(&row, TARGET)))
         view_state_do(s, DO_ORBIT, now_ns);
     if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
@@ -92,7 +93,7 @@ static void top_row(const struct brush *b, struct view_state *s, const struct wa
 
 static void shutter(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
-    struct ui_touch touch = ui_area(b->ui, "photograph", box);
+    struct ui_touch touch = ui_area(b->ui, "screenshot", box);
     struct ui_point m = middle(box);
     ui_shadow(b->ui, box, box.w / 2, 8, b->theme->shadow);
     ui_disc(b->ui, m, box.w / 2, b->theme->glass);
@@ -120,9 +121,9 @@ static void sources_card(const struct brush *b, struct ui_box at)
         uint32_t color;
         const char *text;
     } rows[] = {{0x34d399ff, "seen at this instant"},
-                {0x38bdf8ff, "from a moment near it"},
-                {0xa73ef0ff, "from far away in time"},
-                {0xfb923cff, "nobody saw it: filled in"}};
+                {0x38bdf8ff, "from a frame near in time"},
+                {0xa73ef0ff, "from a frame far in time"},
+                {0xfb923cff, "never seen: filled in"}};
     struct ui_box box = {at.x, at.y, at.w, layout_sources_height()};
     panel(b, box, true);
     struct ui_box in = inner(box, 12);
@@ -133,7 +134,7 @@ static void sources_card(const struct brush *b, struct ui_box at)
     }
 }
 
-// Cards that only show something, down the left side.
+// Cards without controls, down the left side.
 static void cards(const struct brush *b, const struct view_state *s, const struct watch_page *page,
                   struct ui_box column, struct ui_box frame_graph)
 {
@@ -145,10 +146,10 @@ static void cards(const struct brush *b, const struct view_state *s, const struc
         frame_graph_draw(b, page->times, page->budget_ms, frame_graph);
 }
 
-// What fingers do to the picture itself; asked last, so that every control comes first.
+// Touches of the image itself; tested last, so that every control comes first.
 static void sense_image_touch(const struct brush *b, struct screens *screens, struct ui_box all)
 {
-    screens->image_held = ui_area(b->ui, "picture", all).held;
+    screens->image_held = ui_area(b->ui, "image", all).held;
 }
 
 static void controls(const struct brush *b, struct view_state *s, const struct watch_page *page, const struct layout *l,
@@ -167,7 +168,7 @@ static void controls(const struct brush *b, struct view_state *s, const struct w
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
         time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
         button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
-        if (s->sheet == SHEET_NONE) // else a sheet may lie over it
+        if (s->sheet == SHEET_NONE) // else a sheet may cover it
             shutter(b, s, l->shutter, now_ns);
     }
     top_row(b, s, page, l->top, now_ns);
@@ -195,8 +196,8 @@ void screen_watch(const struct brush *b, struct screens *screens, struct view_st
     sense_image_touch(b, screens, all);
 }
 
-// How far the take's preparing is.
-static void preparing(const struct brush *b, const struct view_state *s)
+// The progress of building the avatar.
+static void draw_progress(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     double w = fmin(360, ui_width(b->ui) - 2 * MARGIN);
@@ -205,9 +206,9 @@ static void preparing(const struct brush *b, const struct view_state *s)
     ui_layer(b->ui, 2);
     ui_shadow(b->ui, box, TARGET / 2, 16, t->shadow);
     ui_fill(b->ui, box, TARGET / 2, t->glass);
-    label(b, FACE_SMALL, words, t->text, "Getting to know the actor from all sides");
+    label(b, FACE_SMALL, words, t->text, "Building the actor's model");
     ui_fill(b->ui, groove, 3, faint(t->text, 0.2));
-    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->prepared), groove.h}, 3, t->accent);
+    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->avatar_progress), groove.h}, 3, t->accent);
     ui_layer(b->ui, 0);
 }
 
@@ -215,8 +216,8 @@ void screen_message(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     const char *hint = view_state_hint(s), *text = s->notice[0] ? s->notice : hint;
-    if (!text && s->page == PAGE_WATCH && s->prepared < 1)
-        preparing(b, s);
+    if (!text && s->page == PAGE_WATCH && s->avatar_progress < 1)
+        draw_progress(b, s);
     if (!text)
         return;
     const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->problem && !s->frozen;

@@ -25,16 +25,16 @@ enum status screenshot_path(const char *folder, char *path, size_t capacity)
     struct tm local;
     localtime_r(&now, &local);
     strftime(name, sizeof name, "reenact-%Y-%m-%d-%H%M%S", &local);
-    for (int n = 1; n < 1000; n++) { // more than one in a second
+    for (int n = 1; n < 1000; n++) { // there may be several in a second
         char number[16] = "";
         if (n > 1)
             snprintf(number, sizeof number, "-%d", n);
         if (snprintf(path, capacity, "%s/%s%s.jpg", folder, name, number) >= (int)capacity)
-            return fail(ERR_INPUT, "the name of the folder for photographs is too long");
+            return fail(ERR_INPUT, "the name of the folder for screenshots is too long");
         if (!file_exists(path))
             return OK;
     }
-    return fail(ERR_IO, "%s is full of photographs", folder);
+    return fail(ERR_IO, "%s has too many screenshots of this second", folder);
 }
 
 static enum status write_jpeg(const uint8_t *rgba, int width, int height, const char *path)
@@ -55,7 +55,7 @@ static enum status write_jpeg(const uint8_t *rgba, int width, int height, const 
 }
 
 enum status screenshot_take(const struct brush *b, struct gpu *gpu, const struct take_view_image *image,
-                            const struct view_state *show, const char *path)
+                            const struct view_state *s, const char *path)
 {
     const int width = image->lens.width, height = image->lens.height;
     struct gpu_target *target;
@@ -67,7 +67,7 @@ enum status screenshot_take(const struct brush *b, struct gpu *gpu, const struct
     if (status == OK)
         status = ui_begin(b->ui, &input);
     if (status == OK) {
-        struct view_state without_ring = *show;
+        struct view_state without_ring = *s;
         without_ring.moving = false;
         compositor_draw(b, (struct ui_box){0, 0, ui_width(b->ui), ui_height(b->ui)}, image, &without_ring);
         ui_end(b->ui);

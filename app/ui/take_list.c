@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The frame that shows a take best: two fifths in, where there is a person.
+// The frame for the card: nearest to two fifths of the take that has an image and a skeleton; -1: none.
 static int64_t cover_frame(const struct take *t)
 {
     int64_t count = take_frame_count(t), wanted = count * 2 / 5;
@@ -26,17 +26,18 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     if (status == ERR_MEMORY)
         return status;
     if (status != OK)
-        return OK; // it says why when it is chosen
-    int64_t frames = take_frame_count(take), face = cover_frame(take);
+        return OK; // choosing it will report why
+    int64_t frames = take_frame_count(take), cover = cover_frame(take);
     card->complete = take_is_complete(take);
-    card->watchable = face >= 0 && take_body(take)->representative_frame >= 0;
+    card->watchable = cover >= 0 && take_body(take)->representative_frame >= 0;
     if (frames > 1)
         card->length_ns = take_entry(take, frames - 1)->time_ns - take_entry(take, 0)->time_ns;
     const struct lens *lens = &take_calibration(take)->color;
-    struct take_images pictures = {0};
-    if (face >= 0 && take_read(take, face, TAKE_COLOR, &pictures) == OK && pictures.color) {
-        status =
-            gpu_texture_open(&l->images[number], gpu, GPU_RGB8, lens->width, lens->height, GPU_LINEAR, pictures.color);
+    struct take_images images = {0};
+    if (cover >= 0 && take_read(take, cover, TAKE_COLOR, &images) == OK && images.color) {
+        status = gpu_texture_open(&l->images[number], gpu,
+                                  &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR},
+                                  images.color);
         card->image = l->images[number];
         card->image_aspect = (double)lens->width / lens->height;
     }

@@ -1,4 +1,4 @@
-// The takes of a recording as cards: name, length, and a picture of the actor.
+// The takes of a recording as cards: name, length, and an image of the actor.
 #pragma once
 #include "app/ui/screens.h"
 #include "capture/recording/recording.h"
@@ -10,8 +10,8 @@ struct take_list {
     char file[256]; // the recording's name without its folders
 };
 
-// Names are borrowed from `recording`. A take that cannot be read becomes a card
-// without a picture. ERR_MEMORY, ERR_DEVICE.
+// Names are borrowed from `recording`. A take that cannot be read becomes a card without an image. ERR_MEMORY,
+// ERR_DEVICE: *l is zeroed.
 MUST_CHECK enum status take_list_open(struct take_list *l, struct gpu *gpu, struct recording *recording,
                                       const char *path);
 void take_list_close(struct take_list *l); // leaves it zeroed; zeroed is fine

@@ -1,5 +1,5 @@
-// How the app looks: type, spacing and colours, light and dark. Lengths in dp;
-// 9 mm, the least a finger hits surely, are 56.7 dp.
+// The app's theme: type, spacing and colours (sRGB, 0xRRGGBBAA), light and dark. Lengths in dp; 9 mm, the smallest
+// reliable touch target, are 56.7 dp.
 #pragma once
 #include "platform/ui.h"
 
@@ -11,16 +11,16 @@ static const double TARGET = 58, GAP = 8, MARGIN = 16, ROUND = 18;
 struct theme {
     uint32_t ground;  // behind everything
     uint32_t surface; // of panels on the ground
-    uint32_t glass;   // of panels over a picture
+    uint32_t glass;   // of panels over an image
     uint32_t raised;  // of buttons on panels
     uint32_t hairline;
-    uint32_t text, quiet; // quiet: what is of second rank
+    uint32_t text, quiet; // quiet: for secondary text
     uint32_t accent, on_accent;
     uint32_t warn;
     uint32_t shadow;
-    uint32_t sky, floor, grid; // of the orbit's studio
+    uint32_t sky, floor, grid; // of the studio behind an orbit
 };
 const struct theme *theme_of(bool dark);
 
-// The colour with `share` of its alpha.
+// The colour with its alpha multiplied by `share`.
 uint32_t faint(uint32_t color, double share);

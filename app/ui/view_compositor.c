@@ -3,7 +3,7 @@
 #include <math.h>
 
 static const double PI = 3.14159265358979323846, MIN_DEPTH_M = 0.1;
-// Of his joints: how far his hands, head and clothes reach, and how far his shadow on the floor can be seen.
+// Distances from the joints: how far hands, head and clothes extend, and how far the shadow is visible. Chosen by hand.
 static const double BODY_M = 0.5, SHADOW_M = 0.7;
 static const double SOFT_DP = 8;
 
@@ -13,7 +13,7 @@ struct cover cover_of(const struct lens *lens, struct ui_box box)
     return (struct cover){scale, box.x + (box.w - scale * lens->width) / 2, box.y + (box.h - scale * lens->height) / 2};
 }
 
-// False: it lies behind the camera.
+// False: the point is behind the camera.
 static bool on_screen(const struct take_view_image *p, struct cover cover, struct vec3 world, struct ui_point *out)
 {
     struct vec3 c = pose_apply(pose_inverse(p->world_from_camera), world);
@@ -36,9 +36,9 @@ bool cover_floor(const struct take_view_image *p, struct cover cover, struct ui_
     return true;
 }
 
-// ---------------------------------------------------------------- a studio
+// ---------------------------------------------------------------- studio
 
-// Where the horizon lies, dp; the camera is never rolled.
+// The horizon's y, dp; the camera is never rolled.
 static double horizon(const struct take_view_image *p, struct cover cover)
 {
     struct vec3 ahead = quat_rotate(p->world_from_camera.rotation, v3(0, 0, 1));
@@ -72,7 +72,7 @@ static void draw_studio(const struct brush *b, const struct take_view_image *p, 
     const struct theme *t = b->theme;
     double y = fmin(fmax(horizon(p, cover), box.y), box.y + box.h);
     ui_fade(b->ui, (struct ui_box){box.x, box.y, box.w, y - box.y}, t->sky, t->floor);
-    // Just under the horizon the floor is as the wall is; nearer it grows lighter.
+    // At the horizon the floor has the wall's colour; nearer it is lighter.
     ui_fade(b->ui, (struct ui_box){box.x, y, box.w, box.y + box.h - y}, t->floor, t->sky);
     const double step = 0.5;
     double x0 = floor(p->floor_point.x / step) * step, y0 = floor(p->floor_point.y / step) * step;
@@ -82,7 +82,7 @@ static void draw_studio(const struct brush *b, const struct take_view_image *p, 
     }
 }
 
-// ---------------------------------------------------------------- the actor
+// ---------------------------------------------------------------- actor
 
 enum { ROUND_POINTS = 40 };
 
@@ -116,7 +116,7 @@ static void draw_skeleton(const struct brush *b, const struct take_view_image *p
                                               {JOINT_RIGHT_SHOULDER, JOINT_NECK},
                                               {JOINT_LEFT_HIP, JOINT_WAIST},
                                               {JOINT_RIGHT_HIP, JOINT_WAIST}};
-    for (int pass = 0; pass < 2; pass++) { // a dark seam, so that it shows on every ground
+    for (int pass = 0; pass < 2; pass++) { // first a dark outline, for contrast on any background
         uint32_t color = pass ? faint(b->theme->accent, presence) : faint(0x000000a0, presence);
         double thickness = pass ? 3.5 : 6.5;
         for (int i = 0; i < PART_COUNT + (int)COUNT_OF(across); i++) {
@@ -133,7 +133,7 @@ static void draw_skeleton(const struct brush *b, const struct take_view_image *p
     }
 }
 
-// What his joints take up.
+// Bounding box of the joints, from the floor up.
 static void extent_of(const struct take_view_image *p, struct vec3 *low, struct vec3 *high)
 {
     *low = v3(INFINITY, INFINITY, 0), *high = v3(-INFINITY, -INFINITY, 0);
@@ -146,7 +146,7 @@ static void extent_of(const struct take_view_image *p, struct vec3 *low, struct 
     }
 }
 
-// All of the box where one of them lies behind the camera.
+// Bounds of the points on the screen, within the box; the whole box if one of them is behind the camera.
 static struct ui_box box_around(const struct take_view_image *p, struct cover cover, struct ui_box box,
                                 const struct vec3 *points, int count)
 {
@@ -163,7 +163,7 @@ static struct ui_box box_around(const struct take_view_image *p, struct cover co
     return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
 }
 
-// Of a block that stands around all joints, square, wider than they are and up to above them.
+// Bounds of a square block on the floor around all joints, wider and higher by BODY_M.
 static struct ui_box block_box(const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     struct vec3 low, high, points[27];
@@ -171,7 +171,7 @@ static struct ui_box block_box(const struct take_view_image *p, struct cover cov
     high.z += BODY_M;
     const double half = fmax(high.x - low.x, high.y - low.y) / 2 + BODY_M;
     const struct vec3 middle = v3_mix(low, high, 0.5);
-    for (int i = 0; i < 27; i++) // edges too, which a lens may bend outwards
+    for (int i = 0; i < 27; i++) // edges' midpoints too, for a lens may bend edges outwards
         points[i] = v3(middle.x + (i % 3 - 1) * half, middle.y + (i / 3 % 3 - 1) * half,
                        low.z + i / 9 * 0.5 * (high.z - low.z));
     return box_around(p, cover, box, points, 27);
@@ -188,7 +188,7 @@ struct ui_box compositor_actor_box(const struct take_view_image *p, struct cover
 {
     const struct ui_box block = block_box(p, cover, box);
     if (p->former)
-        return block; // which is drawn otherwise
+        return block; // actor_part does not hold for the former image
     const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
     const struct ui_uv_rect *of = &p->actor_part;
     const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
@@ -200,7 +200,7 @@ struct ui_box compositor_shadow_box(const struct take_view_image *p, struct cove
 {
     struct vec3 low, high, points[ROUND_POINTS];
     extent_of(p, &low, &high);
-    // It is round, and a polygon around it a little larger.
+    // The corners of a polygon around a circle.
     const double reach = (fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M) / cos(PI / ROUND_POINTS);
     for (int i = 0; i < ROUND_POINTS; i++) {
         const double a = 2 * PI * i / ROUND_POINTS;
@@ -209,39 +209,39 @@ struct ui_box compositor_shadow_box(const struct take_view_image *p, struct cove
     return box_around(p, cover, box, points, ROUND_POINTS);
 }
 
-// Where all of the picture lies.
+// The whole image's box on the screen.
 static struct ui_box whole_of(const struct take_view_image *p, struct cover cover)
 {
     return (struct ui_box){cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
 }
 
-// What was drawn of him, one over the other.
+// Shadow, actor and sources, one over the other.
 static void draw_actor(const struct brush *b, struct ui_box box, const struct take_view_image *p,
-                       const struct view_state *show)
+                       const struct view_state *s)
 {
     const struct cover cover = cover_of(&p->lens, box);
     const struct ui_box all = whole_of(p, cover);
     const struct ui_uv_rect upright = {0, 0, 1, 1}, over = {1, 0, 0, 1}, part = p->flip_x ? over : upright;
-    const uint32_t tint = faint(0xffffffff, show->presence);
+    const uint32_t tint = faint(0xffffffff, s->presence);
     if (p->shadow) {
         ui_clip(b->ui, compositor_shadow_box(p, cover, box));
         ui_image(b->ui, p->shadow, all, part, 0, tint);
         ui_unclip(b->ui);
     }
     ui_clip(b->ui, compositor_actor_box(p, cover, box));
-    // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
-    double fresh = p->former ? show->crossfade : 1;
+    // The avatar fades in over the former image, which then fades out: the actor is opaque throughout.
+    double crossfade = p->former ? s->crossfade : 1;
     if (p->former)
-        ui_image(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
-    if (p->actor && fresh > 0)
-        ui_image(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * fresh)));
+        ui_image(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * crossfade)));
+    if (p->actor && crossfade > 0)
+        ui_image(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * crossfade)));
     if (p->sources)
         ui_image(b->ui, p->sources, all, part, 0, tint);
     ui_unclip(b->ui);
 }
 
 void compositor_draw(const struct brush *b, struct ui_box box, const struct take_view_image *p,
-                     const struct view_state *show)
+                     const struct view_state *s)
 {
     struct cover cover = cover_of(&p->lens, box);
     ui_clip(b->ui, box);
@@ -249,12 +249,12 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         ui_image(b->ui, p->camera, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     else
         draw_studio(b, p, cover, box);
-    if (show->presence > 0 && p->has_skeleton) {
-        if (show->moving)
+    if (s->presence > 0 && p->has_skeleton) {
+        if (s->moving)
             draw_ring(b, p, cover);
-        draw_actor(b, box, p, show);
-        if (show->skeleton)
-            draw_skeleton(b, p, cover, show->presence);
+        draw_actor(b, box, p, s);
+        if (s->skeleton)
+            draw_skeleton(b, p, cover, s->presence);
     }
     ui_unclip(b->ui);
 }

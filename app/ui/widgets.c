@@ -41,7 +41,7 @@ struct ui_point middle(struct ui_box box) { return (struct ui_point){box.x + box
 
 static double rounding(struct ui_box box) { return fmin(box.w, box.h) / 2; }
 
-// The colour of what stands on a button; draws the button.
+// Draws the button's background; returns the colour for its icon or text.
 static uint32_t button_ground(const struct brush *b, enum button_kind kind, struct ui_box box,
                               const struct ui_touch *touch)
 {
@@ -130,16 +130,16 @@ void panel(const struct brush *b, struct ui_box box, bool glass)
 
 static double line_height(const struct brush *b, enum face face) { return ui_text_height(b->ui, (int)face, "X", 0); }
 
-// As much of the text as fits, in `out`.
-static void fit(const struct brush *b, enum face face, double width, const char *text, char *out, size_t room)
+// Writes as much of the text as fits into `out`.
+static void fit(const struct brush *b, enum face face, double width, const char *text, char *out, size_t capacity)
 {
-    snprintf(out, room, "%s", text);
+    snprintf(out, capacity, "%s", text);
     size_t n = strlen(out);
     while (n > 0 && ui_text_width(b->ui, (int)face, out) > width) {
         do
             n--;
-        while (n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80); // not within a letter
-        snprintf(out + n, room - n, "…");
+        while (n > 0 && ((unsigned char)text[n] & 0xc0) == 0x80); // not within a UTF-8 sequence
+        snprintf(out + n, capacity - n, "…");
     }
 }
 
@@ -161,7 +161,7 @@ void label_centred(const struct brush *b, enum face face, struct ui_box box, uin
 
 static double digit_width(const struct brush *b) { return ui_text_width(b->ui, FACE_SMALL, "0"); }
 
-// Draws it where `draw`; returns its width.
+// Draws the time if `draw`; returns its width.
 static double run_time(const struct brush *b, struct ui_point at, uint32_t color, int64_t time_ns, bool draw)
 {
     char text[32];

@@ -8,19 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRESS_STEPS = 100 }; // steps in which the share of the work is told
+enum { PROGRESS_STEPS = 100 }; // resolution at which progress is reported
 
 struct avatar_builder {
-    char *path, *take;
+    char *path;
+    const struct take *take;
     void (*notify)(void *self);
     void *notify_self;
     pthread_t thread;
     bool runs;
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
-    // The threads' until they have ended.
-    enum status status;
-    char sentence[512];
+    struct failure failure; // OK and NOTHING included; written by the threads, read when `ended` is set
     struct avatar avatar;
     struct occluder_mesh occluders;
 };
@@ -50,18 +49,20 @@ static bool report_progress(void *self, double share)
 static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
 {
     enum status status = recording_open(recording, p->path);
-    return status == OK ? take_open(take, *recording, p->take) : status;
+    return status == OK ? take_open_shared(take, *recording, p->take) : status;
 }
 
-// The room is quickly made, and not worth a sentence where it fails.
+// Occluders are optional: where they cannot be made there are none, and no error is reported.
 static void build_occluders(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = keep_going, .self = p};
+    const struct progress_watch watch = {.on_progress = keep_going, .self = p};
+    struct occluder_options options = occluder_default_options();
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct place place = {0};
+    options.watch = &watch;
     if (open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
-        occluder_mesh_make(&p->occluders, &place, take, &watch) != OK)
+        occluder_mesh_make(&p->occluders, &place, take, &options) != OK)
         p->occluders = (struct occluder_mesh){0};
     place_free(&place);
     take_close(&take);
@@ -70,7 +71,9 @@ static void build_occluders(struct avatar_builder *p)
 
 static enum status build_avatar(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = report_progress, .self = p};
+    const struct progress_watch watch = {.on_progress = report_progress, .self = p};
+    struct avatar_options options = avatar_default_options();
+    options.watch = &watch;
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
@@ -80,7 +83,7 @@ static enum status build_avatar(struct avatar_builder *p)
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
-        status = avatar_make(&p->avatar, take, rays, AVATAR_FRAMES, &watch);
+        status = avatar_make(&p->avatar, take, rays, &options);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
@@ -89,7 +92,7 @@ static enum status build_avatar(struct avatar_builder *p)
 
 enum { TASK_AVATAR, TASK_OCCLUDERS, TASK_COUNT };
 
-// Side by side, each with a handle on the recording of its own.
+// The two tasks run in parallel, each with its own handle on the recording.
 static void do_task(void *self, int task)
 {
     struct avatar_builder *p = self;
@@ -97,9 +100,7 @@ static void do_task(void *self, int task)
         build_occluders(p);
         return;
     }
-    p->status = build_avatar(p);
-    if (p->status < 0)
-        strncpy(p->sentence, status_message(), sizeof p->sentence - 1);
+    failure_keep(&p->failure, build_avatar(p));
 }
 
 static void *run(void *self)
@@ -120,8 +121,8 @@ enum status avatar_builder_start(struct avatar_builder **out, const struct avata
     p->notify = options->notify;
     p->notify_self = options->notify_self;
     p->path = strdup(options->path);
-    p->take = strdup(options->take);
-    p->runs = p->path && p->take && pthread_create(&p->thread, NULL, run, p) == 0;
+    p->take = options->take;
+    p->runs = p->path && pthread_create(&p->thread, NULL, run, p) == 0;
     if (p->runs)
         return OK;
     avatar_builder_close(out);
@@ -139,7 +140,6 @@ void avatar_builder_close(struct avatar_builder **out)
     avatar_free(&p->avatar);
     occluder_mesh_free(&p->occluders);
     free(p->path);
-    free(p->take);
     free(p);
     *out = NULL;
 }
@@ -154,7 +154,7 @@ bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, st
 {
     if (!atomic_load(&p->ended))
         return false;
-    *status = p->status < 0 ? fail(p->status, "%s", p->sentence) : p->status;
+    *status = failure_restore(&p->failure);
     *avatar = p->avatar;
     *occluders = p->occluders;
     p->avatar = (struct avatar){0};

@@ -10,12 +10,14 @@
 enum { NO_FRAME = -1 };
 
 struct frame_prefetch {
-    char *path, *take;
+    char *path;
+    const struct take *take;
+    const struct take_skeletons *skeletons;
     const struct avatar *avatar;
     pthread_t thread;
     bool runs;
 
-    pthread_mutex_t lock; // of what follows; never held while a frame is loaded
+    pthread_mutex_t lock; // guards what follows; never held while a frame is loaded
     pthread_cond_t changed;
     int64_t wanted[PREFETCH_MAX];
     int wanted_count;
@@ -53,7 +55,7 @@ static void cancel_wanted(struct frame_prefetch *a, int64_t frame)
 
 static void remove_ready(struct frame_prefetch *a, int i) { a->ready[i] = a->ready[--a->ready_count]; }
 
-// The first that is wanted and not ready; NO_FRAME: there is none, or enough is ready.
+// The first frame that is wanted and not ready; NO_FRAME: there is none, or enough is ready.
 static int64_t next_wanted(const struct frame_prefetch *a)
 {
     size_t bytes = 0;
@@ -81,7 +83,7 @@ static void load_one(struct frame_prefetch *a, struct frame_layer_loader *loader
     a->load_ns = ended_ns - began_ns;
     a->loading = NO_FRAME;
     if (status != OK)
-        cancel_wanted(a, frame); // whoever shows it loads it, and says why it cannot be
+        cancel_wanted(a, frame); // the renderer loads it when it is shown, and reports the error
     else if (is_wanted(a, frame) && a->ready_count < PREFETCH_MAX)
         a->ready[a->ready_count++] = loaded;
     else
@@ -102,7 +104,7 @@ static void load_wanted(struct frame_prefetch *a, struct frame_layer_loader *loa
     pthread_mutex_unlock(&a->lock);
 }
 
-// Where it fails there is nobody ahead; whoever shows a frame loads it.
+// Where opening fails nothing is prefetched; the renderer then loads each frame when it is shown.
 static void *run(void *self)
 {
     struct frame_prefetch *a = self;
@@ -113,11 +115,12 @@ static void *run(void *self)
     thread_lower_priority();
     enum status status = recording_open(&recording, a->path);
     if (status == OK)
-        status = take_open(&take, recording, a->take);
+        status = take_open_shared(&take, recording, a->take);
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
+    const struct frame_source source = {take, a->skeletons, rays};
     if (status == OK)
-        status = frame_layer_loader_open(&loader, take, rays, a->avatar);
+        status = frame_layer_loader_open(&loader, &source, a->avatar);
     if (status == OK)
         load_wanted(a, loader);
     frame_layer_loader_close(&loader);
@@ -127,7 +130,7 @@ static void *run(void *self)
     return NULL;
 }
 
-// ---------------------------------------------------------------- the other side
+// ---------------------------------------------------------------- called from other threads
 
 enum status prefetch_start(struct frame_prefetch **out, const struct frame_prefetch_options *options)
 {
@@ -136,11 +139,12 @@ enum status prefetch_start(struct frame_prefetch **out, const struct frame_prefe
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&a->lock, NULL);
     pthread_cond_init(&a->changed, NULL);
+    a->take = options->take;
+    a->skeletons = options->skeletons;
     a->avatar = options->avatar;
     a->loading = NO_FRAME;
     a->path = strdup(options->path);
-    a->take = strdup(options->take);
-    a->runs = a->path && a->take && pthread_create(&a->thread, NULL, run, a) == 0;
+    a->runs = a->path && pthread_create(&a->thread, NULL, run, a) == 0;
     if (a->runs)
         return OK;
     prefetch_close(out);
@@ -163,7 +167,6 @@ void prefetch_close(struct frame_prefetch **out)
     pthread_cond_destroy(&a->changed);
     pthread_mutex_destroy(&a->lock);
     free(a->path);
-    free(a->take);
     free(a);
     *out = NULL;
 }

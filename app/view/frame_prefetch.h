@@ -1,32 +1,34 @@
-// Loads the frames of a take that will be shown soon (reenact/frame/frame_layer.h) beside the
-// drawing, on a thread and with a handle on the recording of its own.
+// Loads frame layers (reenact/frame/frame_layer.h) that will be shown soon, on a thread of its own with its own handle
+// on the recording, at lowered priority. All functions but start and close may be called from any one thread; none
+// waits for a load but prefetch_take and prefetch_close.
 #pragma once
 #include "reenact/frame/frame_layer.h"
 
-enum { PREFETCH_MAX = 6 };               // frames that are ready at a time
-#define PREFETCH_BYTES ((size_t)8 << 20) // as frame_layer_bytes has it; beyond that none is begun
+enum { PREFETCH_MAX = 6 };               // layers that are ready at a time
+#define PREFETCH_BYTES ((size_t)8 << 20) // of ready layers, by frame_layer_bytes; beyond it no load begins
 
 struct frame_prefetch;
 
 struct frame_prefetch_options {
-    const char *path, *take;     // copied
-    const struct avatar *avatar; // must outlive it, and nobody may change it
+    const char *path;                       // of the recording, copied
+    const struct take *take;                // its index is shared; borrowed, must outlive the prefetch
+    const struct take_skeletons *skeletons; // of that take; likewise
+    const struct avatar *avatar;            // likewise, and must not change
 };
-MUST_CHECK enum status prefetch_start(struct frame_prefetch **out,
-                                      const struct frame_prefetch_options *options); // ERR_MEMORY
-// Waits for the frame that is being loaded, a small part of a second. NULL is fine.
+// ERR_MEMORY: *out is then NULL. If the recording cannot be opened again, no frame becomes ready.
+MUST_CHECK enum status prefetch_start(struct frame_prefetch **out, const struct frame_prefetch_options *options);
+// Waits for the frame that is being loaded, a small part of a second. NULL is fine; sets *a = NULL.
 void prefetch_close(struct frame_prefetch **a);
 
-// Which frames will be shown, the first one first, at most PREFETCH_MAX. What is ready and not among them is thrown
-// away.
+// Sets which frames will be shown, in this order, at most PREFETCH_MAX. Ready layers of other frames are freed.
 void prefetch_request(struct frame_prefetch *a, const int64_t *frames, int count);
 
-// How long it takes to load one, as it was with the last; 0: none was loaded yet.
+// Duration of the last load; 0: there was none yet.
 int64_t prefetch_load_ns(struct frame_prefetch *a);
 
 bool prefetch_has(struct frame_prefetch *a, int64_t frame); // it is ready
 
-// True: the frame is the caller's (frame_layer_free). Where it is just being loaded, waits for that. False: nobody
-// loads it, or it cannot be loaded.
+// True: *out is the frame's layer and the caller's (frame_layer_free). If it is being loaded, waits for that. False: it
+// is neither ready nor being loaded, or it could not be loaded; *out is unchanged.
 bool prefetch_take(struct frame_prefetch *a, int64_t frame, struct frame_layer *out);
-bool prefetch_take_any(struct frame_prefetch *a, struct frame_layer *out); // one that is ready
+bool prefetch_take_any(struct frame_prefetch *a, struct frame_layer *out); // any ready layer; does not wait

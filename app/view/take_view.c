@@ -5,42 +5,47 @@
 #include "app/view/avatar_builder.h"
 #include "base/clock.h"
 #include "reenact/skeleton/skeleton_track.h"
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <stdlib.h>
 #include <string.h>
 
+struct sized_texture {
+    struct gpu_texture *texture;
+    int width, height;
+};
+
 struct take_view {
-    char *path, *take_name;
+    char *path;
     struct gpu *gpu;
     struct recording *recording;
     struct take *take;
-    struct recording *inset_recording; // the renderer has the first for itself
+    struct recording *inset_recording; // a second handle: the renderer reads from the first
     struct take *inset_take;
-    struct skeleton_track *motion;
-    struct renderer *renderer;       // made with the first picture, whose lens it needs
-    struct avatar_builder *builder;  // NULL: it has ended
+    struct take_skeletons *skeletons;
+    struct skeleton_track *track;
+    struct renderer *renderer;       // opened with the first drawing, whose lens it needs
+    struct avatar_builder *builder;  // NULL: it has finished
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
-    int64_t next[PREFETCH_MAX];      // that the pictures to come show
+    int64_t next[PREFETCH_MAX];      // frames predicted to be shown
     int next_count;
     struct playback_predictor predictor;
-    int64_t awaited, awaited_ns; // the frame that is shown and not there yet, and since when
-    bool substituted;            // another has been drawn for it, which will not do when nothing moves
+    int64_t awaited, awaited_ns; // the shown frame whose layer is not resident, and since when
+    bool substituted;            // another frame's layer stood in for it in the last drawing
     struct lens drawn_lens;
-    struct gpu_texture *sources, *inset;
-    int sources_width, sources_height;
+    struct sized_texture sources, inset;
     int64_t inset_frame;
-    uint8_t *codes, *colors;  // of sources
-    struct vec3 pivot, right; // where the actor begins; the sensor's right hand, level
+    uint8_t *codes, *colors;  // scratch for sources
+    struct vec3 pivot, right; // the actor's first position on the floor; the sensor's x axis, horizontal
     struct orbit orbit;
 };
 
-// From where one begins to walk round him, and what is then seen of the middle: him with a hand raised or reached out,
-// which may be nearer.
+// The orbit's initial distance, and what is then visible at that distance: an actor with a hand raised or reached out
+// sideways. Chosen by hand.
 static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
-// For a frame that is not there any other will do: while he plays always, for who loaded it meanwhile would hold up the
-// picture; when he stands still, after a jump along the timeline, for as long as it takes to load it. Who waits longer
-// than that waits for it.
+// A frame whose layer is not resident is drawn with another frame's: while playing, always, since waiting for the load
+// would stall; when paused, as after a jump along the timeline, for at most AWAIT_NS, which a load usually takes, and
+// then drawing waits for it. Chosen by hand.
 static const int64_t ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
 
 static void init_orbit(struct take_view *s)
@@ -48,18 +53,18 @@ static void init_orbit(struct take_view *s)
     s->orbit = (struct orbit){v3(0, 0, 1), 0, 0.1, 3};
     s->right = v3(1, 0, 0);
     for (int64_t i = 0; i < take_frame_count(s->take); i++) {
-        struct track_sample moment;
+        struct track_sample sample;
         const struct take_entry *entry = take_entry(s->take, i);
         int64_t since_ns = entry->time_ns - take_entry(s->take, 0)->time_ns;
-        if (!entry->has_skeleton || skeleton_track_at(s->motion, since_ns, false, &moment) != OK)
+        if (!entry->has_skeleton || skeleton_track_at(s->track, since_ns, false, &sample) != OK)
             continue;
-        enum joint middle = moment.skeleton.confidence[JOINT_WAIST] > 0 ? JOINT_WAIST : JOINT_NECK;
-        struct vec3 body = moment.skeleton.joint[middle];
-        struct vec3 from = v3_sub(moment.world_from_camera.translation, body);
+        enum joint middle = sample.skeleton.confidence[JOINT_WAIST] > 0 ? JOINT_WAIST : JOINT_NECK;
+        struct vec3 body = sample.skeleton.joint[middle];
+        struct vec3 from = v3_sub(sample.world_from_camera.translation, body);
         s->pivot = v3(body.x, body.y, 0);
         s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12,
                                   fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
-        struct vec3 right = quat_rotate(moment.world_from_camera.rotation, v3(1, 0, 0));
+        struct vec3 right = quat_rotate(sample.world_from_camera.rotation, v3(1, 0, 0));
         s->right = v3_unit(v3(right.x, right.y, 0));
         return;
     }
@@ -67,7 +72,7 @@ static void init_orbit(struct take_view *s)
 
 enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options)
 {
-    const char *path = options->path, *take = options->take;
+    const char *path = options->path;
     *out = NULL;
     struct take_view *s = calloc(1, sizeof *s);
     if (!s)
@@ -75,19 +80,20 @@ enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct
     s->gpu = gpu;
     s->inset_frame = s->awaited = -1;
     s->path = strdup(path);
-    s->take_name = strdup(take);
-    enum status status = s->path && s->take_name ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = s->path ? OK : fail(ERR_MEMORY, "out of memory");
     if (status == OK)
         status = recording_open(&s->recording, path);
     if (status == OK)
-        status = take_open(&s->take, s->recording, take);
+        status = take_open(&s->take, s->recording, options->take);
     if (status == OK)
         status = recording_open(&s->inset_recording, path);
     if (status == OK)
-        status = take_open(&s->inset_take, s->inset_recording, take);
+        status = take_open_shared(&s->inset_take, s->inset_recording, s->take);
     if (status == OK)
-        status = skeleton_track_open(&s->motion, s->take);
-    const struct avatar_builder_options how = {path, take, options->notify, options->notify_self};
+        status = take_skeletons_open(&s->skeletons, s->take);
+    if (status == OK)
+        status = skeleton_track_open(&s->track, s->take, s->skeletons);
+    const struct avatar_builder_options how = {path, s->take, options->notify, options->notify_self};
     if (status == OK)
         status = avatar_builder_start(&s->builder, &how);
     if (status != OK) {
@@ -106,10 +112,11 @@ void take_view_close(struct take_view **out)
         return;
     avatar_builder_close(&s->builder);
     prefetch_close(&s->prefetch); // before the renderer, whose avatar it uses
-    gpu_texture_close(&s->sources);
-    gpu_texture_close(&s->inset);
+    gpu_texture_close(&s->sources.texture);
+    gpu_texture_close(&s->inset.texture);
     renderer_close(&s->renderer);
-    skeleton_track_close(&s->motion);
+    skeleton_track_close(&s->track);
+    take_skeletons_close(&s->skeletons);
     take_close(&s->inset_take);
     recording_free(&s->inset_recording);
     take_close(&s->take);
@@ -117,7 +124,6 @@ void take_view_close(struct take_view **out)
     free(s->codes);
     free(s->colors);
     free(s->path);
-    free(s->take_name);
     free(s);
     *out = NULL;
 }
@@ -129,7 +135,7 @@ int64_t take_view_length_ns(const struct take_view *s)
     return take_entry(s->take, take_view_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;
 }
 
-// From one recorded frame to the next.
+// Mean time from one recorded frame to the next.
 static int64_t frame_step_ns(const struct take_view *s)
 {
     int64_t frames = take_view_frames(s);
@@ -141,20 +147,20 @@ struct orbit take_view_orbit(const struct take_view *s) { return s->orbit; }
 struct lens take_view_orbit_lens(int width, int height, struct ui_box free)
 {
     const double f = NEAREST_M * fmax(1, fmin(free.h / TALL_M, free.w / WIDE_M));
-    const double x = free.x + free.w / 2 - 0.5, y = free.y + free.h / 2 - 0.5; // (0, 0) is a pixel's centre
+    const double x = free.x + free.w / 2 - 0.5, y = free.y + free.h / 2 - 0.5; // (0, 0) is the centre of a pixel
     return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0, 0};
 }
 
-// ---------------------------------------------------------------- placing
+// ---------------------------------------------------------------- placement
 
 static struct vec3 reflect(const struct take_view *s, struct vec3 p)
 {
     return v3_sub(p, v3_scale(s->right, 2 * v3_dot(s->right, v3_sub(p, s->pivot))));
 }
 
-// The camera as the take's own world has it. Mirrored: the camera beyond the
-// mirror, whose picture turned over left to right shows the actor mirrored.
-static struct pose camera_in_take(const struct take_view *s, const struct take_view_request *request)
+// The camera pose in the take's world. Mirrored: of the camera reflected in the mirror plane; its image flipped left to
+// right shows the actor mirrored.
+static struct pose take_from_camera(const struct take_view *s, const struct take_view_request *request)
 {
     struct pose world_from_take = placement_pose(&request->placement, s->pivot);
     struct pose camera = pose_multiply(pose_inverse(world_from_take), request->world_from_camera);
@@ -184,20 +190,20 @@ static struct lens lens_for(const struct take_view_request *request)
 }
 
 static void place_skeleton(const struct take_view *s, const struct take_view_request *request,
-                           const struct track_sample *moment, struct take_view_image *out)
+                           const struct track_sample *sample, struct take_view_image *out)
 {
     struct pose world_from_take = placement_pose(&request->placement, s->pivot);
     out->has_skeleton = true;
-    out->frame = moment->frame;
-    out->skeleton = moment->skeleton;
+    out->frame = sample->frame;
+    out->skeleton = sample->skeleton;
     struct vec3 sum = v3(0, 0, 0);
     int feet = 0;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        struct vec3 p = moment->skeleton.joint[j];
+        struct vec3 p = sample->skeleton.joint[j];
         p = pose_apply(world_from_take, request->placement.mirrored ? reflect(s, p) : p);
         out->skeleton.joint[j] = p;
         bool low = j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
-        if (low && moment->skeleton.confidence[j] > 0) {
+        if (low && sample->skeleton.confidence[j] > 0) {
             sum = v3_add(sum, p);
             feet++;
         }
@@ -206,24 +212,31 @@ static void place_skeleton(const struct take_view *s, const struct take_view_req
     out->floor_point.z = 0;
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- images
 
-// A texture of that size, with those pixels.
-static enum status upload_pixels(struct take_view *s, struct gpu_texture **texture, int *width, int *height,
-                                 int new_width, int new_height, enum gpu_format format, const uint8_t *pixels)
+struct host_image {
+    int width, height;
+    enum gpu_format format;
+    const uint8_t *pixels;
+};
+
+// Writes the image into the texture, which is opened again where the size differs.
+static enum status upload_image(struct gpu *gpu, struct sized_texture *to, const struct host_image *image)
 {
-    if (*texture && *width == new_width && *height == new_height) {
-        gpu_texture_write(*texture, pixels);
+    if (to->texture && to->width == image->width && to->height == image->height) {
+        gpu_texture_write(to->texture, image->pixels);
         return OK;
     }
-    gpu_texture_close(texture);
-    *width = new_width;
-    *height = new_height;
-    return gpu_texture_open(texture, s->gpu, format, new_width, new_height, GPU_LINEAR, pixels);
+    gpu_texture_close(&to->texture);
+    to->width = image->width;
+    to->height = image->height;
+    return gpu_texture_open(&to->texture, gpu,
+                            &(struct gpu_texture_layout){image->format, image->width, image->height, GPU_LINEAR},
+                            image->pixels);
 }
 
-// From the renderer's codes to colours: green was seen just now, blue to violet was
-// borrowed from ever farther away in time, orange nobody saw.
+// Converts the renderer's source codes to colours: green is from the shown frame, blue to violet from frames ever
+// farther away in time, orange is inpainted.
 static void color_code(const uint8_t code[3], uint8_t rgba[4])
 {
     static const uint8_t now[3] = {52, 211, 153}, filled[3] = {251, 146, 60}, recent[3] = {56, 189, 248},
@@ -252,8 +265,9 @@ static enum status draw_sources(struct take_view *s, int width, int height, stru
         return status;
     for (size_t i = 0; i < pixels; i++)
         color_code(codes + 3 * i, colors + 4 * i);
-    status = upload_pixels(s, &s->sources, &s->sources_width, &s->sources_height, width, height, GPU_RGBA8, colors);
-    out->sources = s->sources;
+    const struct host_image image = {width, height, GPU_RGBA8, colors};
+    status = upload_image(s->gpu, &s->sources, &image);
+    out->sources = s->sources.texture;
     return status;
 }
 
@@ -263,16 +277,16 @@ static enum status upload_inset(struct take_view *s, int64_t frame, struct take_
     if (frame < 0 || !take_entry(s->inset_take, frame)->has_color)
         return OK;
     if (frame != s->inset_frame) {
-        struct take_images pictures;
-        int width = color->width, height = color->height;
-        enum status status = take_read(s->inset_take, frame, TAKE_COLOR, &pictures);
-        if (status == OK && pictures.color)
-            status = upload_pixels(s, &s->inset, &width, &height, width, height, GPU_RGB8, pictures.color);
+        struct take_images images;
+        enum status status = take_read(s->inset_take, frame, TAKE_COLOR, &images);
+        const struct host_image image = {color->width, color->height, GPU_RGB8, images.color};
+        if (status == OK && images.color)
+            status = upload_image(s->gpu, &s->inset, &image);
         if (status != OK)
             return status;
         s->inset_frame = frame;
     }
-    out->inset = s->inset;
+    out->inset = s->inset.texture;
     out->inset_aspect = (double)color->width / color->height;
     return OK;
 }
@@ -284,6 +298,7 @@ static enum status ensure_renderer(struct take_view *s, const struct lens *lens)
     enum status status = OK;
     if (!s->renderer) {
         struct renderer_options how = renderer_default_options();
+        how.skeletons = s->skeletons;
         how.detail = DETAIL_AUTO;
         how.sources = how.shadow = how.avatar_later = true;
         status = renderer_open(&s->renderer, s->gpu, s->take, lens, &how);
@@ -298,7 +313,8 @@ double take_view_progress(const struct take_view *s) { return s->builder ? avata
 
 bool take_view_waiting(const struct take_view *s) { return s->substituted; }
 
-// Until the frame is there nothing better can be drawn, and who tried would keep the processor from loading it.
+// Until the layer is resident nothing better can be drawn, and drawing again would take processor time from its
+// loading.
 bool take_view_final(const struct take_view *s)
 {
     const bool better =
@@ -315,11 +331,11 @@ enum status take_view_adopt_avatar(struct take_view *s)
         return OK;
     avatar_builder_close(&s->builder);
     enum status given = renderer_set_avatar(s->renderer, status == OK ? &avatar : NULL);
-    enum status walls = renderer_set_room(s->renderer, &occluders);
-    return status < 0 ? status : given < 0 ? given : walls;
+    enum status occluded = renderer_set_room(s->renderer, &occluders);
+    return status < 0 ? status : given < 0 ? given : occluded;
 }
 
-// The frames of the pictures to come that the renderer does not keep.
+// The frames that the next drawings are predicted to show and the renderer does not hold.
 static int predict_frames(struct take_view *s, const struct take_view_request *request, int64_t frames[PREFETCH_MAX])
 {
     const struct playback_now now = {.at_ns = request->time_ns,
@@ -330,20 +346,20 @@ static int predict_frames(struct take_view *s, const struct take_view_request *r
                                      .clock_ns = clock_now_ns(),
                                      .load_ns = prefetch_load_ns(s->prefetch)};
     int64_t at_ns[PREDICTED_MAX];
-    int foreseen = playback_predict(&s->predictor, &now, at_ns), count = 0;
-    for (int i = 0; i < foreseen && count < PREFETCH_MAX; i++) {
-        struct track_sample moment;
-        bool listed = skeleton_track_at(s->motion, at_ns[i], false, &moment) != OK ||
-                      renderer_nearest_resident_frame(s->renderer, moment.frame, 0) >= 0;
+    int predicted = playback_predict(&s->predictor, &now, at_ns), count = 0;
+    for (int i = 0; i < predicted && count < PREFETCH_MAX; i++) {
+        struct track_sample sample;
+        bool listed = skeleton_track_at(s->track, at_ns[i], false, &sample) != OK ||
+                      renderer_nearest_resident_frame(s->renderer, sample.frame, 0) >= 0;
         for (int k = 0; k < count; k++)
-            listed |= frames[k] == moment.frame;
+            listed |= frames[k] == sample.frame;
         if (!listed)
-            frames[count++] = moment.frame;
+            frames[count++] = sample.frame;
     }
     return count;
 }
 
-// How far from its frame a picture may be drawn with another one that is there.
+// How far in time a resident frame may be from the shown one to stand in for it.
 static int64_t frame_tolerance_ns(struct take_view *s, const struct take_view_request *request, int64_t frame)
 {
     const int64_t now_ns = clock_now_ns();
@@ -356,8 +372,9 @@ static int64_t frame_tolerance_ns(struct take_view *s, const struct take_view_re
     return now_ns - s->awaited_ns < AWAIT_NS ? ANY_NS : 0;
 }
 
-// Before what was wanted before, for whoever moves along the timeline may have gone on before a frame is there.
-static void want_first(struct take_view *s, int64_t frame)
+// Puts the frame before those wanted already, which are kept: while a user drags along the timeline the shown frame can
+// change before a load ends.
+static void request_first(struct take_view *s, int64_t frame)
 {
     int64_t before[PREFETCH_MAX];
     const int count = s->next_count;
@@ -369,13 +386,13 @@ static void want_first(struct take_view *s, int64_t frame)
             s->next[s->next_count++] = before[i];
 }
 
-// What was loaded goes to the renderer. What this picture shows is waited for only where nothing within `within_ns`
-// stands in for it.
+// Gives loaded layers to the renderer. Waits for the shown frame's only where no resident frame within `within_ns` can
+// stand in for it.
 static enum status use_prefetched(struct take_view *s, const struct take_view_request *request, int64_t frame,
                                   int64_t within_ns)
 {
     const struct avatar *avatar = renderer_avatar(s->renderer);
-    const struct frame_prefetch_options how = {s->path, s->take_name, avatar};
+    const struct frame_prefetch_options how = {s->path, s->take, s->skeletons, avatar};
     struct frame_layer loaded;
     enum status status = OK;
     if (!avatar)
@@ -392,15 +409,15 @@ static enum status use_prefetched(struct take_view *s, const struct take_view_re
         status = renderer_add_frame(s->renderer, &loaded);
     if (status != OK)
         return status;
-    int64_t foreseen[PREFETCH_MAX];
-    const int count = predict_frames(s, request, foreseen);
+    int64_t predicted[PREFETCH_MAX];
+    const int count = predict_frames(s, request, predicted);
     s->substituted = !request->playing && renderer_nearest_resident_frame(s->renderer, frame, 0) < 0 &&
                      renderer_nearest_resident_frame(s->renderer, frame, within_ns) >= 0;
     if (s->substituted) {
-        want_first(s, frame);
+        request_first(s, frame);
     } else {
         s->next_count = count;
-        memcpy(s->next, foreseen, sizeof s->next);
+        memcpy(s->next, predicted, sizeof s->next);
     }
     return OK;
 }
@@ -411,7 +428,7 @@ void take_view_presented(struct take_view *s)
         prefetch_request(s->prefetch, s->next, s->next_count);
 }
 
-// Pixels as shares of the picture, which is turned over later.
+// Pixels as shares of the image, which is flipped later.
 static struct ui_uv_rect part_within(const struct renderer_result *drawn, bool flip_x)
 {
     const struct gpu_box *box = &drawn->within;
@@ -428,10 +445,11 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
     struct lens lens = lens_for(request);
     struct affine_map viewer_from_room = affine_from_pose(pose_inverse(request->world_from_camera));
     for (int i = 0; i < 4 && request->placement.mirrored; i++)
-        viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the picture is turned over later
-    struct renderer_view view = {.world_from_camera = camera_in_take(s, request),
+        viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the image is flipped later
+    struct renderer_view view = {.world_from_camera = take_from_camera(s, request),
                                  .time_ns = request->time_ns,
-                                 .viewer_from_room = request->camera ? &viewer_from_room : NULL, // the studio is empty
+                                 .viewer_from_room =
+                                     request->camera ? &viewer_from_room : NULL, // an orbit shows no room
                                  .within_ns = frame_tolerance_ns(s, request, frame),
                                  .also_paper = request->former};
     struct renderer_result result;
@@ -461,14 +479,14 @@ enum status take_view_draw(struct take_view *s, const struct take_view_request *
     *out = (struct take_view_image){
         .lens = request->lens, .world_from_camera = request->world_from_camera, .camera = request->camera, .frame = -1};
     enum status status = OK;
-    struct track_sample moment;
-    bool there = skeleton_track_at(s->motion, request->time_ns, true, &moment) == OK;
+    struct track_sample sample;
+    bool has_skeleton = skeleton_track_at(s->track, request->time_ns, true, &sample) == OK;
     s->substituted = false;
-    if (there)
-        place_skeleton(s, request, &moment, out);
+    if (has_skeleton)
+        place_skeleton(s, request, &sample, out);
     if (!request->camera_lost)
-        status = draw_actor(s, request, there ? moment.frame : -1, out);
-    if (status == OK && request->inset && there)
-        status = upload_inset(s, moment.frame, out);
+        status = draw_actor(s, request, has_skeleton ? sample.frame : -1, out);
+    if (status == OK && request->inset && has_skeleton)
+        status = upload_inset(s, sample.frame, out);
     return status;
 }

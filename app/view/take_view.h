@@ -1,6 +1,12 @@
-// A take, opened to be watched: it draws the actor into a camera's picture or an
-// orbit's, and says where his joints and the floor are in it. Textures belong to
-// the stage and are good until the next take_view_draw. One thread, the gpu's.
+// A take opened for drawing: draws the actor from a camera's or an orbit's viewpoint, and gives joints and floor point
+// in the same world. Joints are inpainted once when it opens; the avatar is built and frame layers are prefetched on
+// other threads, whose handles share the take's index. One thread calls it, the gpu's. Textures belong to the take view
+// and are valid until the next take_view_draw.
+//
+// Memory that grows with the take, beside the renderer's pose index: the take's index, 520 bytes a frame (recording.h),
+// 8 of take_skeletons (8 more while the avatar is built) and 448 for each frame with inpainted joints, and 4 of each of
+// two skeleton_tracks: 59 MB for an hour, with 448 bytes for each inpainted frame on top. It was 437 MB: four indices
+// of 528 bytes and two tracks of 968.
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"
@@ -12,64 +18,66 @@ struct take_view;
 
 struct take_view_options {
     const char *path, *take;
-    void (*notify)(void *self); // called on another thread when preparing went on; may be NULL
+    void (*notify)(void *self); // called on another thread when the avatar has progressed; may be NULL
     void *notify_self;
 };
-// The take can be drawn at once, as DETAIL_PAPER has it; what is better is prepared
-// meanwhile on a thread of its own. ERR_…: as recording_open, take_open and renderer_open.
+// The take can be drawn immediately at DETAIL_PAPER, while the avatar for better levels is built in the background.
+// Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
-void take_view_close(struct take_view **s); // NULL is fine; what is being prepared is given up
+void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 
-// Takes over what was prepared by now. An error, once: nothing better came of it, and why.
+// Adopts the avatar when it is finished. An error, once: it could not be built, and the sentence says why; drawing goes
+// on without it.
 MUST_CHECK enum status take_view_adopt_avatar(struct take_view *s);
-double take_view_progress(const struct take_view *s); // the share that is done; 1: nothing more is to come
-bool take_view_final(const struct take_view *s);      // false: the next picture of the same will be another
-bool take_view_waiting(const struct take_view *s);    // in a moment it will: the frame that is shown is being loaded
+double take_view_progress(const struct take_view *s); // share of the avatar's work, 0..1; 1: nothing is running
+bool take_view_final(const struct take_view *s);      // false: drawing the same request again would improve it
+bool take_view_waiting(const struct take_view *s); // the frame that is shown is still being loaded; another stands in
 
 int64_t take_view_length_ns(const struct take_view *s);
 int64_t take_view_frames(const struct take_view *s);
-struct orbit take_view_orbit(const struct take_view *s); // from where the sensor stood
+struct orbit take_view_orbit(const struct take_view *s); // starts at the sensor's viewpoint
 
 struct take_view_request {
-    struct lens lens; // of the picture to draw into
+    struct lens lens; // of the image to draw
     struct pose world_from_camera;
-    int64_t time_ns;    // of the take
-    bool playing, loop; // what will be looked at next
+    int64_t time_ns;    // since the take's first frame
+    bool playing, loop; // for predicting the next frames
     struct placement placement;
-    double resolution_scale;          // 0..1: the share of the picture's size that the actor is drawn at
-    double error_px;                  // that he may be wrong by where drawing less is quicker
-    bool sources, inset;              // are wanted
-    bool camera_lost;                 // the camera does not know where it is
-    bool former;                      // also the actor as he was drawn before he was prepared
-    const struct gpu_texture *camera; // its picture, of the lens's size; NULL: an orbit
-    int64_t camera_number;            // another number is another picture
+    double resolution_scale;          // (0, 1]: share of the image's pixels per axis at which the actor is drawn
+    double error_px;                  // allowed error of the level of detail
+    bool sources, inset;              // draw them, too
+    bool camera_lost;                 // the camera is not localised: the actor is not drawn
+    bool former;                      // also the actor at DETAIL_PAPER, as drawn before the avatar was there
+    const struct gpu_texture *camera; // the camera's image, of the lens's size; NULL: an orbit
+    int64_t camera_number;            // number of that image
 };
 
 struct take_view_image {
     struct lens lens;
     struct pose world_from_camera;
-    const struct gpu_texture *camera;  // the look's
-    const struct gpu_texture *actor;   // premultiplied; NULL: nobody
-    struct ui_uv_rect actor_part;      // where he is, in shares of the picture; all of it where that is not known
-    const struct gpu_texture *shadow;  // likewise, under him; NULL
-    const struct gpu_texture *former;  // likewise, as he was drawn before; NULL
-    bool prepared;                     // `actor` is what was prepared
-    const struct gpu_texture *sources; // premultiplied, laid over the actor; NULL
-    const struct gpu_texture *inset;   // the sensor's picture at that instant; NULL
-    double inset_aspect;               // its width over its height
-    bool flip_x;                       // actor and sources are to be drawn left to right
+    const struct gpu_texture *camera;  // the request's
+    const struct gpu_texture *actor;   // premultiplied alpha; NULL: not drawn
+    struct ui_uv_rect actor_part;      // bounds of the actor in shares of the image; all of it where unknown
+    const struct gpu_texture *shadow;  // occlusion shadow, to be drawn under the actor; NULL: none
+    const struct gpu_texture *former;  // the actor at DETAIL_PAPER; NULL: not requested
+    bool prepared;                     // `actor` is better than DETAIL_PAPER
+    const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
+    const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
+    double inset_aspect;               // its width divided by its height
+    bool flip_x;                       // actor, shadow and sources are to be drawn mirrored, left to right
     bool has_skeleton;
-    struct skeleton skeleton; // in the world, placed and mirrored
+    struct skeleton skeleton; // world axes, placement and mirroring applied
     struct vec3 floor_point;  // on the floor under the actor
-    int64_t frame;            // the recorded one that is shown
-    int parts;                // drawn
+    int64_t frame;            // the recorded frame that is shown; -1: none
+    int parts;                // body parts drawn
 };
+// Draws one request. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO; *out is then undefined.
 MUST_CHECK enum status take_view_draw(struct take_view *s, const struct take_view_request *request,
                                       struct take_view_image *out);
 
-// The picture has been handed to the display: now there is time to load what the next ones show.
+// To be called after the image was presented: starts loading what the next ones are predicted to show.
 void take_view_presented(struct take_view *s);
 
-// The lens an orbit looks through, for a picture of that size, pixels. From where an orbit begins the actor is seen in
-// `free`, whole, what he circles in its middle.
+// The lens of an orbit for an image of that size, pixels. At the orbit's initial distance the whole actor is seen
+// inside `free`, the orbit's centre in its middle.
 struct lens take_view_orbit_lens(int width, int height, struct ui_box free);

@@ -1,72 +1,79 @@
-// Lays a body into one depth picture: damped Gauss-Newton over the pose, and
-// over the shape where it is still being learned.
+// Fits the body model to one depth image: articulated ICP by damped Gauss-Newton over the pose, and over the shape
+// while it is still being learned. Every depth point is matched to the nearest surface that the camera can see
+// (point-to-plane residuals, as in Chen and Medioni 1992), and samples of the model must lie inside the mask's
+// silhouette and not in front of the measured depth (free space).
 //
-// The energy is what the points, the silhouette, the joints' limits, the floor
-// and the expectation have against a pose, each in units of its own standard
-// deviation: the negative logarithm of a probability, but for a constant.
+// The energy is dimensionless: the sum of what points, silhouette, joint limits, floor, collisions and motion have
+// against a pose, each squared and in units of its own variance, halved. It is a negative log-likelihood but for a
+// constant, so that differences of energies are log-odds. Points have the robust kernel of Geman and McClure (1985),
+// 0.5 w e^2 c^2 / (c^2 + e^2) with c = kernel_m; silhouette samples have the same with c = 25 cm. Gauss-Newton uses its
+// weight w (c^2 / (c^2 + e^2))^2 (iteratively reweighted least squares).
+//
+// Camera axes (x right, y down, z forward), metres and radians. Pure: no allocation, any thread with its own result.
 #pragma once
 #include "capture/body/depth_evidence.h"
 #include "capture/body/body_model.h"
 
 enum {
-    FIT_POSE_COUNT = 3 + 3 * SEG_COUNT, // root, then each segment's turn in its parent's axes
+    FIT_POSE_COUNT = 3 + 3 * SEG_COUNT, // root, then each segment's rotation vector in its parent's axes
     FIT_COUNT = FIT_POSE_COUNT + SHAPE_COUNT,
 };
 
-// What is known of the shape so far: an expectation and how sure it is.
+// What is known of the shape so far: mean and inverse covariance, of the logarithms of its factors.
 struct shape_prior {
     struct body_shape mean;
-    double information[SHAPE_COUNT][SHAPE_COUNT]; // inverse covariance
+    double information[SHAPE_COUNT][SHAPE_COUNT];
 };
-struct shape_prior shape_prior_default(void); // an average adult, give or take
+struct shape_prior shape_prior_default(void); // an average adult, with the variance of a population
 
 struct fit_task {
     const struct depth_evidence *evidence;
     bool have_floor;
     struct vec3 up;
     double floor_m;            // the camera's height over the floor
-    struct body_pose expected; // by the motion so far
-    double expected_sigma;     // 1: as a body moves between two frames; large: nothing is expected
+    struct body_pose expected; // predicted from the motion so far
+    double expected_sigma;     // 1: as a body moves between two frames at 30 Hz; large: no prediction
     int iterations;
-    int point_stride; // of the points, one in so many is looked at; 1: all
-    double kernel_m;  // how far a point pulls a surface towards it
-    bool rough;       // of the result, only pose and shape are wanted
+    int point_stride; // every how many-th point is used; 1: all
+    double kernel_m;  // c of the points' robust kernel: farther points hardly pull
+    bool pose_only;   // of the result, only pose and shape are needed
     bool learn_shape;
-    double learn_rate;        // > 0: how much this picture counts beside the belief; 1 = as its points do
-    struct shape_prior shape; // in; with learn_shape its mean is the fit's start
+    double learn_rate;        // > 0: weight of this frame against the shape prior; 1 = as its points have
+    struct shape_prior shape; // in; with learn_shape its mean is the initial shape
 };
 
 struct fit_result {
     struct body_pose pose;
     struct body_shape shape;
     struct body_build build;
-    double energy;                                      // of all, without the expectation
-    double limb_energy[SEG_COUNT];                      // free-space part, by segment
+    double energy;                                      // of all terms but the motion prior
+    double limb_energy[SEG_COUNT];                      // free-space part and collisions, by segment
     float residual[EVIDENCE_POINTS_MAX];                // per point: metres off the nearest surface
     int8_t solid[EVIDENCE_POINTS_MAX];                  // per point: the nearest solid
-    double shape_information[SHAPE_COUNT][SHAPE_COUNT]; // what this frame alone says of the shape
+    double shape_information[SHAPE_COUNT][SHAPE_COUNT]; // of this frame alone, with the pose marginalised out
 };
 
-// Starts from `start`; *out is filled. Never fails: without evidence it stays where it is expected.
+// Starts from `start`; *out is filled. Never fails: without evidence the pose stays at the predicted one, and where the
+// normal equations are not positive definite the iterations end early.
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out);
 
-// The same without moving anything: energy and residuals of a pose.
+// Energy and residuals of a pose, which is not changed.
 void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
                    struct fit_result *out);
 
-// A point of the evidence and how far off the nearest solid is that is not of the limb in question.
+// A point of the evidence and its distance from the nearest solid that is not of the limb in question.
 struct limb_point {
     int index;
     double other_distance_m;
 };
 
-// What these points and the silhouette have against a limb's solids where `build` has them, nothing else moved.
-double body_evaluate_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
-                          const struct limb_point *point, int point_count);
+// A limb's solids (`count` from `first` on) and the points that may be on it.
+struct limb_evidence {
+    int first, count;
+    const struct limb_point *point;
+    int point_count;
+};
 
-// Signed distance of `p` from a solid's surface as a camera at the origin sees
-// it: where p is behind the middle, the surface in front counts. *normal points
-// out of the surface, *on is the point of the middle, *t in [0, 1] and
-// *side_m say where that is on the trapezium.
-double solid_distance(const struct body_solid *solid, struct vec3 p, struct vec3 *normal, struct vec3 *on, double *t,
-                      double *side_m);
+// The energy of these points and of the silhouette for a limb's solids where `build` has them.
+double body_evaluate_limb(const struct fit_task *task, const struct body_build *build,
+                          const struct limb_evidence *limb);

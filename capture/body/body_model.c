@@ -1,9 +1,10 @@
 #include "capture/body/body_model.h"
+#include "base/portable_math.h"
 
-// Lengths are fractions of body height. x grows with `wide`, y and z with `tall`.
+// Where a segment begins. Lengths are fractions of body height; x scales with `wide`, y and z with `tall`.
 struct segment_rule {
     int parent;
-    struct vec3 at; // in the parent's axes
+    struct vec3 at; // origin in the parent's axes
     enum shape_factor wide, tall;
 };
 
@@ -28,14 +29,20 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
     [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.238, 0}, SHAPE_SHIN, SHAPE_SHIN},
 };
 
-// Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
+// Hip joints ahead of the spine, of body height, in a skirt: about half as far as without. Cloth draws hidden thighs
+// forward; without this, legs cross while the person rotates.
 #define HIPS_FORWARD_IN_SKIRT 0.010
-#define HEM_SLACK_M                                                                                                    \
-    0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
-         // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
 
-// Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
-// radii and z with `girth`.
+// The model's hem is this much lower than the level of the sharpest narrowing: a hem is not level, and a cone's surface
+// ends before its axis does. Cloth beyond the end would be matched to legs and pull knees forward, inward and thick.
+// The best of three lengths on rendered skirts and coats (docs/notes/skeleton.md).
+#define HEM_SLACK_M 0.06
+
+#define SKIRT_FORWARD 0.024 // of body height: the skirt's upper end ahead of the waist joint
+
+// A solid in its segment. Fractions of body height; x scales with `wide`, y with `tall`; widths, radii and z with
+// `girth`. Lengths are those of segment_rule; breadths, depths and offsets are from the sources in body_model.h, or
+// else chosen by hand.
 struct solid_rule {
     enum segment segment;
     struct vec3 a, b;
@@ -109,14 +116,24 @@ static const struct solid_rule solid_rule[SOLID_SKIRT] = {
     LEG(RIGHT),
 };
 
-#define TRUNK_FORWARD 0.03 // its middle, of body height, before the joints of the spine
+#define TRUNK_FORWARD 0.03 // the middle of the trunk ahead of the spine's joints, of body height
 
-// Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it
-// meets the shoulders.
+// Joints within segments, fractions of body height. From the head's joint at the seventh cervical vertebra: the head
+// between the ears, the neck where it meets the shoulders. Measured on rendered people (docs/notes/skeleton.md).
 static const struct vec3 head_centre = {0, 0.084, 0};
 static const struct vec3 neck = {0, -0.006, 0.0035};
-static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
-static const struct vec3 chest_centre = {0, 0.006, 0}; // over the joint in which it bends against the abdomen
+static const struct vec3 palm = {0, -0.154, 0};        // its beginning, from the elbow: beyond the wrist
+static const struct vec3 chest_centre = {0, 0.006, 0}; // above its joint with the abdomen
+
+const struct body_limb body_limbs[LIMB_COUNT] = {
+    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND,
+     SOLID_LEFT_ARM + 1},
+    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,
+     SOLID_RIGHT_ARM + 1},
+    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, SOLID_LEFT_LEG},
+    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT,
+     SOLID_RIGHT_LEG},
+};
 
 int body_parent(enum segment s) { return segment_rule[s].parent; }
 
@@ -139,8 +156,8 @@ static struct vec3 rotate(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
-// From the waist down, as wide as the hips there, and below them the further down the more where each thigh takes its
-// half of it. It hangs from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
+// Two cones from the waist down to the hem, as wide as the hips at the top. Each swings with its thigh, the more the
+// lower. They hang from straight below the waist joint, not from the hip joints ahead of it.
 static void add_skirt(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
     const struct body_solid *hips = &out->solid[0];
@@ -153,7 +170,7 @@ static void add_skirt(const struct body_shape *shape, double hip_girth, struct b
         struct vec3 beside = v3_scale(hips->side, side ? -1 : 1),
                     thigh = rotate(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
                     along = v3_unit(v3_mix(hanging, thigh, BODY_SKIRT_SWING)),
-                    top = v3_add(waist, rotate(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
+                    top = v3_add(waist, rotate(out->axes[SEG_PELVIS], v3(0, 0, SKIRT_FORWARD * hip_girth))),
                     low = v3_add(middle, v3_scale(along, shape->hem_m + HEM_SLACK_M - v3_distance(waist, middle)));
         s->segment = SEG_PELVIS;
         s->a = v3_add(top, v3_scale(beside, hips->width_b));
@@ -167,7 +184,7 @@ static void add_skirt(const struct body_shape *shape, double hip_girth, struct b
     out->solids = SOLID_COUNT;
 }
 
-// Where each segment begins, and its axes.
+// Origins and axes of the segments.
 static void place_segments(const struct body_shape *shape, const struct body_pose *pose,
                            const double factor[SHAPE_COUNT], struct body_build *out)
 {
@@ -261,7 +278,7 @@ void body_forward_kinematics(const struct body_shape *shape, const struct body_p
 {
     double factor[SHAPE_COUNT];
     for (int i = 0; i < SHAPE_COUNT; i++)
-        factor[i] = exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
+        factor[i] = portable_exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
     place_segments(shape, pose, factor, out);
     place_solids(factor, out);
     if (shape->hem_m > 0)
@@ -271,7 +288,7 @@ void body_forward_kinematics(const struct body_shape *shape, const struct body_p
 
 struct body_pose body_standing_pose(struct vec3 root, struct vec3 up, double yaw)
 {
-    // Facing the camera: left is +x of the picture, ahead is towards it.
+    // Facing the camera: left is +x of the image, ahead is towards the camera.
     struct vec3 ahead = v3_unit(v3_sub(v3(0, 0, -1), v3_scale(up, v3_dot(up, v3(0, 0, -1)))));
     struct vec3 left = v3_cross(up, ahead);
     double m[3][3] = {{left.x, up.x, ahead.x}, {left.y, up.y, ahead.y}, {left.z, up.z, ahead.z}};
@@ -285,8 +302,8 @@ struct body_pose body_standing_pose(struct vec3 root, struct vec3 up, double yaw
 struct body_pose body_pose_flip_facing(const struct body_shape *shape, const struct body_pose *pose)
 {
     static const struct quat half_turn = {0, 1, 0, 0}; // about every segment's own y
-    // The root lies in the spine, behind the trunk's middle.
-    double ahead_m = TRUNK_FORWARD * exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    // The root lies in the spine, behind the middle of the trunk.
+    double ahead_m = TRUNK_FORWARD * portable_exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct vec3 ahead = quat_rotate(pose->rotation[SEG_PELVIS], v3(0, 0, 2 * ahead_m));
     struct body_pose out = {.root = v3_add(pose->root, ahead)};
     out.rotation[SEG_PELVIS] = quat_multiply(pose->rotation[SEG_PELVIS], half_turn);

@@ -1,18 +1,15 @@
-// A person made of 18 stiff segments and 19 rounded shapes, 21 in a skirt or a coat:
-// what the tracker lays into the depth picture.
+// The body model that the tracker fits to depth images: 18 rigid segments and 19 rounded solids, 21 with a skirt or a
+// coat.
 //
-// Body axes of every segment at rest (standing, arms hanging): x to the
-// person's left, y up, z ahead. A pose is the pelvis in the camera and one turn
-// for each further segment against its parent; a build is what follows from
-// pose and shape. Camera axes and metres; pure functions, safe from any thread.
+// Body axes of every segment in the bind pose (standing, arms hanging): x to the person's left, y up, z ahead. A pose
+// is the pelvis in the camera and one rotation for each further segment against its parent; a build is what follows
+// from pose and shape by forward kinematics. Camera axes and metres; pure functions, safe from any thread.
 //
-// Proportions at the start are the fractions of body height of Drillis and
-// Contini (Body Segment Parameters, 1966; after Winter, Biomechanics and Motor
-// Control of Human Movement, fig. 4.1); breadths and depths of the trunk follow
-// Pheasant and Haslegrave (Bodyspace, table 10.1: chest 250 mm deep, abdomen
-// 260). The joints of the spine lie in it, behind the trunk's middle, the hip joints
-// 3 cm ahead of it, and knees 1 cm lower than there: so they were measured on people
-// of many sizes (docs/figures.md). The shape scales all of it to the person.
+// The initial proportions are fractions of body height: Drillis and Contini (Body Segment Parameters, 1966; after
+// Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1); breadths and depths of the trunk after Pheasant
+// and Haslegrave (Bodyspace, table 10.1: chest 250 mm deep, abdomen 260). Changed against those after measurements on
+// people of many sizes (docs/notes/skeleton.md): the spine's joints lie behind the middle of the trunk, the hip joints
+// 3 cm ahead of the spine, and the knees 1 cm lower. The shape scales all of it to the person.
 #pragma once
 #include "capture/recording/skeleton.h"
 
@@ -38,7 +35,7 @@ enum segment {
     SEG_COUNT
 };
 
-// What makes one body differ from another: natural logarithms of factors, 0 is average.
+// In what one body differs from another: natural logarithms of factors, 0 is average.
 enum shape_factor {
     SHAPE_SCALE, // of everything
     SHAPE_TORSO,
@@ -59,54 +56,87 @@ enum shape_factor {
 
 struct body_shape {
     double log[SHAPE_COUNT];
-    double hem_m,
-        hem_radius_m; // a skirt or a coat's tails: from the waist joint down to the hem, half as wide there; 0: none
+    double hem_m;        // a skirt's or coat's length, from the waist joint down to the hem; 0: there is none
+    double hem_radius_m; // half its width at the hem
 };
 
 #define BODY_AVERAGE_HEIGHT_M 1.72
-#define BODY_SKIRT_SWING      0.67 // of a thigh's turn, so much its half of the hem goes along with
+#define BODY_SKIRT_SWING      0.67 // each half of the hem takes this share of its thigh's rotation; chosen by hand
 
 struct body_pose {
     struct vec3 root;                // the waist joint
     struct quat rotation[SEG_COUNT]; // parent_from_segment; the pelvis's is camera_from_segment
 };
 
-// All points at most `radius` from a flat trapezium: its axis runs from a to b,
-// it reaches half_width to both sides along `side`, and all change linearly.
-// With no width it is a round cone.
+// All points at most `radius` from a flat trapezium: its axis runs from a to b, it reaches half_width to both sides
+// along `side`, and all change linearly. With no width it is a round cone.
 struct body_solid {
     enum segment segment;
-    struct vec3 a, b, side; // side: unit, square to b - a
+    struct vec3 a, b, side; // side: unit, perpendicular to b - a
     double width_a, width_b, radius_a, radius_b;
     bool open; // a tube: nothing of it is beyond b
 };
 
+// The solids in order: pelvis, abdomen, chest, neck, skull; of each arm the clavicle, upper arm, forearm, hand; of each
+// leg the thigh, shin, foot; of each side half a skirt, which hangs about the leg and hides it.
 enum {
+    SOLID_PELVIS = 0,
+    SOLID_CHEST = 2,
     SOLID_SKULL = 4,
+    SOLID_LEFT_ARM = 5,
+    SOLID_RIGHT_ARM = 9,
+    SOLID_LEFT_LEG = 13,
+    SOLID_RIGHT_LEG = 16,
     SOLID_SKIRT = 19,
     SOLID_COUNT = 21
-}; // the tails hang about each leg, left and right, and hide them
+};
+
+static inline double solid_radius(const struct body_solid *s, double t) // at t in [0, 1] along the axis
+{
+    return s->radius_a + (s->radius_b - s->radius_a) * t;
+}
+
+static inline double solid_width(const struct body_solid *s, double t)
+{
+    return s->width_a + (s->width_b - s->width_a) * t;
+}
 
 struct body_build {
-    struct vec3 origin[SEG_COUNT];       // the joint a segment turns about
+    struct vec3 origin[SEG_COUNT];       // the joint that a segment rotates about
     double axes[SEG_COUNT][3][3];        // camera_from_segment, rotation matrix
     double parent_axes[SEG_COUNT][3][3]; // camera_from_parent; identity for the pelvis
     struct body_solid solid[SOLID_COUNT];
-    int solids; // so many are there: without tails two less
+    int solids; // number in use: two less without a skirt
     struct vec3 joint[JOINT_COUNT];
 };
+
+// The limbs: left arm, right arm, left leg, right leg.
+enum { FIRST_LEG = 2, LIMB_COUNT = 4, LIMB_SOLIDS = 3 };
+
+struct body_limb {
+    enum segment upper, lower, end;
+    enum joint root, bend, tip;
+    int first_solid; // of its LIMB_SOLIDS solids
+};
+extern const struct body_limb body_limbs[LIMB_COUNT];
+
+// A segment's axis k (0: left, 1: up, 2: ahead) in the camera.
+static inline struct vec3 body_axis(const struct body_build *build, enum segment s, int k)
+{
+    return v3(build->axes[s][0][k], build->axes[s][1][k], build->axes[s][2][k]);
+}
 
 int body_parent(enum segment s); // -1 for the pelvis
 
 void body_forward_kinematics(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out);
 
-// Standing upright at `root`, turned by `yaw` about `up`: 0 faces the camera,
-// positive turns the person to their own left.
+// Standing upright at `root`, rotated by `yaw` about `up`: 0 faces the camera, positive turns the person to their own
+// left.
 struct body_pose body_standing_pose(struct vec3 root, struct vec3 up, double yaw);
 
-// The body whose trunk is where this one's is, and that looks the other way: each limb
-// becomes its twin of the other side.
+// The pose with the trunk in the same place that faces the opposite way: each limb becomes its counterpart of the other
+// side.
 struct body_pose body_pose_flip_facing(const struct body_shape *shape, const struct body_pose *pose);
 
-// The left segment's right twin and back; those in the middle are their own.
+// The right counterpart of a left segment and vice versa; a segment of the trunk or head is its own.
 enum segment body_mirror(enum segment s);

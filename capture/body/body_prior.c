@@ -1,8 +1,8 @@
 #include "capture/body/body_prior.h"
 
-// Standard deviations in radians. neutral: how far a joint is usually turned from
-// standing, elbows a little bent; step: how far its turn is off what constant speed foretells a frame
-// later; twist: the same about a limb's own axis, which round limbs do not show.
+// Standard deviations in radians. neutral: of a joint's rotation from the standing pose with elbows slightly bent;
+// step: of its rotation against constant speed one frame later, at 30 Hz; twist: the same about the segment's own axis,
+// which depth hardly shows of a round limb. Chosen by hand, wide enough for kicks and punches (test_tracker's kata).
 struct rotation_prior {
     double neutral, neutral_twist, step, step_twist;
 };
@@ -25,10 +25,22 @@ static const struct rotation_prior rotation_prior[SEG_COUNT] = {
     LEG_PRIORS(RIGHT),
 };
 
-#define SKIRT_SIGMA_RATE                                                                                               \
-    0.5                 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
-#define ELBOW_BEND  0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
-#define ROOT_STEP_M 0.03
+// Of `neutral`, for legs in a skirt or a coat, which restricts them and hides where they are.
+#define SKIRT_SIGMA_RATE 0.5
+#define ELBOW_BEND       0.6 // radians, the usual bend: a hidden forearm is not stretched out but in front of the trunk
+#define ROOT_STEP_M      0.03 // the waist's standard deviation against constant speed one frame later, at 30 Hz
+
+// A rotation's target and its standard deviations across and about the segment's axis.
+struct rotation_target {
+    struct quat rotation;
+    double sigma, sigma_twist;
+};
+
+// dot(direction of the segment, normal) is at most cosine_max; normal in the parent's axes.
+struct direction_limit {
+    struct vec3 normal;
+    double cosine_max, sigma;
+};
 
 static void add_block(double *h, int at, double block[3][3])
 {
@@ -37,12 +49,11 @@ static void add_block(double *h, int at, double block[3][3])
             h[(at + r) * FIT_COUNT + at + c] += block[r][c];
 }
 
-// Draws a turn to `wanted`, loosely across the segment's axis and otherwise
-// about it. Everything in the parent's axes, where the unknowns live.
-static double add_rotation_prior(int s, struct quat now, struct quat wanted, double sigma, double sigma_twist,
-                                 double *h, double *g)
+// Draws the rotation of segment s to a target, in the parent's axes, where the unknowns are.
+static double add_rotation_prior(int s, struct quat now, const struct rotation_target *target, double *h, double *g)
 {
-    struct vec3 off = quat_to_rotation_vector(quat_multiply(wanted, quat_conjugate(now)));
+    const double sigma = target->sigma, sigma_twist = target->sigma_twist;
+    struct vec3 off = quat_to_rotation_vector(quat_multiply(target->rotation, quat_conjugate(now)));
     struct vec3 axis = quat_rotate(now, v3(0, 1, 0));
     double swing = 1 / (sigma * sigma), twist = 1 / (sigma_twist * sigma_twist), about = v3_dot(axis, off);
     double a[3] = {axis.x, axis.y, axis.z}, o[3] = {off.x, off.y, off.z}, block[3][3];
@@ -57,15 +68,17 @@ static double add_rotation_prior(int s, struct quat now, struct quat wanted, dou
     return 0.5 * (swing * v3_dot(off, off) + (twist - swing) * about * about);
 }
 
-// Keeps dot(direction of segment s, n) at most `limit`; n in the parent's axes.
-static double add_limit(int s, struct quat now, struct vec3 n, double limit, double sigma, double *h, double *g)
+// A one-sided quadratic penalty beyond the limit.
+static double add_limit(int s, struct quat now, struct direction_limit limit, double *h, double *g)
 {
+    const struct vec3 n = limit.normal;
+    const double sigma = limit.sigma;
     struct vec3 d = quat_rotate(now, v3(0, -1, 0));
-    double over = v3_dot(d, n) - limit;
+    double over = v3_dot(d, n) - limit.cosine_max;
     if (over <= 0)
         return 0;
     double w = 1 / (sigma * sigma);
-    struct vec3 j = v3_cross(d, n); // how the dot product grows with a turn
+    struct vec3 j = v3_cross(d, n); // derivative of the dot product by a rotation
     if (h) {
         double v[3] = {j.x, j.y, j.z}, block[3][3];
         for (int r = 0; r < 3; r++) {
@@ -86,27 +99,30 @@ double body_prior_joint_limits(const struct body_shape *shape, const struct body
         bool hides = s == SEG_LEFT_THIGH || s == SEG_LEFT_SHIN || s == SEG_RIGHT_THIGH || s == SEG_RIGHT_SHIN;
         double held = shape->hem_m > 0 && hides ? SKIRT_SIGMA_RATE : 1;
         struct quat usual = s == SEG_LEFT_FOREARM || s == SEG_RIGHT_FOREARM ? bent : neutral;
-        energy += add_rotation_prior(s, pose->rotation[s], usual, held * rotation_prior[s].neutral,
-                                     held * rotation_prior[s].neutral_twist, h, g);
+        const struct rotation_target target = {usual, held * rotation_prior[s].neutral,
+                                               held * rotation_prior[s].neutral_twist};
+        energy += add_rotation_prior(s, pose->rotation[s], &target, h, g);
     }
     for (int side = 0; side < 2; side++) {
         int shin = side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN, forearm = side ? SEG_RIGHT_FOREARM : SEG_LEFT_FOREARM,
             thigh = side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH, arm = side ? SEG_RIGHT_UPPER_ARM : SEG_LEFT_UPPER_ARM;
         double out = side ? -1 : 1;
         // A knee bends backwards, and hardly to the sides.
-        energy += add_limit(shin, pose->rotation[shin], v3(0, 0, 1), 0.02, 0.08, h, g);
-        energy += add_limit(shin, pose->rotation[shin], v3(1, 0, 0), 0.05, 0.10, h, g);
-        energy += add_limit(shin, pose->rotation[shin], v3(-1, 0, 0), 0.05, 0.10, h, g);
-        energy += add_limit(shin, pose->rotation[shin], v3(0, 1, 0), 0.85, 0.10, h, g);
-        energy += add_limit(forearm, pose->rotation[forearm], v3(0, 1, 0), 0.85, 0.10, h, g);
+        energy += add_limit(shin, pose->rotation[shin], (struct direction_limit){v3(0, 0, 1), 0.02, 0.08}, h, g);
+        energy += add_limit(shin, pose->rotation[shin], (struct direction_limit){v3(1, 0, 0), 0.05, 0.10}, h, g);
+        energy += add_limit(shin, pose->rotation[shin], (struct direction_limit){v3(-1, 0, 0), 0.05, 0.10}, h, g);
+        energy += add_limit(shin, pose->rotation[shin], (struct direction_limit){v3(0, 1, 0), 0.85, 0.10}, h, g);
+        energy += add_limit(forearm, pose->rotation[forearm], (struct direction_limit){v3(0, 1, 0), 0.85, 0.10}, h, g);
         // A thigh goes far ahead, little back, little across.
-        energy += add_limit(thigh, pose->rotation[thigh], v3(0, 0, -1), 0.40, 0.10, h, g);
-        // and within a skirt still less: what it hides may not be taken for legs that cross.
+        energy += add_limit(thigh, pose->rotation[thigh], (struct direction_limit){v3(0, 0, -1), 0.40, 0.10}, h, g);
+        // In a skirt still less: hidden legs are not to be fitted crossed.
         bool skirt = shape->hem_m > 0;
-        energy += add_limit(thigh, pose->rotation[thigh], v3(-out, 0, 0), skirt ? 0.10 : 0.35, 0.10, h, g);
+        energy += add_limit(thigh, pose->rotation[thigh],
+                            (struct direction_limit){v3(-out, 0, 0), skirt ? 0.10 : 0.35, 0.10}, h, g);
         // An arm goes across the chest, but not through the back.
-        energy += add_limit(arm, pose->rotation[arm], v3_unit(v3(-out, 0, -0.6)), 0.45, 0.15, h, g);
-        energy += add_limit(arm, pose->rotation[arm], v3(0, 0, -1), 0.85, 0.15, h, g);
+        energy +=
+            add_limit(arm, pose->rotation[arm], (struct direction_limit){v3_unit(v3(-out, 0, -0.6)), 0.45, 0.15}, h, g);
+        energy += add_limit(arm, pose->rotation[arm], (struct direction_limit){v3(0, 0, -1), 0.85, 0.15}, h, g);
     }
     return energy;
 }
@@ -124,8 +140,10 @@ double body_prior_motion(const struct body_pose *pose, const struct body_pose *e
             g[k] += w * o[k];
         }
     }
-    for (int s = 0; s < SEG_COUNT; s++)
-        energy += add_rotation_prior(s, pose->rotation[s], expected->rotation[s], rotation_prior[s].step * sigma,
-                                     rotation_prior[s].step_twist * sigma, h, g);
+    for (int s = 0; s < SEG_COUNT; s++) {
+        const struct rotation_target target = {expected->rotation[s], rotation_prior[s].step * sigma,
+                                               rotation_prior[s].step_twist * sigma};
+        energy += add_rotation_prior(s, pose->rotation[s], &target, h, g);
+    }
     return energy;
 }

@@ -1,14 +1,22 @@
 #include "capture/body/depth_evidence.h"
 
-#include "capture/segmentation/segment.h"
+#include "base/depth_noise.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { CELLS_ACROSS = 160, FAR_AWAY = 4000, AREA_MARGIN = 12 };
+enum {
+    CELLS_ACROSS = 160,
+    FAR_AWAY = 4000,  // cells: no inside cell found yet
+    AREA_MARGIN = 12, // cells
+    PIXELS_MIN = 40,
+    POINTS_MIN = 30,
+};
 
-// Cloth and the model's own coarseness, metres (standard deviation).
-#define SURFACE_SIGMA_M 0.012
+#define SURFACE_SIGMA_M  0.012 // standard deviation of cloth and of the model's coarseness
+#define OCCLUDER_FRONT_M 0.15  // an occluder is at least this much nearer, and three standard deviations
+#define VISIBLE_SLACK_M  0.05  // a joint's surface may be this far off, its radius, and twice the noise
+#define PROBE_OFFSET     0.6   // probes around a joint, of its radius
 
 enum status evidence_open(struct depth_evidence **out, const struct lens *lens)
 {
@@ -25,8 +33,7 @@ enum status evidence_open(struct depth_evidence **out, const struct lens *lens)
     }
     if (!e || !e->inside || !e->nearest) {
         evidence_close(&e);
-        return fail(ERR_MEMORY, "not enough memory to track a person in pictures of %d x %d", lens->width,
-                    lens->height);
+        return fail(ERR_MEMORY, "not enough memory to track a person in images of %d x %d", lens->width, lens->height);
     }
     *out = e;
     return OK;
@@ -42,7 +49,7 @@ void evidence_close(struct depth_evidence **e)
     *e = NULL;
 }
 
-// Takes a neighbour's nearest cell over when it is nearer.
+// Takes over a neighbour's nearest cell if that is nearer.
 static void propagate_nearest(struct depth_evidence *e, int x, int y, int i, int j)
 {
     int16_t *mine = e->nearest[y * e->width + x];
@@ -54,7 +61,7 @@ static void propagate_nearest(struct depth_evidence *e, int x, int y, int i, int
     }
 }
 
-// Two sweeps of vectors (Danielsson 1980), within the area; exact to a fraction of a cell.
+// Vector distance transform in two sweeps (Danielsson 1980), within the area; exact to a fraction of a cell.
 static void compute_nearest(struct depth_evidence *e)
 {
     const struct cell_area a = e->area;
@@ -95,7 +102,7 @@ static void compute_nearest(struct depth_evidence *e)
 
 static int clamp_int(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
 
-// The person's cells and some around them.
+// The person's cells and a margin.
 static void find_cell_area(struct depth_evidence *e)
 {
     e->area.left = clamp_int(0, e->left / e->step - AREA_MARGIN, e->width - 1);
@@ -126,7 +133,7 @@ bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_
                 e->bottom = y;
             }
     }
-    if (e->pixels < 40)
+    if (e->pixels < PIXELS_MIN)
         return false;
     e->bounds = find_image_bounds(depth, l);
     find_cell_area(e);
@@ -152,7 +159,15 @@ bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_
             e->high = v3(fmax(e->high.x, p.x), fmax(e->high.y, p.y), fmax(e->high.z, p.z));
         }
     e->extent_m2 = e->count ? e->pixels * z2 / e->count / (l->fx * l->fy) : 0;
-    return e->count >= 30;
+    return e->count >= POINTS_MIN;
+}
+
+unsigned evidence_cropped_edges(const struct depth_evidence *e)
+{
+    return (e->left <= e->bounds.left + CROP_MARGIN ? CROP_LEFT : 0) |
+           (e->right >= e->bounds.right - CROP_MARGIN ? CROP_RIGHT : 0) |
+           (e->top <= e->bounds.top + CROP_MARGIN ? CROP_TOP : 0) |
+           (e->bottom >= e->bounds.bottom - CROP_MARGIN ? CROP_BOTTOM : 0);
 }
 
 enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
@@ -169,7 +184,7 @@ enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, 
         *depth_m = there;
         return EVIDENCE_PERSON;
     }
-    if (there > 0 && there < z - 0.15 - 3 * depth_sigma_m(z))
+    if (there > 0 && there < z - OCCLUDER_FRONT_M - 3 * depth_sigma_m(z))
         return EVIDENCE_OCCLUDED;
     x /= e->step;
     y /= e->step;
@@ -177,7 +192,7 @@ enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, 
     const int16_t *way = e->nearest[at_y * e->width + at_x];
     if (way[0] == 0 && way[1] == 0 && x == at_x && y == at_y)
         return EVIDENCE_PERSON;
-    *dx = (way[0] + at_x - x) * e->step; // beyond the area: by way of its edge
+    *dx = (way[0] + at_x - x) * e->step; // outside the area: via the area's edge
     *dy = (way[1] + at_y - y) * e->step;
     return EVIDENCE_OFF_PERSON;
 }
@@ -187,15 +202,15 @@ int evidence_visible_count(const struct depth_evidence *e, struct vec3 c, double
     int shown = 0;
     *outside = true;
     for (int k = 0; k < EVIDENCE_PROBES; k++) {
-        struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
-                                     (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
+        struct vec3 p = v3_add(c, v3((k == 1) * PROBE_OFFSET * radius - (k == 2) * PROBE_OFFSET * radius,
+                                     (k == 3) * PROBE_OFFSET * radius - (k == 4) * PROBE_OFFSET * radius, 0));
         if (p.z < 0.1)
             continue;
         double measured, dx, dy;
         enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, p), p.z, &measured, &dx, &dy);
         *outside = *outside && kind == EVIDENCE_OUTSIDE;
         if (kind == EVIDENCE_PERSON && measured > 0 &&
-            fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
+            fabs(measured - (p.z - radius)) < VISIBLE_SLACK_M + radius + 2 * depth_sigma_m(measured))
             shown++;
     }
     return shown;

@@ -1,13 +1,16 @@
 #include "capture/body/hem_detector.h"
 
-#define BIN_M     0.02
-#define LEVEL_MIN 0.12 // of body height: over the ankles
-#define LEVEL_MAX 0.38 // below hands that hang
-#define NARROW    0.40 // at a hem; trousers have 0.3 and less for long
-#define WIDE      0.18 // and as wide as this, of body height; two legs are hardly
+// Chosen by hand; test_hem_detector measures the outcome on skirts, coats and trousers.
+#define BIN_M      0.02
+#define LEVEL_MIN  0.12 // of body height: above the ankles
+#define LEVEL_MAX  0.38 // below hanging hands
+#define NARROW     0.40 // at a hem; trousers have 0.3 or less
+#define WIDE       0.18 // minimum width above a hem, of body height; two legs hardly reach it
+#define KEEP_RATE  0.75 // of both thresholds, to keep the decision that there is a hem
+#define WIDE_MIN_M 0.05 // narrower levels have no hem
 enum { BINS = 60, GAP_BINS = 1, WINDOW_BINS = 5, HEM_FRAMES_MAX = 60 };
 
-// Of the person, how wide in metres each level over the floor is seen.
+// The visible width of the person, metres, by level over the floor.
 static void find_widths(const struct fit_task *task, double width[BINS])
 {
     const struct depth_evidence *e = task->evidence;
@@ -27,12 +30,12 @@ static void find_widths(const struct fit_task *task, double width[BINS])
         }
 }
 
-// The lowest bin that is all in sight: 0, or over where the picture's lower edge cuts the person off.
+// The lowest bin that is fully visible: 0, or above where the image's lower edge crops the person.
 static int lowest_bin(const struct fit_task *task)
 {
     const struct depth_evidence *e = task->evidence;
     double high = 0;
-    for (int y = e->bounds.bottom - 2; y <= e->bottom; y++)
+    for (int y = e->bounds.bottom - CROP_MARGIN; y <= e->bottom; y++)
         for (int x = e->left; x <= e->right; x++) {
             int at = y * e->lens.width + x, d = e->depth[at];
             if (!e->mask[at] || !d)
@@ -56,7 +59,7 @@ bool hem_detect(const struct fit_task *task, double height_m, struct hem *out)
     double width[BINS];
     *out = (struct hem){0};
     const struct depth_evidence *e = task->evidence;
-    if (!task->have_floor || e->left <= e->bounds.left + 2 || e->right >= e->bounds.right - 2)
+    if (!task->have_floor || evidence_cropped_edges(e) & (CROP_LEFT | CROP_RIGHT))
         return false;
     find_widths(task, width);
     int lowest = lowest_bin(task), first = (int)(LEVEL_MIN * height_m / BIN_M);
@@ -66,7 +69,7 @@ bool hem_detect(const struct fit_task *task, double height_m, struct hem *out)
     for (int i = first; i < BINS - WINDOW_BINS && i * BIN_M < LEVEL_MAX * height_m; i++) {
         double over = mean_of(width, i + GAP_BINS, i + WINDOW_BINS),
                under = i > WINDOW_BINS ? mean_of(width, i - WINDOW_BINS, i - GAP_BINS) : over;
-        double narrow = over > 0.05 ? (over - under) / over : 0;
+        double narrow = over > WIDE_MIN_M ? (over - under) / over : 0;
         if (narrow > out->narrow)
             *out = (struct hem){i * BIN_M, over, narrow};
     }
@@ -84,5 +87,5 @@ void hem_update(struct hem_estimate *b, const struct hem *hem, double waist_leve
 
 bool hem_is_worn(double narrow, double wide_m, double height_m, bool wears)
 {
-    return narrow > (wears ? 0.75 : 1) * NARROW && wide_m > (wears ? 0.75 : 1) * WIDE * height_m;
+    return narrow > (wears ? KEEP_RATE : 1) * NARROW && wide_m > (wears ? KEEP_RATE : 1) * WIDE * height_m;
 }

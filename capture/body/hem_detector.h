@@ -1,25 +1,26 @@
-// Where a skirt or a coat ends: at its hem, of what is seen of the person much less is below than above, the legs.
-// Trousers grow narrow little by little, and hands that hang move. Pure.
+// Detects the hem of a skirt or a coat that hides the legs: the level below which much less of the person is visible
+// than above. Trousers get narrower gradually, and hanging hands move. A heuristic of its own, with
+// thresholds chosen by hand. Pure.
 #pragma once
 #include "capture/body/body_fit.h"
 
 struct hem {
     double level_m; // over the floor
-    double wide_m;  // so much of the person is seen just above, gaps not counted
-    double narrow;  // 0 to 1: by this share less is below
+    double wide_m;  // visible width of the person just above, gaps not counted
+    double narrow;  // 0 to 1: the share of that width which is missing below
 };
 
-// The sharpest narrowing between the ankles and the middle of the thighs of somebody of that
-// height. task's evidence, floor and up are in use. Of who is cut off below, only what is in sight counts. False: the
-// picture's sides cut them off, or too little is in sight.
+// The sharpest narrowing between the ankles and the middle of the thighs of a person of that height. Uses task's
+// evidence, floor and up. Of a person cropped below, only the visible part counts. False: the person is cropped at the
+// image's sides, too little is visible, or the floor is unknown; *out is then all 0.
 bool hem_detect(const struct fit_task *task, double height_m, struct hem *out);
 
-// What several pictures say.
+// The estimate from several frames.
 struct hem_estimate {
-    int count;                      // of the pictures, at most 60
-    double below_m, wide_m, narrow; // means; below_m: how far below the waist joint
+    int count;                      // of frames, at most 60
+    double below_m, wide_m, narrow; // running means; below_m: from the waist joint down to the hem
 };
 void hem_update(struct hem_estimate *estimate, const struct hem *hem, double waist_level_m);
-// One picture, or the mean of several, shows somebody of that height in a skirt or a coat. `wears`: as it was
-// believed so far, which needs less.
+// True if one frame, or the mean of several, shows a person of that height in a skirt or a coat. `wears`: the decision
+// so far; to keep it takes less (hysteresis).
 bool hem_is_worn(double narrow, double wide_m, double height_m, bool wears);

@@ -2,21 +2,24 @@
 
 #include <string.h>
 
+// Information that every unknown has beside the evidence, and the smallest pivot of a positive definite matrix: far
+// below those of any prior.
+static const double DIAGONAL_MIN = 1e-3, PIVOT_MIN = 1e-9;
+
 void normal_equations_reset(struct normal_equations *s, bool with_shape)
 {
     memset(s, 0, sizeof *s);
     s->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
 }
 
-void normal_equations_add(struct normal_equations *s, const struct body_build *build, enum segment segment,
-                          struct vec3 point, struct vec3 n, double residual, double weight,
-                          const double shape[SHAPE_COUNT])
+void normal_equations_add(struct normal_equations *s, const struct body_build *build, const struct point_residual *r)
 {
     if (!s)
         return;
-    struct vec3 moment = v3_cross(v3_sub(point, build->origin[0]), n);
+    const struct vec3 n = r->normal, moment = v3_cross(v3_sub(r->point, build->origin[0]), n);
+    const double residual = r->residual, weight = r->weight, *shape = r->shape;
     const double j[TWIST_COUNT] = {n.x, n.y, n.z, moment.x, moment.y, moment.z};
-    struct segment_sum *sum = &s->sum[segment];
+    struct segment_sum *sum = &s->sum[r->segment];
     for (int a = 0; a < TWIST_COUNT; a++) {
         double w = weight * j[a];
         sum->g[a] += w * residual;
@@ -52,7 +55,7 @@ static double dot6(const double a[TWIST_COUNT], const double b[TWIST_COUNT])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
 }
 
-// How the twist of everything below segment s grows with its turn about axis k of its parent.
+// The twist of everything below segment s per rotation of s about axis k of its parent.
 static void segment_twist(const struct body_build *build, int s, int k, double out[TWIST_COUNT])
 {
     struct vec3 axis = v3(build->parent_axes[s][0][k], build->parent_axes[s][1][k], build->parent_axes[s][2][k]),
@@ -60,8 +63,7 @@ static void segment_twist(const struct body_build *build, int s, int k, double o
     out[0] = along.x, out[1] = along.y, out[2] = along.z, out[3] = axis.x, out[4] = axis.y, out[5] = axis.z;
 }
 
-// Segment by segment from the ends inwards, as a composite body's inertia is
-// (Featherstone, Rigid Body Dynamics Algorithms, section 6.2).
+// Segment by segment from the ends inwards.
 void normal_equations_assemble(struct normal_equations *s, const struct body_build *build)
 {
     double twist[SEG_COUNT][3][TWIST_COUNT];
@@ -91,7 +93,7 @@ void normal_equations_assemble(struct normal_equations *s, const struct body_bui
         if (i > 0)
             add_segment_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
     }
-    for (int m = 0; m < 3; m++) { // the root's way
+    for (int m = 0; m < 3; m++) { // the root's translation
         s->g[m] += s->sum[0].g[m];
         for (int b = 0; b <= m; b++)
             s->h[m][b] += s->sum[0].h[m][b];
@@ -100,9 +102,9 @@ void normal_equations_assemble(struct normal_equations *s, const struct body_bui
     }
 }
 
-// Unknowns in the order in which they are eliminated: limbs from their ends inwards, the shape last. What is not above
-// or below one another has nothing in common then, and stays so (Featherstone, section 6.5): of each row only what is
-// not left of the outermost segment that hangs on its own is ever not zero.
+// Elimination order without fill-in (Featherstone, section 6.5): limbs from their ends inwards, the shape last.
+// Segments that are not above or below each other have no common entry then, so that of each row only the entries from
+// `first` on, that of its outermost descendant, are ever nonzero.
 struct elimination {
     int unknown[FIT_COUNT], first[FIT_COUNT]; // by row
 };
@@ -125,6 +127,8 @@ static struct elimination elimination_order(int count)
     return e;
 }
 
+// Not cholesky_factor() of base/linear_algebra.h: it skips the zeros left of each row's first unknown (a skyline),
+// damps the diagonal on the way, and solves in the same sweep, in an order that gives other roundings.
 bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
@@ -135,10 +139,10 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
             int b = e.unknown[j], from = e.first[i] > e.first[j] ? e.first[i] : e.first[j];
             double sum = a > b ? s->h[a][b] : s->h[b][a];
             if (i == j)
-                sum += damping * sum + 1e-3;
+                sum += damping * sum + DIAGONAL_MIN;
             for (int k = from; k < j; k++)
                 sum -= l[i][k] * l[j][k];
-            if (i == j && !(sum > 1e-9))
+            if (i == j && !(sum > PIVOT_MIN))
                 return false;
             l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
         }
@@ -156,17 +160,18 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
     return true;
 }
 
+// Not marginal_information() of base/linear_algebra.h: the two parts differ in size, and pivots are clamped.
 void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT];
     for (int i = 0; i < FIT_COUNT; i++)
         for (int j = 0; j <= i; j++) {
-            double sum = s->h[i][j] + (i == j ? 1e-3 : 0);
+            double sum = s->h[i][j] + (i == j ? DIAGONAL_MIN : 0);
             int last = j < FIT_POSE_COUNT ? j : FIT_POSE_COUNT;
             for (int k = 0; k < last; k++)
                 sum -= l[i][k] * l[j][k];
             if (i < FIT_POSE_COUNT && i == j)
-                l[i][i] = sqrt(fmax(sum, 1e-9));
+                l[i][i] = sqrt(fmax(sum, PIVOT_MIN));
             else
                 l[i][j] = j < FIT_POSE_COUNT ? sum / l[j][j] : sum;
         }

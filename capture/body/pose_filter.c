@@ -1,21 +1,27 @@
 #include "capture/body/pose_filter.h"
+#include "base/portable_math.h"
 
 #include "capture/body/two_bone_ik.h"
 
 #include <string.h>
 
-#define JITTER_S         0.5   // over this time the trembling is averaged
-#define JITTER_INITIAL_M 0.008 // before anything was measured
+// Time constants and thresholds, chosen by hand; test_pose_filter measures jitter and lag.
+#define JITTER_S         0.5   // averaging time of the jitter's variance
+#define JITTER_INITIAL_M 0.008 // before any measurement
 #define JITTER_MIN_M     0.002
 #define JITTER_MAX_M     0.015 // more is motion
-#define FULL_GAIN_SIGMAS 12.0  // so many standard deviations off, nothing is held any more
-#define FULL_GAIN_M_S    0.30  // nor when the fits move as fast as this
-#define SPEED_S          0.25  // over which speed is averaged
-#define STATIC_S         2.0 // a limb that is held comes to the mean of its fits of this time; at first, of all so far
-#define SPEED_MAX_M_S    6.5 // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
+#define FULL_GAIN_SIGMAS 12.0  // an innovation of so many standard deviations has gain 1
+#define FULL_GAIN_M_S    0.30  // and so has this speed of the fits
+#define SPEED_S          0.25  // averaging time of the speed
+#define STATIC_S         2.0   // averaging time of a static limb; at first, over all fits so far
+#define SPEED_MAX_M_S    6.5   // of a thrown punch (McGill et al. 2010 report 6 to 10 m/s)
 
-// What moves together: the trunk and four limbs.
-enum { TRUNK, GROUPS = 5 };
+// limit_speed approaches the bound from below, in a few rounds.
+#define LIMIT_SLACK 0.97
+enum { LIMIT_ROUNDS = 4 };
+
+// Groups of segments with one gain: the trunk and four limbs.
+enum { TRUNK, GROUPS = 1 + LIMB_COUNT };
 
 static int group_of(int segment)
 {
@@ -26,16 +32,7 @@ static int group_of(int segment)
                                                                          : TRUNK;
 }
 
-static const struct {
-    enum segment first, middle, end;
-    enum joint bend, tip;
-} limb[GROUPS] = {
-    {0},
-    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
-};
+static const struct body_limb *limb_of(int group) { return &body_limbs[group - 1]; }
 
 void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose)
 {
@@ -48,8 +45,8 @@ void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, co
         s->jitter_m2[j] = JITTER_INITIAL_M * JITTER_INITIAL_M;
 }
 
-// What three fits in a row are off a straight line is trembling, but for what the body
-// speeds up by, which is bounded.
+// The deviation of three consecutive fits from a straight line is jitter, but for acceleration, which JITTER_MAX_M
+// bounds.
 static void measure_jitter(struct pose_filter *s, const struct body_build *is, double dt_s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -57,22 +54,23 @@ static void measure_jitter(struct pose_filter *s, const struct body_build *is, d
         if (s->fits >= 2) {
             struct vec3 bend = v3_add(v3_sub(p, v3_scale(s->fit[0][j], 2)), s->fit[1][j]);
             double now = fmin(v3_dot(bend, bend) / 6, JITTER_MAX_M * JITTER_MAX_M); // 1 + 4 + 1 variances
-            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - exp(-dt_s / JITTER_S));
+            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - portable_exp(-dt_s / JITTER_S));
         }
-        s->speed[j] = v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - exp(-dt_s / SPEED_S));
+        s->speed[j] =
+            v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - portable_exp(-dt_s / SPEED_S));
         s->fit[1][j] = s->fit[0][j];
         s->fit[0][j] = p;
     }
     s->fits += s->fits < 1000;
 }
 
-// How much of the way to the fit each group goes.
+// The gain of each group, from STATIC_S to 1.
 static void find_gains(const struct pose_filter *s, const struct body_build *is, double dt_s, double gain[GROUPS])
 {
-    double most[GROUPS] = {0}, least = fmax(1 - exp(-dt_s / STATIC_S), 1.0 / s->fits);
+    double most[GROUPS] = {0}, least = fmax(1 - portable_exp(-dt_s / STATIC_S), 1.0 / s->fits);
     int group[JOINT_COUNT] = {0};
     for (int g = 1; g < GROUPS; g++)
-        group[limb[g].bend] = group[limb[g].tip] = g;
+        group[limb_of(g)->bend] = group[limb_of(g)->tip] = g;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double off = v3_distance(is->joint[j], s->joint[j]) /
                      (FULL_GAIN_SIGMAS * fmax(JITTER_MIN_M, sqrt(s->jitter_m2[j]))),
@@ -83,8 +81,8 @@ static void find_gains(const struct pose_filter *s, const struct body_build *is,
         gain[g] = least + (1 - least) * fmin(1, most[g] * most[g]);
 }
 
-// Segment by segment as the camera sees them: a trunk that trembles one way and limbs that
-// tremble the other against it cancel out.
+// Slerp of each segment's rotation in the camera, not in its parent: jitter of the trunk and the opposite jitter of a
+// limb against the trunk cancel out.
 static void blend_poses(const struct body_pose *from, const struct body_pose *to, const double gain[GROUPS],
                         struct body_pose *out)
 {
@@ -99,38 +97,40 @@ static void blend_poses(const struct body_pose *from, const struct body_pose *to
     out->root = v3_mix(from->root, to->root, gain[TRUNK]);
 }
 
-// A foot that stands, or a hand, does not move with the trunk: each limb bends towards the places on
-// the way from where it was told to where the fit has it.
+// A standing foot, or a hand, must not move with the trunk's correction: each limb is aimed at the positions of its
+// joints between the last filtered and the fitted ones.
 static void preserve_limb_ends(const struct pose_filter *s, const struct body_shape *shape, const struct body_build *is,
                                const double gain[GROUPS], struct body_pose *pose)
 {
     for (int g = 1; g < GROUPS; g++) {
+        const struct body_limb *l = limb_of(g);
         struct body_build build;
-        struct vec3 tip = v3_mix(s->joint[limb[g].tip], is->joint[limb[g].tip], gain[g]),
-                    bend = v3_mix(s->joint[limb[g].bend], is->joint[limb[g].bend], gain[g]);
+        struct vec3 tip = v3_mix(s->joint[l->tip], is->joint[l->tip], gain[g]),
+                    bend = v3_mix(s->joint[l->bend], is->joint[l->bend], gain[g]);
         body_forward_kinematics(shape, pose, &build);
-        body_aim_segment(shape, pose, limb[g].first, v3_sub(bend, build.origin[limb[g].first]));
+        body_aim_segment(shape, pose, l->upper, v3_sub(bend, build.origin[l->upper]));
         body_forward_kinematics(shape, pose, &build);
-        body_aim_segment(shape, pose, limb[g].middle, v3_sub(tip, build.origin[limb[g].middle]));
+        body_aim_segment(shape, pose, l->lower, v3_sub(tip, build.origin[l->lower]));
     }
 }
 
-// A limb found again elsewhere is told on its way there, not faster than a body moves.
+// Bounds the speed of a limb that was found again in another place.
 static void limit_speed(const struct body_pose *was_pose, const struct body_build *was, const struct body_shape *shape,
                         const struct body_pose *wanted, double dt_s, struct body_pose *out)
 {
     struct body_build is;
     double limit = SPEED_MAX_M_S * dt_s, share[GROUPS] = {1, 1, 1, 1, 1};
     *out = *wanted;
-    for (int round = 0; round < 4; round++) { // turns and distances are not quite proportional
+    for (int round = 0; round < LIMIT_ROUNDS; round++) { // rotations and distances are not quite proportional
         body_forward_kinematics(shape, out, &is);
         for (int g = 1; g < GROUPS; g++) {
-            double far = fmax(v3_distance(was->origin[limb[g].middle], is.origin[limb[g].middle]),
-                              v3_distance(was->origin[limb[g].end], is.origin[limb[g].end]));
+            const struct body_limb *l = limb_of(g);
+            double far = fmax(v3_distance(was->origin[l->lower], is.origin[l->lower]),
+                              v3_distance(was->origin[l->end], is.origin[l->end]));
             if (far <= limit)
                 continue;
-            share[g] *= 0.97 * limit / far;
-            for (int i = (int)limb[g].first; i <= (int)limb[g].end; i++)
+            share[g] *= LIMIT_SLACK * limit / far;
+            for (int i = (int)l->upper; i <= (int)l->end; i++)
                 out->rotation[i] = quat_slerp(was_pose->rotation[i], wanted->rotation[i], share[g]);
         }
     }

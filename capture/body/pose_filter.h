@@ -1,23 +1,23 @@
-// What is told of a pose: steady where the body stands still, as fast as the
-// body where it moves, and never jumping.
+// Causal pose filter: the online estimate, smooth while the body stands still and without lag while it moves.
 //
-// Every picture's fit trembles, by millimetres near the sensor and more farther off. How
-// much, is measured as it goes, joint by joint. What is told goes towards a fit by a
-// share that follows from how far off that is against the trembling: within it, little, so that
-// many fits are averaged; well beyond it, all the way at once. The past counts, the future does not.
+// Every frame's fit has jitter, of millimetres near the sensor and more far from it. Its variance is measured online,
+// joint by joint, from the second differences of the fits. The gain of trunk and limbs follows from the innovation
+// against that noise and from the speed: an innovation within the noise is averaged over many fits, one well beyond it
+// is followed immediately (an exponential filter with adaptive gain). Joint speed is bounded. Noise
+// and speed are averaged over fixed times, so that the frame rate hardly matters. Pure; camera axes, metres.
 #pragma once
 #include "capture/body/body_model.h"
 
 struct pose_filter {
-    struct body_pose pose;           // as told last
-    struct vec3 joint[JOINT_COUNT];  // the same, metres
-    struct vec3 fit[2][JOINT_COUNT]; // of the last frame and the one before
-    int fits;                        // so many there were, at most 1000
-    double jitter_m2[JOINT_COUNT];   // of the fits, variance in all three directions together
-    struct vec3 speed[JOINT_COUNT];  // of the fits, mean, m/s
+    struct body_pose pose;           // filtered
+    struct vec3 joint[JOINT_COUNT];  // its joints
+    struct vec3 fit[2][JOINT_COUNT]; // joints as fitted in the last frame and the one before
+    int fits;                        // number so far, at most 1000
+    double jitter_m2[JOINT_COUNT];   // variance of the fits' noise, all three directions together
+    struct vec3 speed[JOINT_COUNT];  // mean of the fits', m/s
 };
 
 void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose);
-// The next frame's fit, `dt_s` later; s->pose is then what to tell.
+// Takes the next frame's fit, `dt_s` > 0 later; s->pose is then the filtered pose.
 void pose_filter_update(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose,
                         double dt_s);

@@ -1,34 +1,18 @@
+// Incremental growth of the map: frames and tags are placed from one another, the unambiguous ones first, each step
+// followed by bundle adjustment.
 #include "capture/mapping/map_internal.h"
 
 #include <stdlib.h>
 
-static const double UNREFINED_TAG_PX = 0.1; // how well a growing map has a tag's corners
-
-int map_tag_correspondences(const struct map *m, const struct map_frame *f, struct pnp_tag *out)
-{
-    int count = 0;
-    for (int32_t i = 0; i < f->seen_count && count < PNP_MAX_TAGS; i++) {
-        const struct map_tag *tag = &m->tags[f->tag_index[i]];
-        if (tag->mapped)
-            out[count++] = (struct pnp_tag){
-                .seen = &f->seen[i],
-                .depth = f->depths[i].count ? &f->depths[i] : NULL,
-                .world_from_tag = tag->world_from_tag,
-                .side_m = tag->side_m,
-                .map_px = UNREFINED_TAG_PX,
-                .used = true,
-            };
-    }
-    return count;
-}
-
-// Wider than for a finished map: the tags' poses are first ideas.
-static const double BOOTSTRAP_RMS_PX = 6, GUESS_PX = 1;
+// Wider than for a finished map, because the tags' poses are initial values. Chosen by hand.
+static const double BOOTSTRAP_RMS_PX = 6, INITIAL_POSE_PX = 1;
 enum { ROUNDS = 15 };
-static const double UNAMBIGUOUS_COST = 100; // by which one of two poses must be worse to be out of the question
+// A second planar pose is discarded when its cost (whitened squared residuals) is more than twice the first one's plus
+// this. Chosen by hand.
+static const double UNAMBIGUOUS_COST = 100;
 
-// Places frames that see a mapped tag. Of poses that may be mirrored only where
-// `accept_ambiguous`. How many were placed.
+// Places frames that see a mapped tag; those with two possible planar poses only where `accept_ambiguous`. Returns how
+// many were placed.
 static int place_frames(struct map *m, bool accept_ambiguous)
 {
     const struct lens *lens = &m->calibration.color;
@@ -40,7 +24,8 @@ static int place_frames(struct map *m, bool accept_ambiguous)
         if (f->placed)
             continue;
         int count = map_tag_correspondences(m, f, tags);
-        enum status status = count ? pnp_solve(tags, count, lens->fx, lens->fy, BOOTSTRAP_RMS_PX, NULL, &fit) : NOTHING;
+        const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+        enum status status = count ? pnp_solve(&problem, BOOTSTRAP_RMS_PX, &fit) : NOTHING;
         if (status == OK || (status == AMBIGUOUS && accept_ambiguous)) {
             f->placed = true;
             f->camera_from_world = fit.camera_from_world;
@@ -50,7 +35,7 @@ static int place_frames(struct map *m, bool accept_ambiguous)
     return placed;
 }
 
-// How badly a tag at this place fits what the placed frames saw of it.
+// Cost of a tag at this pose against its observations in the placed frames: whitened squared residuals.
 static double tag_cost(const struct map *m, int32_t tag, const struct pose *world_from_tag)
 {
     double cost = 0;
@@ -63,17 +48,18 @@ static double tag_cost(const struct map *m, int32_t tag, const struct pose *worl
                                 .depth = f->depths[k].count ? &f->depths[k] : NULL,
                                 .world_from_tag = *world_from_tag,
                                 .side_m = m->tags[tag].side_m,
-                                .map_px = UNREFINED_TAG_PX,
+                                .map_px = MAP_TAG_PX,
                                 .used = true};
-            cost += pnp_tag_cost(&t, &f->camera_from_world, GUESS_PX, m->calibration.color.fx, m->calibration.color.fy);
+            cost += pnp_tag_cost(&t, &f->camera_from_world, INITIAL_POSE_PX, m->calibration.color.fx,
+                                 m->calibration.color.fy);
         }
     }
     return cost;
 }
 
-// First ideas of a tag's pose: the one that explains all of its sightings best,
-// and the best one that is turned against it. A flat square far off looks nearly
-// the same mirrored, and depth at a distance does not tell either.
+// Initial values of a tag's pose: the one that explains all of its observations best, and the best one of another
+// rotation. The planar pose problem has two solutions, which differ little for a distant tag; depth at a distance does
+// not decide either.
 struct tag_hypotheses {
     struct pose pose[2];
     double cost[2];
@@ -81,7 +67,7 @@ struct tag_hypotheses {
     int observations; // in placed frames
 };
 
-static const double DISTINCT_RAD = 0.15;
+static const double DISTINCT_RAD = 0.15; // rotations closer than this are one solution
 
 static void add_hypothesis(struct tag_hypotheses *g, struct pose pose, double cost)
 {
@@ -124,7 +110,7 @@ static struct tag_hypotheses hypothesize_tag(const struct map *m, int32_t tag)
     return g;
 }
 
-// What an adjustment changes, to go back to.
+// The poses that an adjustment changes, to restore them.
 struct pose_backup {
     struct pose *frames, *tags;
 };
@@ -145,8 +131,7 @@ static void restore_poses(struct map *m, const struct pose_backup *s)
         m->tags[i].world_from_tag = s->tags[i];
 }
 
-// Puts the tag into the map, in that of its two poses with which everything
-// together fits better.
+// Adds the tag to the map, at that of its two poses with which the adjusted map has the lower cost.
 static enum status add_tag(struct map *m, int32_t tag, const struct tag_hypotheses *g)
 {
     m->tags[tag].mapped = true;
@@ -173,26 +158,8 @@ static enum status add_tag(struct map *m, int32_t tag, const struct tag_hypothes
     return status;
 }
 
-int32_t map_most_observed_tag(const struct map *m, bool mapped)
-{
-    int32_t best = -1, most = 0;
-    for (int32_t t = 0; t < m->tag_count; t++) {
-        int32_t count = 0;
-        if (mapped && !m->tags[t].mapped)
-            continue;
-        for (int32_t i = 0; i < m->frame_count; i++)
-            for (int32_t k = 0; k < m->frames[i].seen_count; k++)
-                count += m->frames[i].tag_index[k] == t;
-        if (count > most) {
-            most = count;
-            best = t;
-        }
-    }
-    return best;
-}
-
-// Frames and tags in turn, as far as poses are beyond doubt. Once points hold the
-// frames, tags are fitted to them.
+// Places frames and tags alternately, as far as their poses are unambiguous. Once landmarks constrain the frames, only
+// the tags are adjusted.
 static enum status grow_unambiguous(struct map *m)
 {
     for (;;) {
@@ -258,9 +225,8 @@ enum status map_bootstrap(struct map *m, bool use_points)
             status = map_register_frames(m, &placed);
         if (status != OK)
             return status;
-        // The better of two mirrored poses is taken only when there is no other way on.
+        // The better of two planar poses is accepted only when nothing else can be placed.
         if (!placed && !place_frames(m, true))
-            return use_points ? OK
-                              : map_bundle_adjust(m, ROUNDS, false, NULL); // points are polished, and all with them
+            return use_points ? OK : map_bundle_adjust(m, ROUNDS, false, NULL); // else map_refine_landmarks adjusts all
     }
 }

@@ -1,3 +1,4 @@
+// Sets up bundle adjustment problems from the map and writes their solutions back; residuals of the result.
 #include "capture/mapping/map_internal.h"
 
 #include "base/linear_algebra.h"
@@ -5,19 +6,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Beside what the picture's noise explains: print, paper that is not flat, lens.
+// Standard deviation of a tag corner beyond image noise: print, paper that is not flat, lens. Chosen by hand.
 static const double PRINT_PX = 0.05;
-// Sensors are off by about so much; by more is no error of scale.
+// Prior of the sensor's depth scale error, and the error above which a result is not believed. Chosen by hand.
 static const double DEPTH_SCALE_SIGMA = 0.01, MAX_DEPTH_SCALE_ERROR = 0.05;
 
 // What is adjusted, and how.
 struct adjust_options {
     int rounds;
     bool fix_frames;
-    double extra_sigma_px;  // points are less sure by this
-    const bool *included;   // which points; NULL: all
+    double extra_sigma_px;  // added to the standard deviation of landmark observations
+    const bool *included;   // which landmarks; NULL: all
     double *cost;           // NULL: not asked for
-    double *depth_scale;    // NULL: depth is true
+    double *depth_scale;    // NULL: the depth scale is held at 1
     double *tag_covariance; // NULL: not asked for
 };
 
@@ -25,7 +26,6 @@ struct residual_counts {
     int32_t corners, depths, observations;
 };
 
-// included: for each point whether it does; NULL: all do.
 static bool is_included(const struct map_feature *s, const bool *included)
 {
     return s->point >= 0 && (!included || included[s->point]);
@@ -50,7 +50,8 @@ static struct residual_counts count_residuals(const struct map *m, const bool *i
     return n;
 }
 
-// The upper factor U of the information, U^T U = information.
+// The upper factor U of the information of a tag's eight corner coordinates, U^T U = information; where it is singular,
+// a standard deviation of half a pixel.
 static void whiten(const struct tag_observation *seen, double out[8][8])
 {
     double covariance[64], information[64];
@@ -58,7 +59,7 @@ static void whiten(const struct tag_observation *seen, double out[8][8])
     if (invert_symmetric(&seen->information[0][0], 8, covariance)) {
         for (int i = 0; i < 8; i++)
             covariance[i * 8 + i] += PRINT_PX * PRINT_PX;
-        if (invert_symmetric(covariance, 8, information) && cholesky(information, 8)) {
+        if (invert_symmetric(covariance, 8, information) && cholesky_factor(information, 8)) {
             for (int i = 0; i < 8; i++)
                 for (int j = 0; j <= i; j++)
                     out[j][i] = information[i * 8 + j];
@@ -69,16 +70,55 @@ static void whiten(const struct tag_observation *seen, double out[8][8])
         out[i][i] = 2;
 }
 
+// The arrays of one adjustment.
+struct adjust_arrays {
+    struct ba_camera *cameras;
+    struct ba_square *squares;
+    struct vec3 *points;
+    struct ba_corners *corners;
+    struct ba_plane_depth *depths;
+    struct ba_observation *observations;
+    bool *moved;                 // for move_excluded_points
+    struct residual_counts used; // of corners, depths, observations
+};
+
+static void adjust_arrays_free(struct adjust_arrays *a)
+{
+    free(a->cameras);
+    free(a->squares);
+    free(a->points);
+    free(a->corners);
+    free(a->depths);
+    free(a->observations);
+    free(a->moved);
+}
+
+static enum status adjust_arrays_alloc(struct adjust_arrays *a, const struct map *m, struct residual_counts n)
+{
+    *a = (struct adjust_arrays){
+        .cameras = calloc((size_t)m->frame_count + 1, sizeof *a->cameras),
+        .squares = calloc((size_t)m->tag_count + 1, sizeof *a->squares),
+        .points = calloc((size_t)m->point_count + 1, sizeof *a->points),
+        .corners = calloc((size_t)n.corners + 1, sizeof *a->corners),
+        .depths = calloc((size_t)n.depths + 1, sizeof *a->depths),
+        .observations = calloc((size_t)n.observations + 1, sizeof *a->observations),
+        .moved = calloc((size_t)m->point_count + 1, sizeof *a->moved),
+    };
+    if (a->cameras && a->squares && a->points && a->corners && a->depths && a->observations && a->moved)
+        return OK;
+    adjust_arrays_free(a);
+    return fail(ERR_MEMORY, "no memory to adjust the map");
+}
+
 static void add_frame_residuals(const struct map *m, int32_t i, const struct adjust_options *options,
-                                struct ba_corners *corners, struct ba_plane_depth *depths,
-                                struct ba_observation *observations, struct residual_counts *n)
+                                struct adjust_arrays *a)
 {
     const struct map_frame *f = &m->frames[i];
     const struct lens *lens = &m->calibration.color;
     for (int32_t k = 0; k < f->seen_count; k++) {
         if (!m->tags[f->tag_index[k]].mapped)
             continue;
-        struct ba_corners *c = &corners[n->corners++];
+        struct ba_corners *c = &a->corners[a->used.corners++];
         c->camera = i;
         c->square = f->tag_index[k];
         for (int j = 0; j < 4; j++) {
@@ -88,8 +128,8 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
         whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
-            depths[n->depths++] = (struct ba_plane_depth){
-                i, f->tag_index[k], s->x, s->y, s->z, depth_sigma(s->z) / sqrt(f->depths[k].share)};
+            a->depths[a->used.depths++] = (struct ba_plane_depth){
+                i, f->tag_index[k], s->x, s->y, s->z, depth_absolute_sigma_m(s->z) / sqrt(f->depths[k].share)};
         }
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
@@ -97,8 +137,9 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
         if (!is_included(s, options->included))
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
-        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
-        struct ba_observation *seen = &observations[n->observations++];
+        double sigma_m =
+            s->depth > 0 ? hypot(depth_absolute_sigma_m(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
+        struct ba_observation *seen = &a->observations[a->used.observations++];
         *seen = (struct ba_observation){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
         match_covariance(&m->points[s->point], &s->feature, seen->covariance);
         seen->covariance[0] += options->extra_sigma_px * options->extra_sigma_px;
@@ -106,7 +147,7 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
     }
 }
 
-// A point that did not join goes with the first frame that shows it. moved: room for one of each point, false.
+// A landmark that was not included moves rigidly with the first frame that shows it. moved: point_count times false.
 static void move_excluded_points(struct map *m, const struct ba_problem *p, const bool *included, bool *moved)
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -136,67 +177,51 @@ static enum status adjust_all(struct map *m, const struct adjust_options *option
 {
     const bool *included = options->included;
     map_undo_rolling_shutter(m);
-    struct residual_counts n = count_residuals(m, included), filled = {0};
-    struct ba_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
-    struct ba_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);
-    struct vec3 *points = calloc((size_t)m->point_count + 1, sizeof *points);
-    struct ba_corners *corners = calloc((size_t)n.corners + 1, sizeof *corners);
-    struct ba_plane_depth *depths = calloc((size_t)n.depths + 1, sizeof *depths);
-    struct ba_observation *observations = calloc((size_t)n.observations + 1, sizeof *observations);
-    bool *moved = calloc((size_t)m->point_count + 1, sizeof *moved);
-    enum status status = ERR_MEMORY;
-    if (cameras && squares && points && corners && depths && observations && moved) {
-        for (int32_t i = 0; i < m->frame_count; i++) {
-            cameras[i].camera_from_world = m->frames[i].camera_from_world;
-            if (m->frames[i].placed)
-                add_frame_residuals(m, i, options, corners, depths, observations, &filled);
-        }
-        for (int32_t i = 0; i < m->tag_count; i++)
-            squares[i] = (struct ba_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].fixed};
-        for (int32_t i = 0; i < m->point_count; i++)
-            points[i] = m->points[i].world;
-        struct ba_problem problem = {
-            .fx = m->calibration.color.fx,
-            .fy = m->calibration.color.fy,
-            .cameras = cameras,
-            .squares = squares,
-            .points = points,
-            .corners = corners,
-            .plane_depths = depths,
-            .observations = observations,
-            .camera_count = m->frame_count,
-            .square_count = m->tag_count,
-            .point_count = m->point_count,
-            .corner_count = filled.corners,
-            .plane_depth_count = filled.depths,
-            .observation_count = options->fix_frames ? 0 : filled.observations,
-            .held_camera = m->fixed_frame,
-            .held_points = m->held_points,
-            .hold_cameras = options->fix_frames,
-            .max_iterations = options->rounds,
-            .cost = options->cost,
-            .depth_scale = options->depth_scale,
-            .depth_scale_sigma = DEPTH_SCALE_SIGMA,
-            .square_covariance = options->tag_covariance,
-        };
-        status = bundle_adjust(&problem);
-        if (status == OK && included)
-            move_excluded_points(m, &problem, included, moved);
-        if (status == OK)
-            apply_solution(m, &problem);
-    } else {
-        (void)fail(ERR_MEMORY, "no memory to adjust the map");
+    struct adjust_arrays a;
+    enum status status = adjust_arrays_alloc(&a, m, count_residuals(m, included));
+    if (status != OK)
+        return status;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        a.cameras[i].camera_from_world = m->frames[i].camera_from_world;
+        if (m->frames[i].placed)
+            add_frame_residuals(m, i, options, &a);
     }
-    free(cameras);
-    free(squares);
-    free(points);
-    free(corners);
-    free(depths);
-    free(observations);
-    free(moved);
+    for (int32_t i = 0; i < m->tag_count; i++)
+        a.squares[i] = (struct ba_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].fixed};
+    for (int32_t i = 0; i < m->point_count; i++)
+        a.points[i] = m->points[i].world;
+    struct ba_problem problem = {
+        .fx = m->calibration.color.fx,
+        .fy = m->calibration.color.fy,
+        .cameras = a.cameras,
+        .squares = a.squares,
+        .points = a.points,
+        .corners = a.corners,
+        .plane_depths = a.depths,
+        .observations = a.observations,
+        .camera_count = m->frame_count,
+        .square_count = m->tag_count,
+        .point_count = m->point_count,
+        .corner_count = a.used.corners,
+        .plane_depth_count = a.used.depths,
+        .observation_count = options->fix_frames ? 0 : a.used.observations,
+        .held_camera = m->fixed_frame,
+        .held_points = m->held_points,
+        .hold_cameras = options->fix_frames,
+        .max_iterations = options->rounds,
+        .cost = options->cost,
+        .depth_scale = options->depth_scale,
+        .depth_scale_sigma = DEPTH_SCALE_SIGMA,
+        .square_covariance = options->tag_covariance,
+    };
+    status = bundle_adjust(&problem);
+    if (status == OK && included)
+        move_excluded_points(m, &problem, included, a.moved);
+    if (status == OK)
+        apply_solution(m, &problem);
+    adjust_arrays_free(&a);
     return status;
 }
-
 enum status map_bundle_adjust(struct map *m, int rounds, bool fix_frames, double *cost)
 {
     return adjust_all(m, &(struct adjust_options){.rounds = rounds, .fix_frames = fix_frames, .cost = cost});
@@ -267,7 +292,7 @@ static void measure_tag(const struct map *m, const struct map_frame *f, int32_t 
     struct pnp_tag fit = {
         .seen = &f->seen[k], .world_from_tag = tag->world_from_tag, .side_m = tag->side_m, .used = true};
     double error = pnp_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
-    if (!tag->mapped || error > 10) // lost its weight in the adjustment
+    if (!tag->mapped || error > 10) // an outlier to the adjustment
         return;
     tag->rms_px += error * error;
     tag->observations++;
@@ -289,8 +314,7 @@ static void measure_points(const struct map *m, const struct map_frame *f, struc
         if (s->point < 0)
             continue;
         struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        struct vec3 ray = lens_ray(lens, s->feature.at);
-        add(px, hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y)));
+        add(px, map_reprojection_px(lens, p, &s->feature));
         if (s->depth > 0)
             add(metres, p.z - s->depth);
     }

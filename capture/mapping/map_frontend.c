@@ -1,9 +1,9 @@
+// Detection of tags and features on worker threads.
 #include "capture/mapping/map_frontend.h"
 
 #include "base/queue.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,14 +14,13 @@ struct slot {
     uint8_t *color, *jpeg;
     uint16_t *depth;
     size_t jpeg_capacity;
-    enum status status;
-    char message[512]; // of a worker's failure, which is another thread's
+    struct failure failure; // how the worker ended
 };
 
-// Every WORKERS-th picture is a worker's, so that nothing depends on who is quicker.
+// Images go to the workers in turn, so that results do not depend on their speed.
 struct worker {
     struct map_frontend *frontend;
-    struct tag_detector *finder;
+    struct tag_detector *detector;
     struct tag_refiner *refiner;
     uint8_t *gray;
     struct queue *todo, *done; // slots
@@ -63,7 +62,8 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
     struct map_frame *f = &out->observed;
     int count;
-    enum status status = tag_detector_detect(w->finder, w->gray, lens->width, lens->height, seen, PNP_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(w->detector, &(struct gray_image){w->gray, lens->width, lens->height},
+                                             seen, PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);
@@ -77,7 +77,7 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
         bool duplicate = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
         if (i == 0 || seen[i - 1].id != seen[i].id)
             out->ids[out->id_count++] = seen[i].id;
-        for (int32_t k = 0; k < map->tag_count && !duplicate; k++) { // of twins nobody knows which is meant
+        for (int32_t k = 0; k < map->tag_count && !duplicate; k++) { // of two with one id it is unknown which is meant
             if (map->tags[k].id != seen[i].id ||
                 !tag_refine(w->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
                             &f->seen[f->seen_count]))
@@ -119,11 +119,10 @@ static void process_frame(struct worker *w, struct slot *s)
 {
     const struct lens *lens = &w->frontend->map->calibration.color;
     gray_from_rgb(s->result.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
-    s->status = detect_tags(w, &s->result);
-    if (s->status == OK)
-        s->status = detect_features(w, &s->result);
-    if (s->status != OK)
-        snprintf(s->message, sizeof s->message, "%s", status_message());
+    enum status status = detect_tags(w, &s->result);
+    if (status == OK)
+        status = detect_features(w, &s->result);
+    failure_keep(&s->failure, status);
 }
 
 static void *run(void *context)
@@ -145,7 +144,7 @@ static enum status start(struct map_frontend *l, struct worker *w, const struct 
     if (status == OK)
         status = tag_refiner_open(&w->refiner, lens);
     if (status == OK)
-        status = tag_detector_open(&w->finder, options->quad_decimate);
+        status = tag_detector_open(&w->detector, options->quad_decimate);
     if (status == OK)
         status = queue_open(&w->todo, SLOTS);
     if (status == OK)
@@ -194,7 +193,7 @@ void map_frontend_close(struct map_frontend **out)
         queue_close(&w->todo);
         queue_close(&w->done);
         tag_refiner_close(&w->refiner);
-        tag_detector_close(&w->finder);
+        tag_detector_close(&w->detector);
         free(w->gray);
     }
     for (int i = 0; i < SLOTS; i++) {
@@ -247,7 +246,7 @@ enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, 
     if (w->runs)
         queue_put(w->todo, s);
     else
-        process_frame(w, s); // no thread to be had: do it here
+        process_frame(w, s); // the thread could not be created: detect here
     return OK;
 }
 
@@ -258,12 +257,12 @@ enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result
     struct slot *s = &l->slots[l->taken % SLOTS];
     struct worker *w = &l->workers[l->taken++ % WORKERS];
     if (w->runs)
-        s = queue_take(w->done); // the same, once it is done
-    if (s->status != OK) {
+        s = queue_take(w->done); // the same slot, once it is done
+    if (s->failure.status != OK) {
         map_frame_free(&s->result.observed);
-        return fail(s->status, "%s", s->message);
+        return failure_restore(&s->failure);
     }
     *out = s->result;
-    s->result.observed = (struct map_frame){0}; // the taker's now
+    s->result.observed = (struct map_frame){0}; // owned by the caller now
     return OK;
 }

@@ -1,19 +1,21 @@
+// World axes of a new map: up from the tags or from the surfaces in the depth, the floor as a robust plane fit.
 #include "capture/mapping/map_internal.h"
 
 #include "base/linear_algebra.h"
 
 #include <stdlib.h>
 
-static const double ALIGNED_COS = 0.985; // 10 degrees: hung by hand
+// All chosen by hand.
+static const double ALIGNED_COS = 0.985; // 10 degrees: how parallel tags hung by hand are
 static const double FLAT_COS = 0.94;     // 20 degrees: a surface that may be floor
-static const double TILT_RAD = 0.14;     // 8 degrees: the floor may correct the tags by this much
+static const double TILT_RAD = 0.14;     // 8 degrees: the largest correction of the tags' up by the floor
 enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MAX_SURFACE_POINTS = 200000, MAX_UP_CANDIDATES = 3000 };
-static const double MAX_CAMERA_TILT_COS = 0.64;           // 50 degrees: a camera is seldom held more crooked
+static const double MAX_CAMERA_TILT_COS = 0.64;           // 50 degrees: a camera is seldom tilted more
 static const double LEVEL_COS = 0.99, UPRIGHT_COS = 0.14; // 8 degrees
 static const double BIN_M = 0.01;
 
-// A tag's direction that may point up: 0..4 are +y, -y, +x, -x (hanging, however
-// turned; printed by OpenCV 4 it hangs upside down), +z (lying).
+// A tag's axis that may point up: 0..3 are +y, -y, +x, -x (on a wall, in any quarter turn; tags printed by OpenCV 4 are
+// upside down), 4 is +z (lying).
 static struct vec3 tag_direction(const struct map_tag *tag, int which)
 {
     static const struct vec3 own[5] = {{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, 1}};
@@ -38,7 +40,30 @@ static bool depth_point(const struct map *m, const struct map_frame *f, int x, i
     return true;
 }
 
-// Points of depth with the direction in which their surroundings face.
+// Adds the depth sample at (x, y) with its surface normal, from the neighbours REACH_PX away; nothing where one is
+// missing or the surface is seen at a grazing angle.
+static void add_surface_sample(const struct map *m, const struct map_frame *f, struct pixel at, int step,
+                               struct surface_samples *s)
+{
+    const struct lens *lens = &m->calibration.color;
+    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    const int x = (int)at.x, y = (int)at.y;
+    struct vec3 p, l, r, t, b;
+    if (s->count == MAX_SURFACE_POINTS || !depth_point(m, f, x, y, &p) || !depth_point(m, f, x - REACH_PX, y, &l) ||
+        !depth_point(m, f, x + REACH_PX, y, &r) || !depth_point(m, f, x, y - REACH_PX, &t) ||
+        !depth_point(m, f, x, y + REACH_PX, &b))
+        return;
+    struct vec3 normal = v3_unit(v3_cross(v3_sub(r, l), v3_sub(t, b))); // towards the camera
+    double facing = -v3_dot(normal, v3_unit(p));
+    if (facing < 0.1)
+        return;
+    s->points[s->count] = pose_apply(world_from_camera, p);
+    s->normals[s->count] = quat_rotate(world_from_camera.rotation, normal);
+    s->weights[s->count] = 1 / (depth_absolute_sigma_m(p.z) * depth_absolute_sigma_m(p.z));
+    s->areas[s->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
+}
+
+// Depth samples of all frames on a grid, with normals; the grid is coarse enough for MAX_SURFACE_POINTS.
 static void collect_surface(const struct map *m, struct surface_samples *s)
 {
     const struct lens *lens = &m->calibration.color;
@@ -52,28 +77,13 @@ static void collect_surface(const struct map *m, struct surface_samples *s)
         const struct map_frame *f = &m->frames[i];
         if (!f->placed || !f->depth)
             continue;
-        struct pose world_from_camera = pose_inverse(f->camera_from_world);
-        for (int y = step; y < lens->height - step; y += step) {
-            for (int x = step; x < lens->width - step; x += step) {
-                struct vec3 p, l, r, t, b;
-                if (s->count == MAX_SURFACE_POINTS || !depth_point(m, f, x, y, &p) ||
-                    !depth_point(m, f, x - REACH_PX, y, &l) || !depth_point(m, f, x + REACH_PX, y, &r) ||
-                    !depth_point(m, f, x, y - REACH_PX, &t) || !depth_point(m, f, x, y + REACH_PX, &b))
-                    continue;
-                struct vec3 normal = v3_unit(v3_cross(v3_sub(r, l), v3_sub(t, b))); // towards the camera
-                double facing = -v3_dot(normal, v3_unit(p));
-                if (facing < 0.1)
-                    continue;
-                s->points[s->count] = pose_apply(world_from_camera, p);
-                s->normals[s->count] = quat_rotate(world_from_camera.rotation, normal);
-                s->weights[s->count] = 1 / (depth_sigma(p.z) * depth_sigma(p.z));
-                s->areas[s->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
-            }
-        }
+        for (int y = step; y < lens->height - step; y += step)
+            for (int x = step; x < lens->width - step; x += step)
+                add_surface_sample(m, f, (struct pixel){x, y}, step, s);
     }
 }
 
-// Of `all`, what faces up. flat: room for as much.
+// The samples of `all` whose normal points up, without their normals. flat: as many elements as all.
 static void select_horizontal(const struct surface_samples *all, struct vec3 up, struct surface_samples *flat)
 {
     flat->count = 0;
@@ -86,7 +96,7 @@ static void select_horizontal(const struct surface_samples *all, struct vec3 up,
     }
 }
 
-// How the camera was held, in the mean.
+// The mean up direction of the image, world axes.
 static struct vec3 mean_camera_up(const struct map *m)
 {
     struct vec3 held = v3(0, 0, 0);
@@ -96,26 +106,33 @@ static struct vec3 mean_camera_up(const struct map *m)
     return v3_unit(held);
 }
 
-// Up, as most tags have it; where that leaves a choice (all tags on one wall), as
-// the camera was held.
+// Votes of all tags for direction d: each votes with its first axis that is parallel to d. *sum: the sum of those axes.
+static double count_votes(const struct map *m, struct vec3 d, struct vec3 *sum)
+{
+    double votes = 0;
+    *sum = v3(0, 0, 0);
+    for (int32_t k = 0; k < m->tag_count; k++)
+        for (int v = 0; v < 5 && m->tags[k].mapped; v++) {
+            struct vec3 other = tag_direction(&m->tags[k], v);
+            if (v3_dot(other, d) > ALIGNED_COS) {
+                *sum = v3_add(*sum, other);
+                votes += v < 2 || v == 4 ? 1 : 0.8; // few hang tags sideways
+                break;
+            }
+        }
+    return votes;
+}
+
+// Up by a vote of the tags; where that is ambiguous (all tags on one wall), the direction nearest to the camera's mean
+// up direction `held`.
 static struct vec3 up_from_tags(const struct map *m, struct vec3 held)
 {
     struct vec3 best = v3(0, 0, 0);
     double most = -1e9;
     for (int32_t i = 0; i < m->tag_count; i++) {
         for (int w = 0; w < 5 && m->tags[i].mapped; w++) {
-            struct vec3 d = tag_direction(&m->tags[i], w), sum = v3(0, 0, 0);
-            double votes = 0;
-            for (int32_t k = 0; k < m->tag_count; k++) {
-                for (int v = 0; v < 5 && m->tags[k].mapped; v++) {
-                    struct vec3 other = tag_direction(&m->tags[k], v);
-                    if (v3_dot(other, d) > ALIGNED_COS) {
-                        sum = v3_add(sum, other);
-                        votes += v < 2 || v == 4 ? 1 : 0.8; // few hang tags sideways
-                        break;
-                    }
-                }
-            }
+            struct vec3 d = tag_direction(&m->tags[i], w), sum;
+            double votes = count_votes(m, d, &sum);
             double score = votes + 2 * v3_dot(d, held);
             if (score > most) {
                 most = score;
@@ -126,9 +143,8 @@ static struct vec3 up_from_tags(const struct map *m, struct vec3 held)
     return best;
 }
 
-// Up, as the room has it: much of what is in a room lies level or stands upright. Of
-// the directions in which surfaces face, near the one the camera was held in, that
-// with most surface along it or square to it.
+// Up from surfaces (Manhattan-world assumption): most surfaces in a room are horizontal or vertical. Among the normals
+// near the camera's mean up direction, the one with most surface area parallel or perpendicular to it.
 static struct vec3 up_from_surfaces(const struct surface_samples *s, struct vec3 held)
 {
     struct vec3 best = held;
@@ -154,7 +170,7 @@ static struct vec3 up_from_surfaces(const struct surface_samples *s, struct vec3
     return best;
 }
 
-// The lowest height at which much flat surface lies. False: nowhere.
+// The lowest height with much horizontal surface: the lowest large peak of a histogram of area by height. False: none.
 static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up, double *height)
 {
     double area[BINS] = {0}, low = 1e9, most = 0;
@@ -171,7 +187,7 @@ static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up,
             level[i] += i + k >= 0 && i + k < BINS ? area[i + k] : 0;
         most = fmax(most, level[i]);
     }
-    if (most < 0.5) // square metres, the same floor counted once for each frame
+    if (most < 0.5) // square metres; the same floor counts once for each frame
         return false;
     for (int i = 0; i < BINS; i++) {
         bool peak = level[i] > 0.3 * most;
@@ -185,7 +201,8 @@ static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up,
     return false;
 }
 
-// Fits the plane up . p = height to what lies near it. False: too little, too narrow, too tilted.
+// Fits the plane up . p = height to the samples near it: iteratively reweighted least squares with a Geman-McClure
+// kernel. False: too few samples, less than 0.2 m of spread in one direction, or a tilt above TILT_RAD.
 static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *height)
 {
     struct vec3 u = *up, x = v3_perpendicular(u), y = v3_cross(u, x);
@@ -207,7 +224,7 @@ static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *
         double total = n[8], mx = n[6] / total, my = n[7] / total;
         double xx = n[0] / total - mx * mx, yy = n[4] / total - my * my, xy = n[3] / total - mx * my;
         double narrow = (xx + yy) / 2 - sqrt((xx - yy) * (xx - yy) / 4 + xy * xy);
-        if (!(narrow > 0.2 * 0.2) || !cholesky(n, 3))
+        if (!(narrow > 0.2 * 0.2) || !cholesky_factor(n, 3))
             return false;
         cholesky_solve(n, 3, g);
         a = g[0], b = g[1], c = g[2];
@@ -237,8 +254,8 @@ static bool surface_samples_alloc(struct surface_samples *s)
     return s->points && s->normals && s->weights && s->areas;
 }
 
-// Up, by tags where there are some, by surfaces elsewhere, and the floor's height along
-// it where it was seen in depth: OK, else NOTHING and *height untouched.
+// Up, by tags where there are some, else by surfaces, and the floor's height along
+// it where it was seen in depth: OK, else NOTHING and *height unchanged.
 static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
 {
     struct surface_samples all = {0}, flat = {0};
@@ -251,7 +268,7 @@ static enum status find_floor(const struct map *m, struct vec3 *up, double *heig
         if (!m->tag_count)
             *up = up_from_surfaces(&all, *up);
         select_horizontal(&all, *up, &flat);
-        // Twice: the first time `up` is only as good as the tags hang.
+        // Twice: the first time `up` is only as accurate as the tags hang.
         for (int round = 0; round < 2; round++)
             if (lowest_plane_height(&flat, *up, height) && fit_floor(&flat, up, height))
                 status = OK;
@@ -276,7 +293,7 @@ static void transform_map(struct map *m, struct pose new_from_old)
         m->points[i].world = pose_apply(new_from_old, m->points[i].world);
 }
 
-// The tag with the lowest number, or NULL; *lowest: the least height of a corner.
+// The tag with the lowest id, or NULL; *lowest: the least height of any corner.
 static const struct map_tag *first_tag(const struct map *m, struct vec3 up, double *lowest)
 {
     const struct map_tag *first = NULL;
@@ -295,10 +312,10 @@ static const struct map_tag *first_tag(const struct map *m, struct vec3 up, doub
     return first;
 }
 
-// What x is to point along, as well as it can, and where x = y = 0 is.
+// The direction that x approximates, and the point where x = y = 0.
 static void axes_from_tag(const struct map_tag *tag, struct vec3 up, struct vec3 *x, struct vec3 *origin)
 {
-    // Its own x; its y where it hangs sideways and x is steep.
+    // The tag's own x; its y where it hangs sideways and x is steep.
     *x = quat_rotate(tag->world_from_tag.rotation, v3(1, 0, 0));
     if (fabs(v3_dot(*x, up)) > 0.8)
         *x = quat_rotate(tag->world_from_tag.rotation, v3(0, 1, 0));
@@ -312,7 +329,7 @@ static void axes_from_frame(const struct map *m, struct vec3 up, struct vec3 *x,
         i++;
     struct pose world_from_camera = pose_inverse(m->frames[i].camera_from_world);
     struct vec3 ahead = quat_rotate(world_from_camera.rotation, v3(0, 0, 1));
-    if (fabs(v3_dot(ahead, up)) > 0.9) // it looked at the floor or the ceiling
+    if (fabs(v3_dot(ahead, up)) > 0.9) // it was pointed at the floor or the ceiling
         ahead = quat_rotate(world_from_camera.rotation, v3(0, -1, 0));
     *x = v3_cross(ahead, up);
     *origin = world_from_camera.translation;

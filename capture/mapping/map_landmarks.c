@@ -1,13 +1,15 @@
+// Landmarks of the map: creation, matching, merging of duplicates, outlier removal, selection.
 #include "capture/mapping/map_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static const double REMATCH_PX = 4;     // how near a point is looked for in an adjusted map
-static const double DUPLICATE_M = 0.03; // two points this near that look alike are one
+// Chosen by hand.
+static const double REMATCH_PX = 4;     // search radius about a landmark's projection in an adjusted map
+static const double DUPLICATE_M = 0.03; // landmarks this near, per axis, with similar descriptors are one
 enum { DUPLICATE_BITS = 40, ROUNDS = 6, REFINE_ROUNDS = 15 };
 
-// Two pictures agree on where anything on the line of sight lies, so without depth a third one has to.
+// Two views always agree on some depth along the epipolar line, so without depth a third one has to confirm it.
 static int min_observations(const struct map *m) { return m->has_depth ? 2 : 3; }
 
 void map_index_features(struct map_scratch *d, const struct map *m, const struct map_frame *f)
@@ -45,31 +47,31 @@ void map_create_landmarks(struct map *m, struct map_frame *f)
     }
 }
 
-// Finds the map's points in one frame, sharpens its pose by them, adds new ones.
+// Matches the map's landmarks in one frame, refines its pose by them, adds new ones.
 static void add_frame_landmarks(struct map *m, struct map_scratch *d, struct map_frame *f)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     int count = 0, tag_count = map_tag_correspondences(m, f, tags), with_depth = 0;
     f->visited = true;
     map_index_features(d, m, f);
-    bool known = landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags,
-                                       tag_count, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
+    const struct match_query query = map_match_query(m, d, tags, tag_count);
+    bool known = landmarks_refine_pose(&query, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
     map_assign_matches(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += !m->has_depth || f->features[i].depth > 0;
-    // A frame placed by one tag alone is too crooked to add points beside others'. Where there are none yet, the others
-    // follow it, and all are straightened together.
+    // The pose from one tag alone is too inaccurate to add landmarks beside those of other frames. Where there are none
+    // yet, the other frames are registered to this one and all are adjusted together.
     bool first = m->has_depth && !m->point_count;
     if ((known || tag_count > 1 || first) && 2 * count < with_depth)
         map_create_landmarks(m, f);
 }
 
-// Points that are near and look alike become one.
+// Landmarks that are near each other and have similar descriptors become one.
 static void merge_duplicates(struct map *m)
 {
     int32_t *merged_into = malloc((size_t)(m->point_count + 1) * sizeof *merged_into);
     if (!merged_into)
-        return; // twins do no harm
+        return; // duplicates do no harm
     for (int32_t i = 0; i < m->point_count; i++) {
         merged_into[i] = i;
         for (int32_t k = 0; k < i && i >= m->held_points; k++) {
@@ -98,7 +100,7 @@ static void merge_duplicates(struct map *m)
     free(merged_into);
 }
 
-// Looks for every point in every frame again, near where it must be.
+// Matches every landmark in every placed frame again, near its projection.
 static void rematch_all(struct map *m, struct map_scratch *d)
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -106,8 +108,9 @@ static void rematch_all(struct map *m, struct map_scratch *d)
         if (!f->placed)
             continue;
         map_index_features(d, m, f);
-        int count = landmarks_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
-                                    &f->camera_from_world, REMATCH_PX, false, d->matches, MAP_MAX_FEATURES);
+        const struct match_query query = map_match_query(m, d, NULL, 0);
+        int count = landmarks_match(&query, (struct match_window){REMATCH_PX, false}, NULL, &f->camera_from_world,
+                                    d->matches, MAP_MAX_FEATURES);
         map_assign_matches(f, d, count);
     }
 }
@@ -121,8 +124,8 @@ static void count_observations(struct map *m)
                 m->point_observations[m->frames[i].features[k].point]++;
 }
 
-// Sightings far from where the adjusted map has their point say nothing; a point
-// seen too seldom says nothing either.
+// Removes observations that are outliers to the adjusted map (more than 4 standard deviations), then those of landmarks
+// with too few observations left.
 static void cull_outliers(struct map *m)
 {
     const struct lens *lens = &m->calibration.color;
@@ -149,16 +152,17 @@ static void cull_outliers(struct map *m)
     count_observations(m);
 }
 
-// Without depth nothing but its sightings says how far away a point is. Where they contradict each other by more than
-// chance makes them in one case of a hundred, it is no one thing, as where a near edge crosses a far one, or slides
-// along an edge; and errs more often, and further, than it says.
+// Without depth only a landmark's observations determine its distance. Where their chi-square is larger than in one
+// case of a hundred, the landmark is not a single point (a T-junction of a near and a far edge, or one that slides
+// along an edge), and its error exceeds its covariance. It is removed. chi2 with n degrees of freedom has mean n and
+// variance 2n; two numbers an observation, three for the position.
 static enum status cull_inconsistent(struct map *m)
 {
     static const double ONE_IN_A_HUNDRED = 2.33; // standard deviations
     const struct lens *lens = &m->calibration.color;
     double *squares = calloc((size_t)m->point_count + 1, sizeof *squares);
     if (!squares)
-        return fail(ERR_MEMORY, "no memory to judge %d points", (int)m->point_count);
+        return fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
     for (int pass = 0; pass < 2; pass++)
         for (int32_t i = 0; i < m->frame_count; i++)
             for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
@@ -180,7 +184,7 @@ static enum status cull_inconsistent(struct map *m)
     return OK;
 }
 
-// Where to begin: the frame that its tags hold best.
+// The first frame to take landmarks from: the one that shows most mapped tags. -1: none.
 static int32_t best_frame(const struct map *m)
 {
     int32_t best = -1;
@@ -208,10 +212,10 @@ static int by_observations(const void *left, const void *right)
     return (a->point > b->point) - (a->point < b->point);
 }
 
-// So many sightings hold a frame as well as its neighbours need; more of them cost time.
+// Observations that constrain a frame well enough while the map grows; more of them cost time. Chosen by hand.
 enum { MIN_FRAME_OBSERVATIONS = 80 };
 
-// Which frames show each point: those of point p are observers[start[p]] .. observers[start[p + 1] - 1].
+// The frames that show each landmark: those of landmark p are observers[start[p]] .. observers[start[p + 1] - 1].
 struct covisibility {
     int32_t *start, *observers;
 };
@@ -233,7 +237,7 @@ static enum status list_covisibility(const struct map *m, struct covisibility *o
         covisibility_free(out);
         return fail(ERR_MEMORY, "no memory to adjust the map");
     }
-    // Each start is first where the point's list ends; filling it from behind brings it to where it belongs.
+    // Each start is first the end of the landmark's list; filling it backwards moves it to the beginning.
     int32_t end = 0;
     for (size_t p = 0; p < points; p++)
         out->start[p] = end += m->point_observations[p];
@@ -245,7 +249,8 @@ static enum status list_covisibility(const struct map *m, struct covisibility *o
     return OK;
 }
 
-// Goes through the points, those seen most often first, and has them join as long as a frame that shows one lacks such.
+// Goes through the landmarks, those with most observations first, and includes each that is shown by a frame with too
+// few included ones.
 static void select_subset(const struct map *m, const struct covisibility *s, struct ranked *order, bool *included)
 {
     int32_t held_by[MAP_MAX_FRAMES] = {0};
@@ -261,7 +266,7 @@ static void select_subset(const struct map *m, const struct covisibility *s, str
     }
 }
 
-// With as few points as hold the frames: enough while the map grows.
+// Adjusts with as few landmarks as constrain the frames: enough while the map grows.
 static enum status adjust_subset(struct map *m)
 {
     struct covisibility covisibility;
@@ -286,7 +291,7 @@ enum status map_build_landmarks(struct map *m)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     int32_t start = best_frame(m);
     for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
         if (m->frames[i].placed && !m->frames[i].visited)
@@ -299,7 +304,7 @@ enum status map_build_landmarks(struct map *m)
     return adjust_subset(m);
 }
 
-// What is held stays, and of the other points the `most` with most sightings. ERR_MEMORY.
+// Keeps the constant landmarks, and of the others the `most` with most observations. ERR_MEMORY.
 static enum status keep_best(struct map *m, int32_t most)
 {
     struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
@@ -336,7 +341,7 @@ static enum status keep_best(struct map *m, int32_t most)
     return status;
 }
 
-// Gives each new point the descriptor that differs least from its other sightings'. ERR_MEMORY.
+// Gives each new landmark the medoid of its observations' descriptors (Hamming distance). ERR_MEMORY.
 static enum status select_descriptors(struct map *m)
 {
     enum { MOST = 12 };
@@ -370,7 +375,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     merge_duplicates(m);
     enum status status = OK;
     for (int round = 0; round < 2 && status == OK; round++) {
@@ -387,7 +392,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
     cull_outliers(m);
     if (!m->has_depth && status == OK)
         status = cull_inconsistent(m);
-    if (!m->has_depth && status == OK) // what is left out has no say in where tags and points are, either
+    if (!m->has_depth && status == OK) // without the observations just removed
         status = map_bundle_adjust(m, REFINE_ROUNDS, false, NULL);
     if (status == OK)
         status = keep_best(m, most);

@@ -1,3 +1,6 @@
+// Loop closure. A sweep that comes back to its beginning has accumulated drift and maps old landmarks a second time,
+// displaced. Here each frame is relocalised among the landmarks it should see but that are not connected to it; the
+// duplicates become one landmark, and bundle adjustment distributes the drift over the loop.
 #include "capture/mapping/map_internal.h"
 
 #include "locate/relocalization.h"
@@ -5,21 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Whoever walks round a room comes back with the errors of all steps, and sees old
-// points beside where he believes them. Then the map holds them twice; here both
-// become one, and the adjustment spreads the error over the way.
-
+// Chosen by hand.
 enum { MIN_INLIERS = 20, ROUNDS = 15 };
 static const double INLIER_PX = 4;
-static const double SEARCH_WIDTH = 1.5; // so many pictures wide is searched for old points
+static const double SEARCH_WIDTH = 1.5; // of the field searched for old landmarks, in image widths and heights
 
 struct loop_scratch {
     struct map_scratch frame;
-    int32_t *merged_into;       // of each point: the one that it is the same as
-    bool *covisible;            // of each frame: shows points that this one shows
-    bool *known;                // of each point: shown by a near frame
-    struct place_point *points; // old ones, beside where they are looked for
-    int32_t *point_index;       // of each of those: its number
+    int32_t *merged_into;       // of each landmark: the one that it duplicates (union-find)
+    bool *covisible;            // of each frame: shares a landmark with the present one
+    bool *known;                // of each landmark: shown by a covisible frame
+    struct place_point *points; // the old landmarks searched for
+    int32_t *point_index;       // of each of those: index into map.points
     int32_t count;
 };
 
@@ -61,7 +61,7 @@ static int32_t root(const int32_t *merged_into, int32_t i)
     return i;
 }
 
-// What of the frame's features shows old points. How many features do.
+// Matches the frame's features with old landmarks. Returns how many match.
 static int match_old_points(struct map *m, struct map_frame *f, struct loop_scratch *d)
 {
     struct pose pose;
@@ -69,11 +69,13 @@ static int match_old_points(struct map *m, struct map_frame *f, struct loop_scra
     const struct lens *lens = &m->calibration.color;
     int agree, matched = 0;
     map_index_features(frame, m, f);
-    int count = relocalize_match(d->points, d->count, &frame->index, frame->matches, MAP_MAX_FEATURES);
-    if (!relocalize(d->points, &frame->index, lens, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
+    const struct match_query query = {
+        .points = d->points, .point_count = d->count, .index = &frame->index, .lens = lens};
+    int count = relocalize_match(&query, frame->matches, MAP_MAX_FEATURES);
+    if (!relocalize(&query, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
         return 0;
-    count = landmarks_match(d->points, d->count, &frame->index, lens, NULL, &pose, INLIER_PX, false, frame->matches,
-                            MAP_MAX_FEATURES);
+    count =
+        landmarks_match(&query, (struct match_window){INLIER_PX, false}, NULL, &pose, frame->matches, MAP_MAX_FEATURES);
     for (int k = 0; k < count; k++) {
         struct map_feature *s = &f->features[frame->matches[k].feature];
         int32_t old = d->point_index[frame->matches[k].point];
@@ -82,7 +84,7 @@ static int match_old_points(struct map *m, struct map_frame *f, struct loop_scra
         } else {
             int32_t a = root(d->merged_into, s->point), b = root(d->merged_into, old);
             if (a >= m->held_points || b >= m->held_points)
-                d->merged_into[a > b ? a : b] = a > b ? b : a; // the lower number was there first
+                d->merged_into[a > b ? a : b] = a > b ? b : a; // the lower index is the older one
         }
         matched++;
     }
@@ -107,7 +109,7 @@ static enum status loop_scratch_alloc(struct loop_scratch *d, const struct map *
     d->covisible = malloc((size_t)m->frame_count + 1);
     return d->merged_into && d->known && d->points && d->point_index && d->covisible
                ? OK
-               : fail(ERR_MEMORY, "no memory to close the way round a place");
+               : fail(ERR_MEMORY, "no memory to close the loops of a sweep");
 }
 
 static void loop_scratch_free(struct loop_scratch *d)
@@ -122,11 +124,11 @@ static void loop_scratch_free(struct loop_scratch *d)
 
 enum status map_close_loops(struct map *m)
 {
-    // From far apart to near, so that a gap of many pixels is not taken for a wrong match.
+    // From loose to tight, so that a gap of many pixels is not taken for an outlier. Chosen by hand.
     static const double EXTRA_SIGMA_PX[] = {30, 10, 3, 0};
     struct loop_scratch *d = calloc(1, sizeof *d);
     if (!d)
-        return fail(ERR_MEMORY, "no memory to close the way round a place");
+        return fail(ERR_MEMORY, "no memory to close the loops of a sweep");
     enum status status = loop_scratch_alloc(d, m);
     int matched = 0;
     for (int32_t i = 0; i < m->point_count && status == OK; i++)

@@ -1,3 +1,6 @@
+// Adding a sweep to an existing place. Takes and other sweeps were located by its tags and landmarks, so these keep
+// their indices and positions, bit for bit. What is new is adjusted to them, with all observations of this sweep. Only
+// a tag that was hung elsewhere is estimated again.
 #include "capture/mapping/map_internal.h"
 
 #include "locate/relocalization.h"
@@ -5,12 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// A second sweep does not move what takes and other sweeps were located by: tags and points
-// of the place keep their numbers and stay where they are to the last bit. What is new is
-// adjusted to them, with all sightings of this sweep. Only a tag that somebody hung elsewhere
-// gets a new place.
-
-static const double SAME_SIDE_M = 1e-4; // a ruler's reading, written down twice
+static const double SAME_SIDE_M = 1e-4; // one measurement, written down twice
 
 static enum status add_tag(struct map *m, int32_t id, double side_m)
 {
@@ -52,11 +50,12 @@ enum status map_load_prior(struct map *m, const struct place *prior, const struc
     return status;
 }
 
-static const double INLIER_RMS_PX = 6; // pictures of a tag that hangs where it was fit better
-enum { MIN_TAGS = 2 };                 // of two tags that disagree nobody knows which was moved
-enum { MIN_POINTS = 20 };
+// Chosen by hand.
+static const double INLIER_RMS_PX = 6; // observations of a tag that was not moved fit better
+enum { MIN_TAGS = 2 };                 // that agree: of two that disagree it is unknown which was moved
+enum { MIN_POINTS = 20 };              // landmark inliers
 
-// Where a frame is by more than a single tag: by the place's points, else by tags that agree.
+// The pose of a frame by more than a single tag: by the place's landmarks, else by tags that agree.
 static bool register_by_consensus(const struct map *m, struct map_scratch *d, const struct map_frame *f,
                                   struct pnp_tag *tags, int tag_count, struct pose *camera_from_world)
 {
@@ -64,11 +63,13 @@ static bool register_by_consensus(const struct map *m, struct map_scratch *d, co
     struct pnp_solution fit;
     int agree;
     map_index_features(d, m, f);
-    int count = relocalize_match(m->points, m->held_points, &d->index, d->matches, MAP_MAX_FEATURES);
-    if (relocalize(m->points, &d->index, lens, d->matches, count, NULL, camera_from_world, &agree) &&
-        agree >= MIN_POINTS)
+    const struct match_query query = {
+        .points = m->points, .point_count = m->held_points, .index = &d->index, .lens = lens};
+    const struct pose_problem problem = {.tags = tags, .tag_count = tag_count, .fx = lens->fx, .fy = lens->fy};
+    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
+    if (relocalize(&query, d->matches, count, NULL, camera_from_world, &agree) && agree >= MIN_POINTS)
         return true;
-    if (pnp_solve(tags, tag_count, lens->fx, lens->fy, INLIER_RMS_PX, NULL, &fit) != OK || fit.used < MIN_TAGS)
+    if (pnp_solve(&problem, INLIER_RMS_PX, &fit) != OK || fit.used < MIN_TAGS)
         return false;
     *camera_from_world = fit.camera_from_world;
     return true;
@@ -76,7 +77,7 @@ static bool register_by_consensus(const struct map *m, struct map_scratch *d, co
 
 enum status map_release_moved_tags(struct map *m)
 {
-    int votes[MAPPER_MAX_TAGS] = {0}; // pictures in which the tag is where it was, less those where it is not
+    int votes[MAPPER_MAX_TAGS] = {0}; // frames in which the tag is where it was, less those where it is not
     const struct lens *lens = &m->calibration.color;
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
@@ -88,7 +89,7 @@ enum status map_release_moved_tags(struct map *m)
         int count = map_tag_correspondences(m, f, tags), at = 0;
         if (!count || !register_by_consensus(m, d, f, tags, count, &pose))
             continue;
-        for (int32_t k = 0; k < f->seen_count && at < count; k++) // as map_tag_correspondences has them
+        for (int32_t k = 0; k < f->seen_count && at < count; k++) // in the order of map_tag_correspondences
             if (m->tags[f->tag_index[k]].mapped)
                 votes[m->tags[f->tag_index[k]].id] +=
                     pnp_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < INLIER_RMS_PX ? 1 : -1;
@@ -107,11 +108,11 @@ enum status map_check_overlap(const struct map *m)
     for (int32_t i = 0; i < m->frame_count; i++)
         if (m->frames[i].placed)
             return OK;
-    return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so nothing says where it belongs; "
+    return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so it cannot be registered to it; "
                            "begin it where the place is known, with its tags or much of what was filmed in sight");
 }
 
-// Of two sets of errors together.
+// Rms of two sets of errors together.
 static double rms_of_both(double a, double count_a, double b, double count_b)
 {
     double count = count_a + count_b;
@@ -131,11 +132,11 @@ void map_merge_residuals(struct map *m, const struct place *prior)
         struct map_tag *tag = &m->tags[i]; // those of the place come first
         if (tag->moved)
             continue;
-        tag->rms_px = rms_of_both(old->rms_px, old->sightings, tag->rms_px, tag->observations);
-        tag->observations += old->sightings;
-        earlier += old->sightings;
+        tag->rms_px = rms_of_both(old->rms_px, old->observations, tag->rms_px, tag->observations);
+        tag->observations += old->observations;
+        earlier += old->observations;
     }
-    if (!any_tag) { // then errors are those of points
+    if (!any_tag) { // then the errors are those of landmarks
         earlier = prior->point_count;
         now = m->tag_count ? 0 : m->point_count - m->held_points;
     }

@@ -1,16 +1,17 @@
-// Tags that one sweep shows in two places: somebody hung them elsewhere meanwhile, or two tags have one number. A map
-// holds only one of the places, and whoever sees the tag in the other is led astray; so it is left out.
+// Tags that one sweep shows in two positions: moved during the sweep, or two tags of the same id. The map could hold
+// only one of the positions, and frames that see the tag at the other would be placed wrongly; so it is left out.
 #include "capture/mapping/map_internal.h"
 
-// What of a picture has to vouch for its pose, beside the tag.
+// All chosen by hand.
+// Landmark inliers that confirm a frame's pose without the tag.
 enum { MIN_POINTS = 20 };
 static const double INLIER_PX = 4;
-// A picture that shows it less far off, of its side, is a bad picture.
+// A tag is displaced by at least this share of its side; less is measurement error.
 static const double MIN_OFFSET_SHARE = 0.5;
-// So many pictures show it elsewhere, and at least one in so many of all.
+// An outlier tag is displaced in at least so many frames, and in at least one of so many of all.
 enum { MIN_DISPLACED = 2, ONE_IN = 8 };
 
-// Whether a picture shows its k-th tag elsewhere than the map has it.
+// Whether a frame shows its k-th tag elsewhere than the map has it.
 static bool tag_is_displaced(const struct map *m, const struct map_frame *f, int32_t k)
 {
     const struct map_tag *tag = &m->tags[f->tag_index[k]];
@@ -27,13 +28,12 @@ static bool landmarks_agree(const struct map *m, const struct map_frame *f)
         if (s->point < 0)
             continue;
         struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        struct vec3 ray = lens_ray(lens, s->feature.at);
-        agree += p.z > 0 && hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y)) < INLIER_PX;
+        agree += p.z > 0 && map_reprojection_px(lens, p, &s->feature) < INLIER_PX;
     }
     return agree >= MIN_POINTS;
 }
 
-// Whether the pose of the picture stands without its k-th tag.
+// Whether the pose of the frame is confirmed without its k-th tag.
 static bool pose_is_confirmed(const struct map *m, const struct map_frame *f, int32_t k)
 {
     for (int32_t i = 0; i < f->seen_count; i++)
@@ -57,7 +57,7 @@ static bool is_outlier_tag(const struct map *m, int32_t tag)
     return displaced >= MIN_DISPLACED && displaced * ONE_IN >= all;
 }
 
-// The world is held by another tag, else by a picture.
+// Another tag fixes the gauge, else a frame.
 static void choose_new_reference(struct map *m)
 {
     int32_t best = map_most_observed_tag(m, true);

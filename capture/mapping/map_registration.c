@@ -1,3 +1,4 @@
+// Registration of frames by the landmarks they show.
 #include "capture/mapping/map_internal.h"
 
 #include "locate/relocalization.h"
@@ -10,7 +11,7 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
     const struct lens *lens = &m->calibration.color;
     *placed = 0;
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
         struct pnp_tag tags[PNP_MAX_TAGS];
@@ -18,16 +19,17 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
         if (f->placed)
             continue;
         int count = map_tag_correspondences(m, f, tags), agree[2] = {0, 0};
-        if (!count || pnp_solve(tags, count, lens->fx, lens->fy, 4, NULL, &fit) != AMBIGUOUS)
+        const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+        if (!count || pnp_solve(&problem, 4, &fit) != AMBIGUOUS)
             continue;
         struct pose pose[2] = {fit.camera_from_world, fit.other};
         map_index_features(d, m, f);
+        const struct match_query query = map_match_query(m, d, tags, count);
         for (int k = 0; k < 2; k++)
-            if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, lens, tags, count, NULL,
-                                       &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
+            if (!landmarks_refine_pose(&query, NULL, &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
                 agree[k] = 0;
         int best = agree[1] > agree[0];
-        // Both may lead to the same pose: the search reaches far.
+        // Both may have converged to the same pose, because the search radius is wide.
         if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
             continue;
         f->camera_from_world = pose[best];
@@ -38,17 +40,16 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
     return OK;
 }
 
-// So many points must agree for a frame that no tag vouches for.
+// Landmark inliers that a frame without a tag needs. Chosen by hand.
 enum { MIN_INLIERS = 20 };
 
-// Sharpens `guess` by the points that d's frame shows. False: too few agree.
+// Refines `guess` by the landmarks that d's frame shows, and places the frame there. False: too few inliers.
 static bool refine_and_register(struct map *m, struct map_scratch *d, struct map_frame *f, struct pose guess)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     int count = 0, tag_count = map_tag_correspondences(m, f, tags);
-    if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
-                               NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) ||
-        count < MIN_INLIERS)
+    const struct match_query query = map_match_query(m, d, tags, tag_count);
+    if (!landmarks_refine_pose(&query, NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) || count < MIN_INLIERS)
         return false;
     f->camera_from_world = guess;
     f->placed = f->visited = true;
@@ -57,7 +58,7 @@ static bool refine_and_register(struct map *m, struct map_scratch *d, struct map
     return true;
 }
 
-// From the frame next to it, and as that one came from the one before.
+// First guess: the neighbour's pose, moved on as the neighbour was from the frame before it. Second: without motion.
 static bool register_from_neighbour(struct map *m, struct map_scratch *d, int32_t i, int step)
 {
     const struct map_frame *neighbour = &m->frames[i - step];
@@ -75,13 +76,13 @@ static bool relocalize_frame(struct map *m, struct map_scratch *d, struct map_fr
     struct pose guess;
     int agree;
     map_index_features(d, m, f);
-    int count = relocalize_match(m->points, m->point_count, &d->index, d->matches, MAP_MAX_FEATURES);
-    return relocalize(m->points, &d->index, &m->calibration.color, d->matches, count, NULL, &guess, &agree) &&
-           refine_and_register(m, d, f, guess);
+    const struct match_query query = map_match_query(m, d, NULL, 0);
+    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
+    return relocalize(&query, d->matches, count, NULL, &guess, &agree) && refine_and_register(m, d, f, guess);
 }
 
-// Errors grow from frame to frame; before they are larger than the search for points
-// reaches, everything is adjusted, so that a way round closes.
+// Drift grows from frame to frame. Everything is adjusted before it exceeds the search radius of landmark matching, so
+// that loops can close. Chosen by hand.
 enum { ADJUST_EVERY = 20, ADJUST_ROUNDS = 6 };
 
 static enum status count_placed(struct map *m, int *placed)
@@ -107,7 +108,7 @@ enum status map_register_frames(struct map *m, int *placed)
     int before;
     *placed = 0;
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     do {
         before = *placed;
         status = register_pass(m, d, 1, placed);

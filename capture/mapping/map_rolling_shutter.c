@@ -1,20 +1,21 @@
-// A sweep by a rolling shutter: what each picture shows, put where its middle row's camera would have seen it. From
-// what was read, the camera's way through the pictures beside it, and how far what it saw is from it as the map stands;
-// so it gets better as the map does. Depth is taken to be read with the colour of its pixel.
+// Undoes the rolling shutter of a sweep: moves each observation to where the camera at the middle row's time would have
+// seen it. Inputs are the raw observation, the camera path through the neighbouring frames, and the depth of what was
+// seen in the present map, so the correction improves as the map does. Depth is assumed to be exposed with the colour
+// of its pixel.
 #include "capture/mapping/map_internal.h"
 #include "locate/rolling_shutter.h"
 
 #include <string.h>
 
-static const double MAX_GAP_S = 0.5; // between pictures that tell a speed
+static const double MAX_GAP_S = 0.5; // between frames whose poses give a velocity. Chosen by hand
 
 enum { NEIGHBOURS = 2, MAX_PATH_SAMPLES = 2 * NEIGHBOURS + 1 };
 
-// How the camera moved about one picture: middle_from_camera at the times of the pictures beside it, as turn (rotation
-// vector) and shift.
+// The camera's motion around one frame: middle_from_camera at the times of the neighbouring frames; 6-vectors of
+// rotation vector (rad), then translation (m), in the axes of the middle row's camera.
 struct camera_path {
-    double time_s[MAX_PATH_SAMPLES],
-        at[MAX_PATH_SAMPLES][6]; // since the picture; the first is the picture itself, at 0
+    double time_s[MAX_PATH_SAMPLES]; // since the frame; the first is the frame itself, at 0
+    double at[MAX_PATH_SAMPLES][6];
     int count;
 };
 
@@ -27,8 +28,8 @@ static void add_path_sample(struct camera_path *c, const struct map_frame *f, co
     memcpy(c->at[c->count++], at, sizeof at);
 }
 
-// A swing that turns back within a few pictures has no even speed while one of them is read: two pictures on each side
-// tell how it changes. False: nothing does.
+// A hand-held camera that reverses within a few frames does not move uniformly while one of them is read out, so two
+// frames on each side are used. False: no usable neighbour.
 static bool camera_path_around(const struct map *m, int32_t i, struct camera_path *out)
 {
     const struct map_frame *f = &m->frames[i];
@@ -41,14 +42,14 @@ static bool camera_path_around(const struct map *m, int32_t i, struct camera_pat
             if (k < 0 || k >= m->frame_count || !m->frames[k].placed)
                 break;
             double gap_s = side * (double)(m->frames[k].time_ns - m->frames[k - side].time_ns) * 1e-9;
-            if (gap_s < m->calibration.color.readout_s / 2 || gap_s > MAX_GAP_S) // the first: a clock gone wrong
+            if (gap_s < m->calibration.color.readout_s / 2 || gap_s > MAX_GAP_S) // the first: a wrong time stamp
                 break;
             add_path_sample(out, f, &m->frames[k]);
         }
     return out->count > 1;
 }
 
-// The polynomial through all of them (Lagrange).
+// Lagrange polynomial through all samples.
 static void interpolate_path(const struct camera_path *c, double time_s, double out[6])
 {
     memset(out, 0, 6 * sizeof *out);
@@ -62,7 +63,7 @@ static void interpolate_path(const struct camera_path *c, double time_s, double 
     }
 }
 
-// Where what row `row` shows at p, camera axes, is for the middle row's camera.
+// The point p, axes of the camera at the time of row `row`, in the axes of the camera at the middle row.
 static struct vec3 to_middle_row(const struct lens *lens, const struct camera_path *path, double row, struct vec3 p)
 {
     double motion[6];
@@ -97,7 +98,7 @@ static void correct_tag(const struct map *m, struct map_frame *f, int32_t k, con
 static void correct_feature(const struct map *m, const struct map_frame *f, struct map_feature *s,
                             const struct camera_path *path)
 {
-    static const double FAR_M = 1e6; // where only the turn counts
+    static const double FAR_M = 1e6; // where only the rotation counts
     const struct lens *lens = &m->calibration.color;
     double z = s->raw_depth;
     if (!(z > 0))

@@ -1,22 +1,23 @@
-// How far away a sweep's natural points are where it has no depth: from where two of its pictures, taken from
-// different places, show what looks the same. The poses are known roughly by then, from tags.
+// Triangulation of features where a sweep has no depth: matches descriptors between pairs of frames with a baseline,
+// near their epipolar lines, by poses that are roughly known from tags.
 #include "capture/mapping/map_internal.h"
 
 #include <stdlib.h>
 
+// All chosen by hand.
 enum {
-    PARTNERS = 6,   // pictures that one is compared with
-    MAX_BITS = 48,  // by which what is the same may differ
-    MARGIN_BITS = 8 // more than the best must differ whatever lies elsewhere
+    PARTNERS = 6,   // frames that one is matched with
+    MAX_BITS = 48,  // Hamming distance of a match
+    MARGIN_BITS = 8 // by which the second-best match, at another depth, must be worse
 };
 static const double MIN_BASELINE_M = 0.1, MAX_BASELINE_M = 1.5, MAX_ROTATION = 0.6;
 static const double MIN_PARALLAX = 0.05; // radians between the two rays
-static const double MAX_ERROR_PX = 2.5;  // from where they should meet, at full size
+static const double MAX_ERROR_PX = 2.5;  // reprojection error at full image size
 static const double MIN_DEPTH_M = 0.2, MAX_DEPTH_M = 12;
-static const double SAME_DEPTH_SHARE = 0.05; // depths that differ by less of themselves are the same
+static const double SAME_DEPTH_SHARE = 0.05; // depths that differ by less than this share are the same
 static const float MAX_SCALE_RATIO = 1.6F;
 
-// The pictures that look most the same way from elsewhere. Returns how many.
+// The frames with the most similar viewing direction among those with a usable baseline. Returns how many.
 static int find_partners(const struct map *m, const struct map_frame *f, const struct map_frame *out[PARTNERS])
 {
     double angles[PARTNERS];
@@ -43,8 +44,8 @@ static int find_partners(const struct map *m, const struct map_frame *f, const s
     return count;
 }
 
-// Where two rays (z = 1) pass each other, in the first camera's axes. False: too nearly parallel, behind a camera, or
-// too far from each other.
+// The midpoint of two rays (z = 1) where they are closest, in the first camera's axes. False: too nearly parallel,
+// outside the depth range, or a reprojection error of `off` or more, in units of z = 1.
 static bool intersect_rays(struct vec3 a, struct vec3 b, struct pose a_from_b, double off, struct vec3 *out)
 {
     struct vec3 d = quat_rotate(a_from_b.rotation, b), o = a_from_b.translation;
@@ -62,7 +63,7 @@ static bool intersect_rays(struct vec3 a, struct vec3 b, struct pose a_from_b, d
 }
 
 struct depth_match {
-    int bits, other_bits; // of the best, and of the best that lies elsewhere
+    int bits, other_bits; // of the best match, and of the best one at another depth
     double depth;
 };
 
@@ -113,9 +114,9 @@ void map_triangulate(const struct map *m, struct map_frame *f)
 
 enum status map_cull_low_parallax(struct map *m)
 {
-    struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction it was seen in
-    double *least = malloc(sizeof *least * ((size_t)m->point_count + 1));   // cosine between that and any other
-    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to judge %d points", (int)m->point_count);
+    struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction of the first observation
+    double *least = malloc(sizeof *least * ((size_t)m->point_count + 1));   // least cosine between that and any other
+    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
     for (int32_t i = 0; i < m->point_count && status == OK; i++)
         least[i] = 1;
     for (int32_t i = 0; i < m->frame_count && status == OK; i++) {

@@ -1,3 +1,4 @@
+// The mapper: collects the frames of a sweep, runs the steps of mapping in order, exports the place and the report.
 #include "capture/mapping/map_frontend.h"
 
 #include "platform/jpeg.h"
@@ -13,7 +14,7 @@ struct mapper {
     int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
 };
 
-// A lens that was learnt in another place is as sure as this; a guess is not.
+// Relative. A focal length self-calibrated in another place is more accurate than this; a guess is not.
 static const double MAX_FOCAL_SIGMA = 0.01;
 
 struct mapper_options mapper_default_options(void)
@@ -25,14 +26,14 @@ static enum status check(const struct calibration *calibration, const struct map
                          const struct mapper_options *options)
 {
     if (!calibration->color.width)
-        return fail(ERR_INPUT, "a place is known by what is seen in colour, and this sensor has depth only");
+        return fail(ERR_INPUT, "a place is mapped from colour pictures, and this sensor has depth only");
     enum status status = lens_check(&calibration->color, "color");
     if (status != OK)
         return status;
     if (calibration->color.focal_sigma > MAX_FOCAL_SIGMA)
         return fail(ERR_INPUT,
-                    "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
-                    "its lens and write it down (the guide says where)",
+                    "the camera's focal length is known to %.1f %% only, and the place would be no more accurate; "
+                    "calibrate its lens (the guide says how)",
                     calibration->color.focal_sigma * 100);
     if (options->most_points < 0 || options->most_points > MAP_MAX_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
@@ -41,11 +42,12 @@ static enum status check(const struct calibration *calibration, const struct map
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
     if (!tag_count && !(options->prior && options->prior->tag_count) &&
         (!map_depth_usable(calibration) || !options->most_points))
-        return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
-                               "is, and this sensor has none; hang tags and list them");
+        return fail(ERR_INPUT, "without tags the scale of a place comes from depth on the colour's pixels, and this "
+                               "sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
         if (tags[i].id < 0 || tags[i].id >= TAG_ID_COUNT || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
-            return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
+            return fail(ERR_INPUT, "tag %d with a side of %g m cannot be a tag of tag36h11", (int)tags[i].id,
+                        tags[i].side_m);
         for (int32_t k = 0; k < i; k++)
             if (tags[k].id == tags[i].id)
                 return fail(ERR_INPUT, "tag %d is listed twice", (int)tags[i].id);
@@ -109,7 +111,7 @@ void mapper_close(struct mapper **out)
     *out = NULL;
 }
 
-// Every second frame goes when there are too many; every second picture too.
+// Drops every second frame when there are too many; every second image too.
 static void decimate_frames(struct mapper *m)
 {
     struct map *map = &m->map;
@@ -162,14 +164,14 @@ static enum status copy_image(const struct mapper *m, const struct frame *frame,
     return OK;
 }
 
-// The next picture that was looked at becomes a frame of the map. NOTHING: there is none.
+// The next image from the front end becomes a frame of the map. NOTHING: there is none.
 static enum status take_frame(struct mapper *m)
 {
     struct map_frontend_result result;
     enum status status = map_frontend_take(m->frontend, &result);
     if (status != OK)
         return status;
-    if (result.number % m->stride) { // which was smaller when it was put
+    if (result.number % m->stride) { // m->stride has grown since it was put
         map_frame_free(&result.observed);
         return OK;
     }
@@ -243,14 +245,14 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
         r->frames_placed += m->map.frames[i].placed;
 }
 
-// How much two views differ: metres, with a radian worth two.
+// How much two views differ: metres, with a radian counted as two.
 static double view_distance(struct pose camera_a_from_world, struct pose camera_b_from_world)
 {
     struct pose wa = pose_inverse(camera_a_from_world), wb = pose_inverse(camera_b_from_world);
     return v3_distance(wa.translation, wb.translation) + 2 * pose_angle(wa, wb);
 }
 
-// Hands the pictures that lie furthest apart, and from those it has, to the place, one after the other.
+// Farthest-point sampling: moves the images that are furthest from each other, and from the views the place has, to it.
 static void export_views(struct map *map, int32_t most, struct place *out)
 {
     double distance[MAP_MAX_FRAMES];
@@ -274,7 +276,7 @@ static void export_views(struct map *map, int32_t most, struct place *out)
             .jpeg_bytes = f->jpeg_bytes,
             .depth = f->depth,
         };
-        f->jpeg = NULL; // the place's now
+        f->jpeg = NULL; // owned by the place now
         f->depth = NULL;
         distance[best] = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
@@ -283,7 +285,7 @@ static void export_views(struct map *map, int32_t most, struct place *out)
     }
 }
 
-// Views are read with the calibration of the place.
+// Views have no calibration of their own: they are read with the place's.
 static bool same_calibration(const struct calibration *a, const struct calibration *b)
 {
     return lens_equal(&a->color, &b->color) && lens_equal(&a->depth, &b->depth) && a->registered == b->registered &&

@@ -1,3 +1,4 @@
+// Reading of tags.json: which tags hang in the place and how large they are.
 #include "capture/mapping/mapper.h"
 #include "platform/json.h"
 #include "platform/tag_detector.h"

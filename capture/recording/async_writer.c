@@ -1,45 +1,43 @@
 #include "capture/recording/async_writer.h"
 
 #include "base/clock.h"
+#include "base/condition.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
-enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor stops the sensor, not the machine
+enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor then blocks recording instead of filling memory
 
 struct pending {
     struct pending *next;
     struct frame_row row;
     struct skeleton skeleton;
-    uint8_t bytes[]; // the pictures
+    uint8_t bytes[]; // the encoded images
 };
 
 struct batch {
-    struct pending *first, **last; // last: where the next one is linked in
+    struct pending *first, **last; // last: where the next one is linked
     struct take_row take;
     bool has_take;
     size_t bytes;
-    int64_t since_ns; // wall clock when the first thing came; INT64_MAX: empty
+    int64_t since_ns; // wall clock of the first addition; INT64_MAX: empty
 };
 
 struct async_writer {
     struct database *db, *checkpoint_db;
     struct statement *add_frame, *add_image, *put_take;
 
-    pthread_mutex_t lock; // over all below
+    pthread_mutex_t lock; // guards all below
     pthread_cond_t wake;  // there may be something to do
     pthread_cond_t done;  // `writing` has ended
     pthread_t writer, checkpointer;
     bool has_writer, has_checkpointer, stop;
     struct batch batch;
-    bool due;                // the batch is full by the sensor's clock
-    bool writing;            // the writer is at the database, without the lock
-    bool unsynced;           // committed, not yet moved into the file
-    enum status first_error; // the first error; from then on nothing is written
-    char sentence[512];
+    bool due;                   // the batch is full by the sensor's clock
+    bool writing;               // the writer thread uses the database, without the lock
+    bool unsynced;              // committed, not yet checkpointed
+    struct failure first_error; // from then on nothing is written
 };
 
 // ------------------------------------------------------------- rows
@@ -48,7 +46,7 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
 {
     uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
     size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
-    unsigned pictures = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
+    unsigned images = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
     put_pose(pose, &f->world_from_camera);
     if (f->skeleton)
         put_skeleton(skeleton, f->skeleton);
@@ -58,10 +56,10 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
     statement_bind_number(row, 3, f->located);
     statement_bind_blob(row, 4, pose, sizeof pose);
     statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
-    statement_bind_number(row, 6, pictures);
-    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, pictures));
+    statement_bind_number(row, 6, images);
+    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images));
     enum status status = statement_run(row);
-    if (status != OK || !pictures)
+    if (status != OK || !images)
         return status;
     row = s->add_image;
     statement_bind_number(row, 1, f->key);
@@ -107,7 +105,7 @@ static void empty(struct batch *b)
     b->since_ns = INT64_MAX;
 }
 
-// One transaction. Whatever goes wrong, the file stays as the last commit left it.
+// One transaction: on any error the file remains as the last commit left it.
 static enum status write_batch(struct async_writer *s, const struct batch *b)
 {
     enum status status = database_run(s->db, "BEGIN IMMEDIATE");
@@ -120,25 +118,26 @@ static enum status write_batch(struct async_writer *s, const struct batch *b)
     return status;
 }
 
-// The caller holds the lock, from here to the threads.
+// The functions from here to the threads are called with the lock held.
+
+// Keeps the first error, rolls back and drops the batch. Returns the first error with its sentence.
 static enum status set_error(struct async_writer *s, enum status status)
 {
-    if (s->first_error == OK) {
-        s->first_error = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
+    if (s->first_error.status == OK) {
+        failure_keep(&s->first_error, status);
         enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
         (void)back;
     }
     empty(&s->batch);
-    pthread_cond_broadcast(&s->done); // nobody waits for what will not come
-    return fail(s->first_error, "%s", s->sentence);
+    pthread_cond_broadcast(&s->done); // wakes those who wait for this batch
+    return failure_restore(&s->first_error);
 }
 
-// Takes the batch away and writes it; gives the lock back meanwhile where told to.
+// Detaches the batch and writes it. unlocked: the lock is released meanwhile.
 static enum status write_pending(struct async_writer *s, bool unlocked)
 {
-    if (s->first_error != OK)
-        return fail(s->first_error, "%s", s->sentence);
+    if (s->first_error.status != OK)
+        return failure_restore(&s->first_error);
     if (s->batch.since_ns == INT64_MAX)
         return OK;
     struct batch b = s->batch;
@@ -162,24 +161,18 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
 
 // ------------------------------------------------------------- the two threads
 
-static void wait_until(struct async_writer *s, int64_t when_ns)
-{
-    struct timespec until = {.tv_sec = when_ns / 1000000000, .tv_nsec = when_ns % 1000000000};
-    pthread_cond_timedwait(&s->wake, &s->lock, &until);
-}
-
 static void *run_writer(void *argument)
 {
     struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         int64_t since = s->batch.since_ns;
-        bool waiting = since != INT64_MAX && s->first_error == OK;
+        bool waiting = since != INT64_MAX && s->first_error.status == OK;
         if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
             enum status status = write_pending(s, true);
             (void)status; // kept in s->first_error
         } else if (waiting) {
-            wait_until(s, since + BATCH_NS);
+            condition_wait_until_ns(&s->wake, &s->lock, since + BATCH_NS);
         } else {
             pthread_cond_wait(&s->wake, &s->lock);
         }
@@ -193,7 +186,7 @@ static void *run_checkpointer(void *argument)
     struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        if (!s->unsynced || s->first_error != OK) {
+        if (!s->unsynced || s->first_error.status != OK) {
             pthread_cond_wait(&s->wake, &s->lock);
             continue;
         }
@@ -203,7 +196,7 @@ static void *run_checkpointer(void *argument)
         enum status status = database_checkpoint(s->checkpoint_db, &left);
         pthread_mutex_lock(&s->lock);
         if (status != OK) {
-            while (s->writing) // the writer is at the connection that set_error() rolls back
+            while (s->writing) // the writer thread uses the connection that set_error() rolls back
                 pthread_cond_wait(&s->done, &s->lock);
             set_error(s, status);
         }
@@ -242,11 +235,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
     s->db = db;
     s->batch.since_ns = INT64_MAX;
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    condition_open(&s->wake);
     pthread_cond_init(&s->done, NULL);
     pthread_mutex_init(&s->lock, NULL);
     enum status status = start(s);
@@ -254,8 +243,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         *out = s;
         return OK;
     }
-    s->first_error = status;
-    snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
+    failure_keep(&s->first_error, status);
     return async_writer_close(&s);
 }
 
@@ -271,23 +259,23 @@ static struct pending *copy_row(const struct frame_row *row)
         p->row.skeleton = &p->skeleton;
     }
     uint8_t *at = p->bytes;
-    const uint8_t **pictures[] = {&p->row.color, &p->row.depth, &p->row.mask};
+    const uint8_t **images[] = {&p->row.color, &p->row.depth, &p->row.mask};
     const size_t counts[] = {row->color_bytes, row->depth_bytes, row->mask_bytes};
-    for (size_t i = 0; i < COUNT_OF(pictures); i++)
-        if (*pictures[i]) {
-            memcpy(at, *pictures[i], counts[i]);
-            *pictures[i] = at;
+    for (size_t i = 0; i < COUNT_OF(images); i++)
+        if (*images[i]) {
+            memcpy(at, *images[i], counts[i]);
+            *images[i] = at;
             at += counts[i];
         }
     return p;
 }
 
-// Under the lock: something new lies in the batch.
+// Called with the lock held, before the batch gets a new row.
 static void begin_batch(struct async_writer *s)
 {
     if (s->batch.since_ns == INT64_MAX) {
         s->batch.since_ns = clock_now_ns();
-        pthread_cond_broadcast(&s->wake); // the writer's clock starts
+        pthread_cond_broadcast(&s->wake); // starts the BATCH_NS timeout
     }
 }
 
@@ -297,9 +285,9 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
     if (!p)
         return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
     pthread_mutex_lock(&s->lock);
-    while (s->first_error == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
+    while (s->first_error.status == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
         pthread_cond_wait(&s->done, &s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     if (status == OK) {
         begin_batch(s);
         struct batch *b = &s->batch;
@@ -320,7 +308,7 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
 enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
 {
     pthread_mutex_lock(&s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     if (status == OK) {
         begin_batch(s);
         s->batch.take = *row;
@@ -371,7 +359,7 @@ enum status async_writer_close(struct async_writer **async_writer)
     pthread_cond_destroy(&s->wake);
     pthread_cond_destroy(&s->done);
     pthread_mutex_destroy(&s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     free(s);
     return status;
 }

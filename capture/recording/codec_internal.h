@@ -1,4 +1,4 @@
-// The working memory that the codes of depth and mask share.
+// Scratch memory shared by the depth codec (depth_codec.c) and the mask codec (mask_codec.c).
 #pragma once
 #include "capture/recording/depth_codec.h"
 #include "platform/compress.h"
@@ -8,13 +8,14 @@ struct rans_coder;
 struct depth_coder {
     struct compressor *compressor;
     struct rans_coder *range;
-    uint8_t *out, *head; // the code, and what is compressed into it
+    uint8_t *out, *head; // the encoded bytes, and the uncompressed header that goes into them
     size_t out_capacity, head_capacity;
-    uint8_t *rows; // four rows of levels, 16 bits each
+    uint8_t *rows; // four rows of levels, 16 bits a pixel
     size_t rows_capacity;
-    int8_t slopes[2 * 65536 + 1];
-    uint8_t seen[65536];
+    int8_t slopes[2 * 65536 + 1]; // quantised slope of each difference of two levels
+    uint8_t seen[65536];          // which depths occur
     uint16_t level_of[65536], depth_of[65536];
 };
 
+// Grows a buffer to at least `wanted` bytes. ERR_MEMORY: it is unchanged.
 MUST_CHECK enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted);

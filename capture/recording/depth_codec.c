@@ -1,10 +1,7 @@
-// The depth code. A sensor of the Kinect's kind gives a couple of hundred
-// distinct depths, so a pixel becomes its rank among those of the picture (its
-// level), is predicted from the levels left, above and above left (the median
-// predictor of LOCO-I; Weinberger, Seroussi and Sapiro 2000), and what is left
-// over goes through a range coder (rANS; Duda 2013) whose odds depend on the
-// slopes around the pixel. Where all four neighbours agree only the number of
-// pixels until the first that does not is kept. docs/format.md has the bytes.
+// A Kinect-like sensor gives a few hundred distinct depths, so each pixel is replaced by the rank of its depth among
+// those of the image (its level), predicted from the levels left, above and above left (the median predictor of
+// LOCO-I), and the residual is entropy-coded (rans_coder.h) with a context quantised from the slopes about the pixel.
+// Where all four neighbours are equal, a run length is coded instead, up to the first pixel that differs.
 #include "capture/recording/depth_codec.h"
 
 #include "capture/recording/little_endian.h"
@@ -17,7 +14,7 @@ enum {
     RAW = 0, // 16 bits a pixel
     CODED = 1,
     HEADER = 5 + 1 + 4 * 4, // of CODED
-    HOLE_CONTEXTS = 63,     // + which of left, above, above right are holes: 64..70
+    HOLE_CONTEXTS = 63,     // + a bit each for left, above, above right being holes: 64..70
     FLAT_MISS = 71,
     FLAT_RUN = 72,
     CONTEXTS = 73,
@@ -59,7 +56,7 @@ enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted)
         return OK;
     uint8_t *grown = realloc(*bytes, wanted);
     if (!grown)
-        return fail(ERR_MEMORY, "no memory for %zu bytes of a picture", wanted);
+        return fail(ERR_MEMORY, "no memory for %zu bytes of an image", wanted);
     *bytes = grown;
     *capacity = wanted;
     return OK;
@@ -67,9 +64,8 @@ enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted)
 
 // ------------------------------------------------------------- levels
 
-// Finds the distinct depths. Returns how many levels there are (level 0 is
-// depth 0 in any case) or 0 when a level shall be the depth itself, because
-// the sensor uses nearly all numbers.
+// Finds the distinct depths. Returns the number of levels (level 0 is always depth 0), or 0 if a level is the depth
+// itself, because the sensor uses nearly all values.
 static int find_levels(struct depth_coder *c, const uint16_t *depth, size_t n)
 {
     memset(c->seen, 0, sizeof c->seen);
@@ -91,11 +87,10 @@ static int find_levels(struct depth_coder *c, const uint16_t *depth, size_t n)
     return 0;
 }
 
-// How steep a slope between neighbours must be to mean more than noise: half
-// the usual step from a pixel to the next. 0 for a sensor with coarse levels.
+// The slope between neighbours, in levels, up to which it is taken for noise: half the mean step between neighbours.
 static int measure_noise(struct depth_coder *c, const uint16_t *depth, int width, int height)
 {
-    enum { EDGE = 64 };
+    enum { EDGE = 64 }; // larger steps are edges; chosen by hand
     int64_t sum = 0, count = 0;
     for (int y = 0; y < height; y += 4) {
         const uint16_t *row = depth + (size_t)y * (size_t)width;
@@ -112,9 +107,8 @@ static int measure_noise(struct depth_coder *c, const uint16_t *depth, int width
 
 // ------------------------------------------------------------- the neighbourhood
 
-// Levels as they are, and with every hole filled by what was predicted there,
-// for the row at work and the one above; [0] is left of the picture, [width + 1]
-// right of it. Above the first row lies a row of holes.
+// Levels as coded, and with each hole filled by its prediction, for the current row and the one above. [0] is left of
+// the image, [width + 1] right of it. Above the first row is a row of holes.
 struct rows {
     uint16_t *level, *level_above, *filled, *filled_above;
 };
@@ -141,12 +135,12 @@ static void rows_next(struct rows *r, int width)
     r->filled_above[width + 1] = r->filled_above[width];
 }
 
-// The neighbours of one pixel: a left of it, c b d above it from left to right.
+// The neighbours of a pixel: a left of it, c b d above it from left to right (LOCO-I's names).
 struct neighbors {
     int a, b, c, d;
 };
 
-// All four agree.
+// All four are equal.
 static inline bool is_flat(struct neighbors level)
 {
     return !((level.a ^ level.b) | (level.b ^ level.c) | (level.c ^ level.d));
@@ -159,9 +153,8 @@ static inline int predict(struct neighbors filled)
     return plane < low ? low : plane > high ? high : plane;
 }
 
-// What every step between two levels means as a slope, -2 .. 2: a table, because
-// how far a pixel is from the next is hard to foresee for a branch. Returns its
-// middle, the step 0.
+// Table of the quantised slope, -2 .. 2, of each difference of two levels; a table, because branches on it are badly
+// predicted. Returns its middle, difference 0.
 static const int8_t *make_slopes(struct depth_coder *c, int noise)
 {
     const int middle = 65536, edge = 3 * noise + 1;
@@ -174,9 +167,8 @@ static const int8_t *make_slopes(struct depth_coder *c, int noise)
     return slopes + middle;
 }
 
-// Which odds hold. ahead: the slope from above to above right, behind: from
-// above left to above. *sign -1: the mirrored neighbourhood shares them, its
-// residual turned.
+// Context of a pixel. ahead: slope from above to above right; behind: from above left to above. *sign -1: the context
+// is shared with the mirrored neighbourhood, and the residual is negated.
 static inline int context_of(struct neighbors level, int ahead, int behind, int down, int *sign)
 {
     int holes = (level.a == HOLE) | (level.b == HOLE) << 1 | (level.d == HOLE) << 2;
@@ -184,7 +176,7 @@ static inline int context_of(struct neighbors level, int ahead, int behind, int 
         *sign = 1;
         return HOLE_CONTEXTS + holes;
     }
-    // Which sign it has is a toss-up, so no branch: all bits set below zero.
+    // The sign is unpredictable, so there is no branch: all bits are set below zero.
     int index = 25 * ahead + 5 * behind + down, below = -(index < 0);
     *sign = below | 1;
     return (index ^ below) - below;
@@ -202,8 +194,8 @@ static inline int unfold(uint32_t folded) { return folded & 1 ? -(int)(folded / 
 static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t *depth, int width, int height,
                           int noise)
 {
-    struct rans_coder range = *c->range; // a copy that no store can be feared to change
-    size_t run_place = 0;
+    struct rans_coder range = *c->range; // a local copy, which cannot alias the stores below
+    size_t run_position = 0;
     uint32_t run = 0;
     bool in_run = false;
     const int8_t *slopes = make_slopes(c, noise);
@@ -225,10 +217,10 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
             if (flat && !in_run) {
                 in_run = true;
                 run = 0;
-                run_place = rans_reserve(&range);
+                run_position = rans_reserve(&range);
             }
             if (flat && here == l.a) {
-                // Most of a picture: on to the last pixel for which nothing changes.
+                // Most of an image: on to the last pixel of the run for which nothing changes.
                 const int first = x;
                 filled[x] = (uint16_t)f.a;
                 while (x < width && level[x + 1] == here && level_above[x + 2] == here)
@@ -239,7 +231,7 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
             } else {
                 int sign = 1, context = FLAT_MISS, predicted = predict(f);
                 if (flat) {
-                    rans_fill(&range, run_place, FLAT_RUN, run);
+                    rans_fill(&range, run_position, FLAT_RUN, run);
                     in_run = false;
                 } else {
                     context = context_of(l, ahead, behind, slopes[f.c - f.a], &sign);
@@ -254,7 +246,7 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
         }
     }
     if (in_run)
-        rans_fill(&range, run_place, FLAT_RUN, run);
+        rans_fill(&range, run_position, FLAT_RUN, run);
     *c->range = range;
 }
 
@@ -273,7 +265,7 @@ static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int w
     return OK;
 }
 
-// The palette (each depth as its distance from the one before) and the odds.
+// The header: palette (each depth as its difference from the one before) and symbol frequencies.
 static enum status make_head(struct depth_coder *c, int levels, size_t *head_bytes)
 {
     size_t most = 3 * (size_t)levels + rans_frequencies_max(c->range);
@@ -312,7 +304,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
         return store_raw(c, depth, width, height, bytes, count);
     status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound + bits + words);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + HEADER, bound, &head_packed);
+        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + HEADER, &head_packed);
     if (status != OK)
         return status;
     uint8_t *at = put_u16(put_u16(put_u8(c->out, CODED), (uint16_t)width), (uint16_t)height);
@@ -327,7 +319,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
 
 // ------------------------------------------------------------- decoding
 
-static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth picture's code is damaged"); }
+static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth image's code is damaged"); }
 
 static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *end, uint32_t levels)
 {
@@ -343,14 +335,19 @@ static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *e
     return rans_get_frequencies(c->range, at, end);
 }
 
-static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth, int width, int height, int noise,
-                          int levels)
+// What the header says of the pixels.
+struct coded_image {
+    int width, height, noise, levels;
+};
+
+static bool decode_pixels(struct depth_coder *c, struct rows *r, const struct coded_image *coded, uint16_t *depth)
 {
-    struct rans_coder range = *c->range; // a copy that no store can be feared to change
-    int64_t run = -1;                    // pixels left until the one that differs; -1: not read yet
+    const int width = coded->width, height = coded->height;
+    struct rans_coder range = *c->range; // a local copy, which cannot alias the stores below
+    int64_t run = -1;                    // remaining pixels of the run; -1: not read yet
     uint32_t value;
-    const int8_t *slopes = make_slopes(c, noise);
-    const int most = levels ? levels : 65536;
+    const int8_t *slopes = make_slopes(c, coded->noise);
+    const int most = coded->levels ? coded->levels : 65536;
     for (int y = 0; y < height; y++) {
         rows_next(r, width);
         uint16_t *restrict level = r->level, *restrict filled = r->filled;
@@ -424,10 +421,10 @@ static enum status decode_coded(struct depth_coder *c, const uint8_t *at, const 
         status = decompress_bytes(c->compressor, at, head_packed, c->head, head_plain);
     if (status != OK)
         return status;
+    const struct coded_image coded = {width, height, noise, (int)levels};
     const uint8_t *bit = at + head_packed, *word = bit + bits;
     if (!read_head(c, c->head, c->head + head_plain, levels) ||
-        !rans_start(c->range, bit, bits, word, (size_t)(end - word)) ||
-        !decode_pixels(c, &rows, depth, width, height, noise, (int)levels))
+        !rans_start(c->range, bit, bits, word, (size_t)(end - word)) || !decode_pixels(c, &rows, &coded, depth))
         return damaged();
     return OK;
 }
@@ -442,7 +439,7 @@ enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t cou
     const uint8_t *at = bytes + 1, *end = bytes + count;
     int coded_width = get_u16(&at), coded_height = get_u16(&at);
     if (coded_width != width || coded_height != height)
-        return fail(ERR_CORRUPT, "a depth picture has %d x %d pixels where %d x %d were expected", coded_width,
+        return fail(ERR_CORRUPT, "a depth image has %d x %d pixels where %d x %d were expected", coded_width,
                     coded_height, width, height);
     if (bytes[0] == CODED)
         return decode_coded(c, at, end, depth, width, height);

@@ -1,10 +1,10 @@
-// Numbers as a recording keeps them: little-endian, one after the other, no gaps.
+// Little-endian numbers, packed without gaps, as a recording stores them. Each function advances its pointer.
 #pragma once
 #include "base/geometry.h"
 
 #include <string.h>
 
-// ---- writing: the caller knows that there is room
+// ---- writing: the caller ensures that the buffer is large enough
 static inline uint8_t *put_u8(uint8_t *at, uint8_t value)
 {
     *at = value;
@@ -36,7 +36,7 @@ static inline uint8_t *put_f64(uint8_t *at, double value)
     memcpy(&bits, &value, sizeof bits);
     return put_u64(at, bits);
 }
-// 7 bits a byte, low ones first, the top bit set in all but the last: at most 5 bytes.
+// LEB128: 7 bits a byte, low ones first, the top bit set in all but the last; at most 5 bytes.
 static inline uint8_t *put_varint(uint8_t *at, uint32_t value)
 {
     for (; value > 127; value >>= 7)
@@ -76,7 +76,7 @@ static inline double get_f64(const uint8_t **at)
     memcpy(&value, &bits, sizeof value);
     return value;
 }
-// This one checks itself: false when the bytes end first or hold more than 32 bits.
+// Checks by itself. False: the bytes end first, or the number has more than 32 bits.
 static inline bool get_varint(const uint8_t **at, const uint8_t *end, uint32_t *value)
 {
     *value = 0;

@@ -1,11 +1,11 @@
-// The mask code: each pixel against the one above it, the lengths of the runs
-// of equal and of different ones in turn, and zstd over those.
+// The mask codec: each pixel is compared with the one above it; the lengths of alternating runs of equal and different
+// pixels are stored as varints and compressed with zstd.
 #include "capture/recording/little_endian.h"
 #include "capture/recording/codec_internal.h"
 
 enum { HEADER = 1 + 2 + 2 + 4, VERSION = 0 };
 
-// The first of [from, n) whose being different from the pixel above is not `differs`.
+// The end of a run: the first index in [from, n) at which "differs from the pixel above" is not `differs`; n: none.
 static size_t run_end(const uint8_t *mask, size_t from, size_t n, size_t width, bool differs)
 {
     for (; from < n; from++) {
@@ -23,7 +23,7 @@ enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, i
     size_t n = (size_t)width * (size_t)height, used = 0, packed;
     bool differs = false;
     for (size_t from = 0; from < n; differs = !differs) {
-        // Room doubles, so that a sleek mask does not cost the room of the worst one.
+        // The buffer doubles, so that a simple mask does not cost the memory of the worst one.
         if (c->head_capacity < used + 5) {
             enum status status = depth_coder_grow(&c->head, &c->head_capacity, 2 * used + 4096);
             if (status != OK)
@@ -36,7 +36,7 @@ enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, i
     size_t bound = compress_bound(used);
     enum status status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, bound, &packed);
+        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, &packed);
     if (status != OK)
         return status;
     put_u32(put_u16(put_u16(put_u8(c->out, VERSION), (uint16_t)width), (uint16_t)height), (uint32_t)used);

@@ -49,7 +49,7 @@ enum status rans_begin(struct rans_coder *r, size_t pixels)
     r->numbers = malloc(wanted * sizeof *r->numbers);
     r->number_contexts = malloc(wanted);
     r->capacity = r->numbers && r->number_contexts ? wanted : 0;
-    return r->capacity ? OK : fail(ERR_MEMORY, "no memory to code a picture of %zu pixels", pixels);
+    return r->capacity ? OK : fail(ERR_MEMORY, "no memory to code an image of %zu pixels", pixels);
 }
 
 static inline uint32_t symbol_of(uint32_t number, int *extra)
@@ -63,8 +63,7 @@ static inline uint32_t symbol_of(uint32_t number, int *extra)
     return 8 + 2 * (uint32_t)(size - 3) + (number >> (size - 1) & 1);
 }
 
-// How often each symbol comes, scaled so that a context's frequencies add up to
-// RANS_SUM and none that occurs has 0.
+// Scales the counts so that a context's frequencies sum to RANS_SUM and no symbol that occurs has 0.
 static void scale_frequencies(uint16_t frequencies[RANS_SYMBOLS], const uint32_t counts[RANS_SYMBOLS])
 {
     uint64_t total = 0;
@@ -80,7 +79,7 @@ static void scale_frequencies(uint16_t frequencies[RANS_SYMBOLS], const uint32_t
             frequencies[s] = (uint16_t)(share ? share : 1);
             sum += frequencies[s];
         }
-    // Rounding errors go to the largest, where they cost least.
+    // The rounding error goes to the largest frequency, where it costs least.
     while (sum != RANS_SUM) {
         int largest = 0;
         for (int s = 1; s < RANS_SYMBOLS; s++)
@@ -101,8 +100,8 @@ static void sum_frequencies(struct rans_coder *r)
             r->start[c][s] = (uint16_t)sum;
 }
 
-// One symbol's share of the range and how to divide by it with a
-// multiplication, exact for states below 2^31 (Giesen, ryg_rans).
+// A symbol's frequency, and its division by a reciprocal multiplication, exact for states below 2^31 (Giesen,
+// ryg_rans).
 struct symbol_code {
     uint32_t reciprocal, most;
     uint16_t bias, complement, shift;
@@ -125,8 +124,8 @@ static struct symbol_code make_symbol_code(uint32_t frequency, uint32_t start)
     return code;
 }
 
-// Counts the symbols into `counts`, replaces each number by its symbol and
-// writes what no symbol holds as plain bits.
+// Counts the symbols into `counts`, replaces each number by its symbol and writes its remaining bits uncoded. Returns
+// the end of the bits.
 static uint8_t *split_numbers(struct rans_coder *r, uint32_t (*counts)[RANS_SYMBOLS])
 {
     uint8_t *at = r->bits;
@@ -171,7 +170,7 @@ static void code_symbols(struct rans_coder *r, struct symbol_code (*codes)[RANS_
 
 enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words)
 {
-    // A number leaves at most 27 bits and one 16-bit word.
+    // A number leaves at most 27 uncoded bits and one 16-bit word.
     size_t bits_wanted = 4 * r->count + 8, words_wanted = 2 * r->count + 8;
     if (bits_wanted > r->bits_capacity) {
         free(r->bits);
@@ -187,7 +186,7 @@ enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words)
     struct symbol_code(*codes)[RANS_SYMBOLS] = malloc((size_t)r->contexts * sizeof *codes);
     enum status status = OK;
     if (!r->bits || !r->words || !counts || !codes) {
-        status = fail(ERR_MEMORY, "no memory to code a picture");
+        status = fail(ERR_MEMORY, "no memory to code an image");
     } else {
         r->bits_count = (size_t)(split_numbers(r, counts) - r->bits);
         for (int c = 0; c < r->contexts; c++)

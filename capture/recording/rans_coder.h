@@ -1,10 +1,10 @@
-// A range coder with fixed frequencies for each context (rANS), for the depth code.
-// Numbers are pushed with the context they came in; when all are there the
-// frequencies are counted and everything is coded, so coding runs backwards and
-// decoding forwards. Decoding is safe on any bytes. One coder, one thread.
+// Entropy coder of the depth codec: rANS (Duda 2013) with static symbol frequencies for each context; division by
+// reciprocal multiplication after Giesen's ryg_rans. Numbers are pushed with their context; rans_finish counts the
+// frequencies and encodes in reverse order, so that decoding runs forwards. Decoding is safe on any bytes. One coder,
+// one thread; deterministic. Memory: 10 bytes a pixel, 6 a number and 4.3 kB a context.
 //
-// A number 0..7 is a symbol of its own; above, a symbol holds its magnitude and
-// leading fraction and the rest follows as plain bits. Numbers are < 2^29.
+// A number 0..7 is its own symbol; above, the symbol holds the position of the highest bit and the bit after it, and
+// the remaining bits follow uncoded. Numbers are < 2^29.
 #pragma once
 #include "base/status.h"
 
@@ -12,7 +12,7 @@
 
 enum {
     RANS_SYMBOLS = 64,
-    RANS_BITS = 12, // the frequencies of a context add up to 1 << RANS_BITS
+    RANS_BITS = 12, // the frequencies of a context sum to 1 << RANS_BITS
     RANS_SUM = 1 << RANS_BITS,
     RANS_LOW = 1 << 15, // the state stays in [RANS_LOW, RANS_LOW << 16)
 };
@@ -20,12 +20,12 @@ enum {
 struct rans_coder {
     int contexts;
     uint16_t (*frequencies)[RANS_SYMBOLS]; // of each context; all 0: unused
-    uint16_t (*start)[RANS_SYMBOLS];       // the sum of the frequencies before
+    uint16_t (*start)[RANS_SYMBOLS];       // cumulative frequencies
     // encoding
     uint32_t *numbers;
     uint8_t *number_contexts;
     size_t count, capacity;
-    uint8_t *bits, *words, *words_begin; // words grow downwards from the buffer's end
+    uint8_t *bits, *words, *words_begin; // words grow down from the buffer's end
     size_t bits_capacity, words_capacity, bits_count, words_count;
     // decoding
     uint8_t (*symbol_at)[RANS_SUM];
@@ -35,42 +35,42 @@ struct rans_coder {
     uint32_t state;
 };
 
-MUST_CHECK enum status rans_open(struct rans_coder **out, int contexts); // at most 255. ERR_MEMORY
-void rans_close(struct rans_coder **r);                                  // NULL is fine
+MUST_CHECK enum status rans_open(struct rans_coder **out, int contexts); // at most 255. ERR_MEMORY: *out is then NULL
+void rans_close(struct rans_coder **r);                                  // NULL is fine; sets *r = NULL
 
-// ---- encoding: at most 2 * pixels + 2 numbers. ERR_MEMORY.
+// ---- encoding: at most 2 * pixels + 2 numbers. ERR_MEMORY: rans_begin must be called again before pushing.
 MUST_CHECK enum status rans_begin(struct rans_coder *r, size_t pixels);
 static inline void rans_push(struct rans_coder *r, int context, uint32_t number)
 {
     r->number_contexts[r->count] = (uint8_t)context;
     r->numbers[r->count++] = number;
 }
-// Keeps the place for a number that is known only later.
+// Reserves the position of a number that is known only later; rans_fill sets it.
 static inline size_t rans_reserve(struct rans_coder *r) { return r->count++; }
-static inline void rans_fill(struct rans_coder *r, size_t place, int context, uint32_t number)
+static inline void rans_fill(struct rans_coder *r, size_t position, int context, uint32_t number)
 {
-    r->number_contexts[place] = (uint8_t)context;
-    r->numbers[place] = number;
+    r->number_contexts[position] = (uint8_t)context;
+    r->numbers[position] = number;
 }
-// Codes everything; says how many bytes of plain bits and of range code there are.
+// Encodes everything; gives the number of bytes of uncoded bits and of rANS words. ERR_MEMORY.
 MUST_CHECK enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words);
 void rans_copy(const struct rans_coder *r, uint8_t *bits, uint8_t *words);
 size_t rans_frequencies_max(const struct rans_coder *r); // bytes that rans_put_frequencies may need
 uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at);
 
 // ---- decoding
-// False: not frequencies that rans_put_frequencies wrote. Must fill [at, end) exactly.
+// False: not frequencies as rans_put_frequencies writes them, or [at, end) is longer or shorter than they are.
 bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t *end);
 bool rans_start(struct rans_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words, size_t word_count);
-bool rans_is_done(const struct rans_coder *r); // everything used up, in the state where encoding began
+bool rans_is_done(const struct rans_coder *r); // all bytes are used up, and the state is the encoder's initial one
 
-// False: the bytes are used up or were never of our making.
+// False: the bytes are used up or invalid.
 static inline bool rans_pull(struct rans_coder *r, int context, uint32_t *number)
 {
     uint32_t slot = r->state & (RANS_SUM - 1), symbol = r->symbol_at[context][slot];
     uint32_t frequency = r->frequencies[context][symbol];
     if (!frequency)
-        return false; // a context without frequencies
+        return false; // the context has no frequencies
     r->state = frequency * (r->state >> RANS_BITS) + slot - r->start[context][symbol];
     if (r->state < RANS_LOW) {
         if (r->word == r->word_end)

@@ -1,11 +1,10 @@
-// A recording: one SQLite file with one place and any number of takes, and the
-// only thing that capture and reenact share. docs/format.md has it to the byte.
+// A recording: one SQLite file with one place and any number of takes; the only interface between capture and reenact.
+// docs/format.md specifies it to the byte.
 //
-// Frames are kept as they came: colour as JPEG (the sensor's own bytes where it
-// had them), depth bit-exact. What is derived (mask, skeleton, body) lies
-// beside them. A writer commits at least every half second, so that kill -9,
-// a full disk or a pulled plug costs at most the last second. Readers open the
-// file read-only and may do so while it is written. One handle, one thread.
+// Frames are stored as the sensor gave them: colour as JPEG (the sensor's own bytes where it has them), depth bit-exact
+// in millimetres. Derived data (mask, skeleton, body) is stored beside them. The writer commits at least every half
+// second, so that kill -9, a full disk or power loss costs at most the last second. Readers open the file read-only,
+// also while it is written. One handle, one thread at a time; different handles may be used in parallel.
 #pragma once
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
@@ -18,22 +17,25 @@ struct take;
 
 // ---------------------------------------------------------------- writing
 
-// Makes `path`, which must not exist. ERR_EXISTS, ERR_IO. On error no file stays
-// and *out is NULL.
+// Makes `path`, which must not exist. ERR_EXISTS, ERR_IO, ERR_MEMORY. On failure no file remains and *out is NULL.
 MUST_CHECK enum status recording_create(struct recording_writer **out, const char *path);
 
-// Opens an existing recording to add to it. ERR_MISSING, ERR_IO, ERR_FORMAT, ERR_CORRUPT.
+// Opens an existing recording to add to it. ERR_MISSING, ERR_IO, ERR_FORMAT, ERR_CORRUPT, ERR_MEMORY. On failure *out
+// is NULL.
 MUST_CHECK enum status recording_append(struct recording_writer **out, const char *path);
 
-// Keeps a copy of `place`, replacing an earlier one. ERR_IO.
+// Stores a copy of `place` in one transaction, replacing an earlier one. ERR_INPUT: a number is not finite or the
+// calibration is invalid; nothing is written. ERR_IO, ERR_MEMORY: as recording_add_frame.
 MUST_CHECK enum status recording_put_place(struct recording_writer *w, const struct place *place);
 
-// Begins a take. At most one is open. ERR_EXISTS: that name is taken.
-// ERR_INPUT: a name that is empty, longer than 200 bytes or holds control characters.
+// Begins a take. At most one is open. ERR_EXISTS: the name is in use. ERR_INPUT: the name is empty, longer than 200
+// bytes or holds control characters; or the calibration is invalid (a registered one must have the identity as
+// color_from_depth). After these two no take is open and the writer can go on. ERR_IO, ERR_MEMORY: as
+// recording_add_frame.
 MUST_CHECK enum status recording_begin_take(struct recording_writer *w, const char *name,
                                             const struct calibration *calibration);
 
-// What is written for one instant. The caller keeps everything.
+// What is written for one instant. Everything is copied.
 struct take_frame {
     int64_t time_ns;               // strictly increasing within the take
     struct pose world_from_camera; // of the colour camera; identity without a place
@@ -41,82 +43,98 @@ struct take_frame {
     const uint8_t *jpeg;           // NULL: no colour
     size_t jpeg_bytes;
     const uint16_t *depth; // NULL: no depth; else width * height of calibration.depth
-    const uint8_t *mask;   // NULL: none; else one byte a depth pixel, not 0: the person
+    const uint8_t *mask;   // NULL: none; else one byte a depth pixel, not 0: the actor
     bool has_skeleton;
     struct skeleton skeleton; // in the colour camera's axes of this instant
 };
 
-// Copies the frame into the file's current batch. ERR_ORDER: not after the last
-// one, nothing written. ERR_IO: disk full or gone; what was committed stays
-// readable, only recording_close is allowed from here on.
+// Copies the frame into the current batch (async_writer.h). ERR_ORDER: not later than the last one, ERR_INPUT: it does
+// not fit the calibration or holds a number that is not finite; nothing is written and the writer can go on. ERR_IO:
+// disk full or gone; what was committed stays readable, only recording_close is allowed from here on. ERR_MEMORY.
 MUST_CHECK enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame);
 
-// The body as far as it is known; may be called again and again during the take.
+// Stores the body as far as it is measured; may be called repeatedly during the take. ERR_INPUT, ERR_IO.
 MUST_CHECK enum status recording_put_body(struct recording_writer *w, const struct body *body);
 
-// How many frames the sensor or we ourselves let go by; kept with the take.
+// Stores how many frames were dropped so far, by the sensor or by capture. ERR_IO.
 MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t dropped);
 
-// Commits and marks the take as complete.
+// Commits and marks the take as complete. ERR_IO: it stays marked as interrupted, as recording_add_frame.
 MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 
-// Of the take that was ended last: puts other skeletons in place of those that its first `count` frames
-// have; NULL leaves one as it is, one that knows no joint takes it out, and a frame without stays without. All of them
-// or, on any error, none. ERR_INPUT: a number is not finite. ERR_IO.
+// Replaces skeletons of the take that was ended last, in its first `count` frames: NULL keeps a frame's skeleton, one
+// without a known joint removes it, and a frame without a skeleton remains without. One transaction: all of them or, on
+// any error, none. ERR_INPUT: a number is not finite. ERR_IO.
 MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
                                                int64_t count);
 
 const char *recording_writer_path(const struct recording_writer *w); // valid until recording_close
 
-// Commits what is there, closes, frees, sets *w = NULL (NULL is fine). Returns
-// the first error the writer ever met. A take still open stays, as interrupted.
+// Commits what was added, closes, frees, sets *w = NULL (NULL is fine). Returns the first error the writer ever met. A
+// take that is still open is kept and marked as interrupted.
 enum status recording_close(struct recording_writer **w);
 
 // ---------------------------------------------------------------- reading
 
-// Read-only. ERR_MISSING, ERR_IO, ERR_FORMAT (not ours; of a newer schema), ERR_CORRUPT.
+// Read-only. ERR_MISSING, ERR_IO, ERR_FORMAT (another file type or a newer schema), ERR_CORRUPT, ERR_MEMORY. On failure
+// *out is NULL.
 MUST_CHECK enum status recording_open(struct recording **out, const char *path);
 void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 
-// NOTHING: the file holds no place. On OK the caller owns *out: place_free.
+// NOTHING: the file holds no place. ERR_CORRUPT, ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
+// it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
 
 int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
 const char *recording_take_name(const struct recording *r, int index);
 
-// Loads all of a take but its pictures. ERR_MISSING: the sentence lists the takes there are.
-// The take uses `r`, which must outlive it.
+// Opens a take and reads its index: calibration, body and one take_entry a frame, no images. The handle uses `r`,
+// which must outlive it. ERR_MISSING: no such take; the sentence lists the takes there are. ERR_CORRUPT, ERR_IO,
+// ERR_MEMORY. On failure *out is NULL.
 MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
-void take_close(struct take **t);
 
+// Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its
+// own statement and decode buffers. `r` is another handle on the same file, used by the same thread as *out. `same` is
+// only read and must be open during the call; afterwards the handles may be closed in any order, by any threads.
+// ERR_IO, ERR_CORRUPT, ERR_MEMORY; on failure *out is NULL.
+//
+// Memory: the index has 520 bytes a frame, once for all handles (56 MB for an hour at 30 Hz; it was 528 for each of
+// the four handles of the app, 228 MB). A handle adds one decoded frame: colour 3, depth 2, mask 1 bytes a pixel.
+MUST_CHECK enum status take_open_shared(struct take **out, struct recording *r, const struct take *same);
+void take_close(struct take **t); // NULL is fine; sets *t = NULL
+
+// One frame of the index. No bigger than it must be: an hour has 108000.
 struct take_entry {
     int64_t time_ns;
     struct pose world_from_camera;
-    bool located;
-    bool has_color, has_depth, has_mask, has_skeleton;
-    struct skeleton skeleton; // colour camera's axes
+    int32_t row_number; // of the frame's row in its take; has gaps where frames were lost
+    bool located : 1, has_color : 1, has_depth : 1, has_mask : 1, has_skeleton : 1;
+    struct skeleton skeleton; // colour camera's axes; zeroed without has_skeleton
 };
 
 const struct calibration *take_calibration(const struct take *t);
 int64_t take_frame_count(const struct take *t);
-const struct take_entry *take_entry(const struct take *t, int64_t index); // asserts the range
+// Asserts the range. Valid until the last handle on the take is closed.
+const struct take_entry *take_entry(const struct take *t, int64_t index);
 const struct body *take_body(const struct take *t);
 bool take_is_complete(const struct take *t); // false: interrupted, still readable
 int64_t take_dropped(const struct take *t);
+size_t take_index_bytes(const struct take *t); // of the index, which all handles on the take share
 
-// Pictures of frame `index`, decoded. Pixels belong to the take and are borrowed
-// until the next call on it; those not wanted or not there are NULL.
+// Decoded images of one frame. Pixels belong to the handle and are valid until its next take_read; images that were not
+// wanted, or that the frame lacks, are NULL.
 struct take_images {
-    const uint8_t *color; // RGB
-    const uint16_t *depth;
-    const uint8_t *mask; // one byte a depth pixel, 1: the person
+    const uint8_t *color;  // RGB, 8 bits a channel, of calibration.color
+    const uint16_t *depth; // millimetres, 0 = no reading, of calibration.depth
+    const uint8_t *mask;   // one byte a depth pixel, 1: the actor
 };
 enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
-// ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+// Reads and decodes the wanted images (a sum of take_want) of frame `index`. ERR_CORRUPT: the frame is damaged; others
+// can still be read. ERR_IO, ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
 
-// ---------------------------------------------------------------- care
+// ---------------------------------------------------------------- verify and repair
 
 struct recording_report {
     int takes;
@@ -124,11 +142,11 @@ struct recording_report {
     int interrupted_takes;
     int64_t bytes;
 };
-// Reads every byte: SQLite's own check, every picture decoded, every number finite,
-// times rising. OK; ERR_CORRUPT with the first thing found; else as recording_open.
+// Reads every byte: SQLite's own check, every image decoded, every number finite, times rising. OK; ERR_CORRUPT with
+// the first fault found; else as recording_open.
 MUST_CHECK enum status recording_verify(const char *path, struct recording_report *out);
 
-// Saves what can be read of a damaged file into `path` itself, the original kept
-// as `path`.damaged; a healthy file is left as it is. Marks interrupted takes as
-// complete. *out says what was saved and lost.
+// Repairs a damaged file: what can be read is written to `path`, and the original is kept as `path`.damaged. An
+// undamaged file keeps its content. Marks interrupted takes as complete. *out: what was saved and lost. ERR_EXISTS:
+// `path`.damaged is there already. ERR_IO, ERR_MEMORY. On failure `path` is as before.
 MUST_CHECK enum status recording_repair(const char *path, struct recording_report *out);

@@ -1,18 +1,21 @@
-// What care (verify, repair) needs of the reader beyond recording.h.
+// What the readers share and what verify and repair need of them beyond recording.h.
 #pragma once
 #include "capture/recording/recording_schema.h"
 
-struct recorded_take {
-    int64_t id;
-    char name[TAKE_NAME_BYTES + 1];
-};
-
 MUST_CHECK enum status recording_open_as(struct recording **out, const char *path, enum database_access access);
 struct database *recording_database(struct recording *r); // borrowed
+const char *recording_path(const struct recording *r);
+int64_t recording_take_id(const struct recording *r, int index); // of recording_take_name(r, index)
 
-// One row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number.
+// ERR_CORRUPT with the file's path, `what` and the advice to repair it.
+enum status recording_damaged(const struct recording *r, const char *what);
+
+// A column as a blob of exactly `bytes`; NULL when it is not. Borrowed as statement_blob.
+const uint8_t *recording_blob(struct statement *s, int column, size_t bytes);
+
+// Decodes one row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number; *out is then undefined.
 MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
 
-// The row of a take. `row` of TAKE_COLUMNS. ERR_CORRUPT: the row is not as written;
-// *out then holds what of it makes sense, *usable whether that is enough to go on.
+// Decodes one row of TAKE_COLUMNS. ERR_CORRUPT: the row is not as written; *out then holds what of it is valid, and
+// *usable says whether that is enough to read the frames.
 MUST_CHECK enum status take_from_row(struct statement *s, struct take_row *out, bool *usable);

@@ -1,5 +1,5 @@
-// The damaged file is only read, row by row: where the way to one row leads
-// over a damaged page, the next key may lie on a sound one.
+// The damaged file is only read, row by row by key: if the B-tree path to one row crosses a damaged page, the next row
+// may still be readable.
 #include "capture/recording/recording_salvage.h"
 
 #include "capture/recording/little_endian.h"
@@ -11,23 +11,23 @@
 #include <string.h>
 
 enum {
-    LOST_ROWS_MAX = 20000, // so many keys in a row that lead nowhere: there is nothing behind them
+    LOST_ROWS_MAX = 20000, // after so many consecutive unreadable keys the search ends; chosen by hand
     LOST_TAKES_MAX = 100,
 };
 
 struct salvage {
     struct database *from, *to;
     struct async_writer *async_writer;
-    struct statement *frame, *pictures, *takes; // of `from`
+    struct statement *frame, *images, *takes; // of `from`
     struct recording_report *report;
 };
 
-// Only this ends a salvage; a row that cannot be read does not.
+// Only lack of memory ends a salvage; a row that cannot be read does not.
 static bool is_fatal(enum status status) { return status == ERR_MEMORY; }
 
 // ------------------------------------------------------------- frames
 
-// One picture if it is as it was written, else nothing and *damaged.
+// One image's bytes if they are as written; else NULL and *damaged.
 static const uint8_t *intact_blob(struct statement *s, int column, int crc_column, size_t *count, bool *damaged)
 {
     const uint8_t *bytes = statement_blob(s, column, count);
@@ -48,23 +48,23 @@ static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, c
         .skeleton = entry->has_skeleton ? &entry->skeleton : NULL,
     };
     bool damaged = false;
-    statement_bind_number(v->pictures, 1, key);
-    enum status status = statement_step(v->pictures);
+    statement_bind_number(v->images, 1, key);
+    enum status status = statement_step(v->images);
     if (status == OK) {
-        row.mask = intact_blob(v->pictures, 4, 1, &row.mask_bytes, &damaged);
-        row.depth = intact_blob(v->pictures, 5, 2, &row.depth_bytes, &damaged);
-        row.color = intact_blob(v->pictures, 6, 3, &row.color_bytes, &damaged);
+        row.mask = intact_blob(v->images, 4, 1, &row.mask_bytes, &damaged);
+        row.depth = intact_blob(v->images, 5, 2, &row.depth_bytes, &damaged);
+        row.color = intact_blob(v->images, 6, 3, &row.color_bytes, &damaged);
     }
     damaged =
         damaged || !row.color != !entry->has_color || !row.depth != !entry->has_depth || !row.mask != !entry->has_mask;
     v->report->frames++;
     v->report->damaged_frames += damaged;
     status = is_fatal(status) ? status : async_writer_add_frame(v->async_writer, &row);
-    statement_reset(v->pictures);
+    statement_reset(v->images);
     return status;
 }
 
-// The next frame from key on that can be read. NOTHING: there is none.
+// The next readable frame from *key on. NOTHING: there is none.
 static enum status next_frame(struct salvage *v, int64_t *key, int64_t last, struct take_entry *entry)
 {
     for (int64_t lost = 0; lost < LOST_ROWS_MAX && *key <= last; lost++, ++*key) {
@@ -101,7 +101,7 @@ static enum status copy_frames(struct salvage *v, struct take_row *take)
         }
         key++;
     }
-    if (saved) // what is missing between those that were saved
+    if (saved) // frames that are missing between saved ones
         v->report->damaged_frames += last_saved - first + 1 - saved;
     take->body.representative_frame = representative;
     return status == NOTHING ? OK : status;
@@ -109,7 +109,7 @@ static enum status copy_frames(struct salvage *v, struct take_row *take)
 
 // ------------------------------------------------------------- takes
 
-// What size a mask's or a depth picture's code says it has; both begin alike (docs/format.md).
+// The size that the code of a mask or of a depth image states; both begin alike (docs/format.md).
 static void coded_size(const uint8_t *bytes, size_t count, struct lens *lens)
 {
     if (!bytes || count < 1 + 2 + 2)
@@ -119,22 +119,21 @@ static void coded_size(const uint8_t *bytes, size_t count, struct lens *lens)
     lens->height = get_u16(&at);
 }
 
-// A row that is not as it was written may have the size of its take's pictures wrong. These know it themselves: the
-// first that is sound is believed.
+// A damaged take row may state a wrong image size. The images state their own: the first undamaged one is used.
 static enum status infer_sizes(struct salvage *v, struct take_row *take)
 {
     int64_t key = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MAX);
     struct take_entry entry;
     enum status status;
     for (bool found = false; !found && (status = next_frame(v, &key, last, &entry)) == OK; key++) {
-        statement_bind_number(v->pictures, 1, key);
-        if ((status = statement_step(v->pictures)) == OK) {
+        statement_bind_number(v->images, 1, key);
+        if ((status = statement_step(v->images)) == OK) {
             struct lens *color = &take->calibration.color, *depth = &take->calibration.depth;
             size_t mask_bytes = 0, depth_bytes = 0, color_bytes = 0;
             bool damaged = false;
-            const uint8_t *mask = intact_blob(v->pictures, 4, 1, &mask_bytes, &damaged);
-            const uint8_t *depths = intact_blob(v->pictures, 5, 2, &depth_bytes, &damaged);
-            const uint8_t *colors = intact_blob(v->pictures, 6, 3, &color_bytes, &damaged);
+            const uint8_t *mask = intact_blob(v->images, 4, 1, &mask_bytes, &damaged);
+            const uint8_t *depths = intact_blob(v->images, 5, 2, &depth_bytes, &damaged);
+            const uint8_t *colors = intact_blob(v->images, 6, 3, &color_bytes, &damaged);
             found = !damaged && (mask || depths || colors);
             if (found) {
                 coded_size(mask, mask_bytes, depth);
@@ -144,7 +143,7 @@ static enum status infer_sizes(struct salvage *v, struct take_row *take)
             if (found && colors && jpeg_size(colors, color_bytes, &width, &height) == OK)
                 color->width = width, color->height = height;
         }
-        statement_reset(v->pictures);
+        statement_reset(v->images);
         if (is_fatal(status))
             return status;
     }
@@ -153,7 +152,7 @@ static enum status infer_sizes(struct salvage *v, struct take_row *take)
 
 static enum status copy_take(struct salvage *v, struct take_row *take)
 {
-    // A name that was lost, or that a damaged neighbour has too, is made up.
+    // A lost name is replaced.
     if (!take->name[0])
         snprintf(take->name, sizeof take->name, "take %lld", (long long)take->id);
     v->report->takes++;
@@ -189,8 +188,9 @@ static enum status copy_takes(struct salvage *v)
             if (status == OK)
                 status = copy_take(v, &take);
             if (status == OK)
-                status = async_writer_resume(v->async_writer,
-                                             async_writer_pause(v->async_writer)); // one take's row at a time
+                status =
+                    async_writer_resume(v->async_writer,
+                                        async_writer_pause(v->async_writer)); // the writer holds one take row at a time
             if (status != OK)
                 return status;
         }
@@ -208,7 +208,7 @@ static enum status copy_place(const char *path, const char *to)
     if (status == OK)
         status = recording_read_place(r, &place);
     recording_free(&r);
-    if (status != OK) // without its place a take can still be seen
+    if (status != OK) // a take can be shown without its place
         return is_fatal(status) ? status : OK;
     struct recording_writer *w;
     status = recording_append(&w, to);
@@ -229,7 +229,7 @@ static enum status open_both(struct salvage *v, const char *path, const char *to
             statement_open(&v->frame, v->from,
                            "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
     if (status == OK)
-        status = statement_open(&v->pictures, v->from, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
+        status = statement_open(&v->images, v->from, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
     if (status == OK)
         status = statement_open(&v->takes, v->from,
                                 "SELECT " TAKE_COLUMNS " FROM take WHERE rowid >= ? ORDER BY rowid LIMIT 1");
@@ -254,17 +254,17 @@ enum status recording_salvage(const char *path, const char *to, struct recording
         status = open_both(&v, path, to);
     if (status == OK)
         status = copy_takes(&v);
-    char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_message());
+    struct failure first;
+    failure_keep(&first, status);
     enum status written = async_writer_close(&v.async_writer);
     statement_close(&v.frame);
-    statement_close(&v.pictures);
+    statement_close(&v.images);
     statement_close(&v.takes);
     database_close(&v.from);
     if (v.to && status == OK && written == OK)
         written = database_close_wal(v.to);
     database_close(&v.to);
-    return status == OK ? written : fail(status, "%s", sentence);
+    return status == OK ? written : failure_restore(&first);
 }
 
 enum status recording_complete_takes(struct database *db)
@@ -272,19 +272,20 @@ enum status recording_complete_takes(struct database *db)
     struct statement *read, *write = NULL;
     enum status status = statement_open(&read, db, "SELECT " TAKE_COLUMNS " FROM take WHERE complete = 0 LIMIT 1");
     if (status == OK)
-        status = statement_open(&write, db, "UPDATE take SET complete = 1, crc = ? WHERE rowid = ?");
+        status = statement_open(&write, db, "UPDATE take SET calibration = ?, complete = 1, crc = ? WHERE rowid = ?");
     while (status == OK && (status = statement_step(read)) == OK) {
         struct take_row take;
         bool usable;
         uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
         status = take_from_row(read, &take, &usable);
-        statement_reset(read); // before the table changes under it
+        statement_reset(read); // before the table is changed
         if (status != OK)
             break;
         put_calibration(calibration, &take.calibration);
         put_body(body, &take.body);
-        statement_bind_number(write, 1, take_crc(take.name, calibration, true, take.dropped, body));
-        statement_bind_number(write, 2, take.id);
+        statement_bind_blob(write, 1, calibration, sizeof calibration); // get_calibration may have corrected it
+        statement_bind_number(write, 2, take_crc(take.name, calibration, true, take.dropped, body));
+        statement_bind_number(write, 3, take.id);
         status = statement_run(write);
     }
     statement_close(&read);

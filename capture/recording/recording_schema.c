@@ -1,8 +1,10 @@
+// Table definitions, checksums and encoding of every blob of a recording.
 #include "capture/recording/recording_schema.h"
 
 #include "capture/recording/little_endian.h"
 
 #include <stdio.h>
+#include <unistd.h>
 
 const char *const recording_tables =
     "CREATE TABLE place(id INTEGER PRIMARY KEY, calibration BLOB, residuals BLOB, tags BLOB, points BLOB,"
@@ -43,7 +45,7 @@ uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count)
     return ~crc;
 }
 
-// The crc with the number's 8 bytes, little-endian, after it.
+// Continues the crc with the number's 8 bytes, little-endian.
 static uint32_t crc32_of_number(uint32_t crc, int64_t value)
 {
     uint8_t bytes[8];
@@ -65,10 +67,10 @@ uint32_t take_crc(const char *name, const uint8_t calibration[CALIBRATION_BYTES]
 }
 
 uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES], const uint8_t *skeleton,
-                   size_t skeleton_bytes, unsigned pictures)
+                   size_t skeleton_bytes, unsigned images)
 {
     uint32_t crc = crc32_of(crc32_of_number(crc32_of_number(0, time_ns), located), pose, POSE_BYTES);
-    return crc32_of_number(crc32_of(crc, skeleton, skeleton_bytes), pictures);
+    return crc32_of_number(crc32_of(crc, skeleton, skeleton_bytes), images);
 }
 
 // ------------------------------------------------------------- layouts
@@ -139,9 +141,9 @@ void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *ou
 void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
-        // An unknown joint's position means nothing; it shall not make the file invalid either.
-        bool senseless = s->confidence[j] == 0 && !v3_finite(s->joint[j]);
-        out = put_vec3(out, senseless ? v3(0, 0, 0) : s->joint[j]);
+        // An unknown joint's position is meaningless and must not make the file invalid.
+        bool is_undefined = s->confidence[j] == 0 && !v3_finite(s->joint[j]);
+        out = put_vec3(out, is_undefined ? v3(0, 0, 0) : s->joint[j]);
         out = put_f32(out, s->confidence[j]);
     }
 }
@@ -180,7 +182,7 @@ void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag)
 {
     out = put_f64(put_u32(out, (uint32_t)tag->id), tag->side_m);
     put_pose(out, &tag->world_from_tag);
-    put_u32(put_f64(out + POSE_BYTES, tag->rms_px), (uint32_t)tag->sightings);
+    put_u32(put_f64(out + POSE_BYTES, tag->rms_px), (uint32_t)tag->observations);
 }
 
 void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
@@ -190,7 +192,7 @@ void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
     get_pose(in, &out->world_from_tag);
     in += POSE_BYTES;
     out->rms_px = get_f64(&in);
-    out->sightings = (int32_t)get_u32(&in);
+    out->observations = (int32_t)get_u32(&in);
 }
 
 void put_point(uint8_t out[POINT_BYTES], const struct place_point *point)
@@ -246,12 +248,12 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out)
     get_floats(in, out->seen_from, COUNT_OF(out->seen_from));
 }
 
-// ------------------------------------------------------------- senses
+// ------------------------------------------------------------- checks
 
 bool tag_is_finite(const struct place_tag *tag)
 {
     bool finite = isfinite(tag->side_m) && isfinite(tag->rms_px) && pose_finite(tag->world_from_tag);
-    for (int row = 0, i = 0; row < 6; i += 6 - row++) // of an upper half the diagonal comes first in each row
+    for (int row = 0, i = 0; row < 6; i += 6 - row++) // in the upper triangle each row begins with its diagonal element
         finite = finite && tag->covariance[i] >= 0;
     for (size_t i = 0; i < COUNT_OF(tag->covariance); i++)
         finite = finite && isfinite(tag->covariance[i]);
@@ -314,7 +316,17 @@ bool body_is_finite(const struct body *body)
     return true;
 }
 
-// ------------------------------------------------------------- tables
+// ------------------------------------------------------------- files and tables
+
+void recording_remove_files(const char *path)
+{
+    static const char *const endings[] = {"", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
+            unlink(name);
+    }
+}
 
 enum status recording_make_tables(struct database *db)
 {

@@ -1,5 +1,5 @@
-// The tables of a recording and the layout of what lies in them; shared by
-// writer, reader and care, seen by nobody else. docs/format.md tells the same.
+// The tables of a recording and the binary layout of their blobs, shared by writer, reader, verify and repair; internal
+// to this folder. docs/format.md specifies the same. Pure but for the last three functions.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/database.h"
@@ -20,24 +20,25 @@ enum {
     PLACE_ITEMS_MAX = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
 };
 
-// A frame's key holds its take's and its running number; its pictures share it.
+// A frame's row id: the take's id and the frame's number in it; its images have the same.
 static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((int64_t)1 << 32) + number; }
 enum { FRAME_NUMBER_MAX = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
-// What else is known of the place's points and tags. Files made before there were these get them with their next place.
+// Covariances and viewing directions of the place's landmarks and tags. Older files get these tables with their next
+// place.
 #define OPTIONAL_TABLES                                                                                                \
     "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
     "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
-// How many tables of these names (lower case, quoted) there are. Real ones only: a view under such a name could
-// compute without end. As sqlite, which finds a table whose kind or name a damaged byte made "tAble" or a blob.
+// Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
+// end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
+// blob.
 #define COUNT_TABLES(names)                                                                                            \
     "SELECT count(*) FROM sqlite_schema WHERE lower(type) = 'table' AND rootpage > 0 AND lower(name) IN (" names ")"
 enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_SIDE, OPTIONAL_TABLE_COUNT };
 
-// How the statements of writer, reader and care order the columns.
-// rowid is id, and stays so where a damaged byte has the table's own text say otherwise.
+// The order of columns in all statements. rowid is id, also where a damaged byte made the table's own SQL text differ.
 #define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
 #define VIEW_COLUMNS  "rowid, world_from_camera, depth, color, crc"
 #define TAKE_COLUMNS  "rowid, name, calibration, complete, dropped, body, crc"
@@ -54,16 +55,16 @@ struct take_row {
     struct body body;
 };
 
-// CRC-32 as in PNG and zip. Begin with 0, feed on.
+// CRC-32 as in PNG and zip, continued from `crc`; begin with 0.
 uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
 
-// The crc column of a row: over the columns between key and crc, in order.
+// The crc column of a row, over the columns between key and crc, in order.
 uint32_t view_crc(const uint8_t *pose, const uint8_t *depth, size_t depth_bytes, const uint8_t *color,
                   size_t color_bytes);
 uint32_t take_crc(const char *name, const uint8_t calibration[CALIBRATION_BYTES], bool complete, int64_t dropped,
                   const uint8_t body[BODY_BYTES]);
 uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES], const uint8_t *skeleton,
-                   size_t skeleton_bytes, unsigned pictures);
+                   size_t skeleton_bytes, unsigned images);
 
 void put_pose(uint8_t out[POSE_BYTES], const struct pose *pose);
 void get_pose(const uint8_t in[POSE_BYTES], struct pose *out);
@@ -86,21 +87,25 @@ void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out);
 void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_point *point);
 void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out);
 
-// Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
+// Valid lenses, finite numbers, and no color_from_depth but identity where depth is registered. ERR_INPUT with a
+// sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
-bool point_is_finite(const struct place_point *point);          // and no variance below 0
-bool tag_is_finite(const struct place_tag *tag);                // likewise
-bool skeleton_has_known_joint(const struct skeleton *skeleton); // joint
+bool point_is_finite(const struct place_point *point); // and no variance is negative
+bool tag_is_finite(const struct place_tag *tag);       // likewise
+bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);
 
-// Pixels of the depth picture; 0 when there is none.
+// Number of pixels of the depth image; 0: there is no depth camera.
 static inline size_t depth_pixels(const struct calibration *c)
 {
     return (size_t)c->depth.width * (size_t)c->depth.height;
 }
 
-// Makes the tables in an empty database, or checks that these are a recording's:
-// ERR_FORMAT not ours or newer, ERR_CORRUPT tables missing.
+// Removes the file, its write-ahead log and the log's index, those that exist.
+void recording_remove_files(const char *path);
+
+// Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
+// newer schema; ERR_CORRUPT: tables are missing.
 MUST_CHECK enum status recording_make_tables(struct database *db);
 MUST_CHECK enum status recording_check_tables(struct database *db);

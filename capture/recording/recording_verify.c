@@ -1,5 +1,4 @@
-// Verifying and repairing a recording. What can be read of a damaged one is
-// copied by recording_salvage.c.
+// Verifies and repairs a recording. recording_salvage.c copies what can be read of a damaged one.
 #include "capture/recording/recording_reader.h"
 
 #include "capture/recording/recording_salvage.h"
@@ -11,22 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 // ------------------------------------------------------------- verify
 
-// Keeps the first complaint and goes on.
-struct first_failure {
-    enum status first;
-    char sentence[512];
-};
-
-static void keep_first(struct first_failure *f, enum status status)
+// Keeps the first failure; verification continues.
+static void keep_first(struct failure *f, enum status status)
 {
-    if (status == OK || status == NOTHING || f->first != OK)
-        return;
-    f->first = status;
-    snprintf(f->sentence, sizeof f->sentence, "%s", status_message());
+    if (status != NOTHING && f->status == OK)
+        failure_keep(f, status);
 }
 
 static enum status check_place(struct recording *r)
@@ -43,7 +34,7 @@ static enum status check_place(struct recording *r)
         finite = finite && point_is_finite(&place.points[i]);
     uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
     if (!rgb)
-        status = fail(ERR_MEMORY, "no memory for a picture");
+        status = fail(ERR_MEMORY, "no memory for an image");
     for (int32_t i = 0; status == OK && i < place.view_count; i++) {
         const struct place_view *view = &place.views[i];
         finite = finite && pose_finite(view->world_from_camera);
@@ -60,7 +51,7 @@ static enum status check_place(struct recording *r)
     return status;
 }
 
-static void check_take(struct recording *r, const char *name, struct recording_report *out, struct first_failure *found)
+static void check_take(struct recording *r, const char *name, struct recording_report *out, struct failure *found)
 {
     struct take *t;
     enum status status = take_open(&t, r, name);
@@ -70,8 +61,8 @@ static void check_take(struct recording *r, const char *name, struct recording_r
     out->takes++;
     out->interrupted_takes += !take_is_complete(t);
     for (int64_t i = 0; i < take_frame_count(t); i++) {
-        struct take_images pictures;
-        status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &pictures);
+        struct take_images images;
+        status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
         keep_first(found, status);
         out->frames++;
         out->damaged_frames += status != OK;
@@ -79,7 +70,7 @@ static void check_take(struct recording *r, const char *name, struct recording_r
     take_close(&t);
 }
 
-// The file and what lies in its log.
+// Bytes of the file and of its write-ahead log.
 static int64_t size_of(const char *path)
 {
     static const char *const endings[] = {"", "-wal"};
@@ -98,7 +89,7 @@ enum status recording_verify(const char *path, struct recording_report *out)
 {
     *out = (struct recording_report){0};
     struct recording *r;
-    struct first_failure found = {0};
+    struct failure found = {0};
     enum status status = recording_open(&r, path);
     if (status != OK)
         return status;
@@ -113,12 +104,12 @@ enum status recording_verify(const char *path, struct recording_report *out)
                 keep_first(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
     }
     recording_free(&r);
-    return found.first == OK ? OK : fail(found.first, "%s", found.sentence);
+    return failure_restore(&found);
 }
 
 // ------------------------------------------------------------- repair
 
-// A healthy file: its interrupted takes become complete, its log is moved in.
+// An undamaged file: marks interrupted takes as complete and checkpoints the log.
 static enum status complete_and_checkpoint(const char *path)
 {
     struct database *db;
@@ -146,16 +137,6 @@ static enum status rename_with_log(const char *from, const char *to)
     return OK;
 }
 
-static void remove_with_log(const char *path)
-{
-    static const char *const endings[] = {"", "-wal", "-shm"};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
-        snprintf(name, sizeof name, "%s%s", path, endings[i]);
-        unlink(name);
-    }
-}
-
 enum status recording_repair(const char *path, struct recording_report *out)
 {
     enum status status = recording_verify(path, out);
@@ -171,20 +152,20 @@ enum status recording_repair(const char *path, struct recording_report *out)
     snprintf(fresh, sizeof fresh, "%s.repair", path);
     if (file_exists(damaged))
         return fail(ERR_EXISTS, "%s is there from an earlier repair; move it away first", damaged);
-    remove_with_log(fresh); // of a repair that was cut off
+    recording_remove_files(fresh); // left by an interrupted repair
     status = recording_salvage(path, fresh, out);
     if (status == OK)
         status = rename_with_log(path, damaged);
     if (status == OK && rename(fresh, path)) {
         status = fail(ERR_IO, "%s cannot be renamed to %s: %s", fresh, path, strerror(errno));
         enum status back = rename_with_log(damaged, path);
-        (void)back; // the sentence above is the one to tell
+        (void)back; // the first error is reported
     }
     if (status != OK) {
-        char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_message());
-        remove_with_log(fresh);
-        return fail(status, "%s", sentence);
+        struct failure first;
+        failure_keep(&first, status);
+        recording_remove_files(fresh);
+        return failure_restore(&first);
     }
     out->bytes = size_of(path);
     return OK;

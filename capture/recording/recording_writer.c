@@ -1,4 +1,4 @@
-// Writing a recording: checks and codes what is given; the async_writer writes it.
+// Writing a recording: checks and encodes what is given; async_writer.h stores it.
 #include "capture/recording/depth_codec.h"
 #include "capture/recording/recording_reader.h"
 #include "capture/recording/async_writer.h"
@@ -8,25 +8,24 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 struct recording_writer {
-    struct database *db; // the async_writer's but between async_writer_pause and async_writer_resume
+    struct database *db; // used here only between async_writer_pause and async_writer_resume
     struct async_writer *async_writer;
-    struct depth_coder *coder, *mask_coder; // each lends its bytes until its next call
+    struct depth_coder *coder, *mask_coder; // two, since each owns the bytes of its last call
     bool in_take;
-    struct take_row take; // the open one
+    struct take_row take; // the one that is open, or was last
     int64_t frames, last_time_ns;
 };
 
 // ------------------------------------------------------------- opening and closing
 
-// Frees everything; returns the first error the writer met, with its sentence.
-// Only a writer without an error tidies up the log.
+// Frees everything; returns the first error the writer met, with its sentence. The log is checkpointed and removed only
+// if there was no error.
 static enum status release(struct recording_writer **w, enum status status)
 {
-    char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_message());
+    struct failure first;
+    failure_keep(&first, status);
     struct recording_writer *closing = *w;
     *w = NULL;
     enum status written = async_writer_close(&closing->async_writer);
@@ -36,7 +35,7 @@ static enum status release(struct recording_writer **w, enum status status)
     depth_coder_close(&closing->coder);
     depth_coder_close(&closing->mask_coder);
     free(closing);
-    return status == OK ? written : fail(status, "%s", sentence);
+    return status == OK ? written : failure_restore(&first);
 }
 
 static enum status prepare(struct recording_writer *w)
@@ -54,7 +53,7 @@ enum status recording_create(struct recording_writer **out, const char *path)
         return fail(ERR_MEMORY, "no memory to write %s", path);
     enum status status = database_open(&w->db, path, DATABASE_CREATE);
     if (status != OK)
-        return release(out, status); // and leave alone what was there before
+        return release(out, status); // the file that was there before is left alone
     status = database_run(w->db, "PRAGMA page_size = 65536");
     if (status == OK)
         status = database_lock_writer(w->db);
@@ -65,12 +64,7 @@ enum status recording_create(struct recording_writer **out, const char *path)
     if (status == OK)
         return OK;
     status = release(out, status);
-    static const char *const endings[] = {"", "-wal", "-shm"};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
-        if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
-            unlink(name);
-    }
+    recording_remove_files(path);
     return status;
 }
 
@@ -115,7 +109,7 @@ static enum status put_place_row(struct database *db, const struct place *p)
 {
     size_t tag_bytes = (size_t)p->tag_count * TAG_BYTES, point_bytes = (size_t)p->point_count * POINT_BYTES;
     uint8_t calibration[CALIBRATION_BYTES], residuals[RESIDUAL_BYTES];
-    uint8_t *tags = malloc(tag_bytes + 1), *points = malloc(point_bytes + 1); // never of no bytes: that is NULL
+    uint8_t *tags = malloc(tag_bytes + 1), *points = malloc(point_bytes + 1); // + 1: malloc(0) may be NULL
     struct statement *s = NULL;
     enum status status = OK;
     if (!tags || !points)
@@ -143,7 +137,7 @@ static enum status put_place_row(struct database *db, const struct place *p)
     return status;
 }
 
-// What else is known of points and tags.
+// Writes the optional tables of landmarks and tags.
 static enum status put_optional(struct database *db, const struct place *p)
 {
     static const char *const insert[OPTIONAL_TABLE_COUNT] = {
@@ -238,7 +232,7 @@ static enum status check_name(const char *name)
     return OK;
 }
 
-// NOTHING: no take of that name yet.
+// NOTHING: there is no take of that name.
 static enum status find_take(struct recording_writer *w, const char *name)
 {
     struct statement *s;
@@ -251,7 +245,7 @@ static enum status find_take(struct recording_writer *w, const char *name)
     return status;
 }
 
-// What recording_begin_take does with the database, all of it reading.
+// The database part of recording_begin_take, which only reads. Sets w->take.id. ERR_EXISTS: the name is in use.
 static enum status new_take_id(struct recording_writer *w, const char *name)
 {
     enum status status = find_take(w, name);
@@ -273,7 +267,7 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
     if (status == OK)
         status = new_take_id(w, name);
     if (status == ERR_EXISTS) {
-        async_writer_resume(w->async_writer, OK); // nothing is broken by that
+        async_writer_resume(w->async_writer, OK); // the writer can go on
         return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(w->db), name);
     }
     status = async_writer_resume(w->async_writer, status);
@@ -285,7 +279,7 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
     status = async_writer_put_take(w->async_writer, &w->take);
     if (status == OK)
         status = async_writer_resume(w->async_writer,
-                                     async_writer_pause(w->async_writer)); // committed, so that readers see it begin
+                                     async_writer_pause(w->async_writer)); // committed, so that readers see the take
     w->in_take = status == OK;
     return status;
 }
@@ -317,9 +311,9 @@ enum status recording_end_take(struct recording_writer *w)
 
 const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
 
-// ------------------------------------------------------------- skeletons, again
+// ------------------------------------------------------------- replacing skeletons
 
-// `read` finds a frame, `write` puts its new skeleton.
+// read: selects the frame of `key`; write: updates its skeleton. A key without a row is skipped.
 static enum status replace_skeleton(struct statement *read, struct statement *write, int64_t key,
                                     const struct skeleton *skeleton)
 {
@@ -329,7 +323,7 @@ static enum status replace_skeleton(struct statement *read, struct statement *wr
     enum status status = statement_step(read);
     if (status == OK)
         status = frame_from_row(read, &entry);
-    unsigned pictures = status == OK ? (unsigned)statement_number(read, 5) : 0;
+    unsigned images = status == OK ? (unsigned)statement_number(read, 5) : 0;
     statement_reset(read);
     if (status != OK || !entry.has_skeleton)
         return status == NOTHING ? OK : status;
@@ -338,7 +332,7 @@ static enum status replace_skeleton(struct statement *read, struct statement *wr
     size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
     const uint8_t *blob = count ? bytes : NULL;
     statement_bind_blob(write, 1, blob, count);
-    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, pictures));
+    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, images));
     statement_bind_number(write, 3, key);
     return statement_run(write);
 }

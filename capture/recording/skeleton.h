@@ -1,5 +1,5 @@
-// The body's words: 16 joints, 11 parts. Left is the person's own left.
-// Everything that speaks of a body, in capture and in reenact, speaks these.
+// The body's 16 joints (NiTE's 15 and the waist) and 11 parts, as capture and reenact name them. Left is the person's
+// own left. Pure.
 #pragma once
 #include "base/geometry.h"
 
@@ -38,17 +38,15 @@ enum part {
     PART_COUNT
 };
 
-// Where the joints stand at one instant. Metres. The frame of reference is the
-// holder's to say; in a recording it is the colour camera of that instant.
-// confidence: 1 seen, 0.5 guessed (hidden, carried along by the body), 0 never
-// seen or unknown: its position means nothing and nobody may use it.
+// Joint positions at one instant, metres. The axes are stated where a skeleton is used; in a recording they are the
+// colour camera's at that instant. confidence: 1 observed, 0.5 inferred (hidden, moved with the body), 0 unknown: the
+// position is then meaningless and must not be used.
 struct skeleton {
     struct vec3 joint[JOINT_COUNT];
     float confidence[JOINT_COUNT];
 };
 
-// A part runs from joint `from` to joint `to`; its cylinder's radius is
-// radius_rate * the distance of the two. (Paper 2014, section 4.1.)
+// A part runs from joint `from` to joint `to`; its cylinder's radius is radius_rate times their distance ([D14] 4.1).
 struct part_ends {
     enum joint from, to;
 };
@@ -59,11 +57,11 @@ bool joint_from_name(const char *name, enum joint *out);
 
 // What is constant over a take.
 struct body {
-    int64_t representative_frame;   // index of the frame the radii were read from; -1 = none yet
-    double radius_rate[PART_COUNT]; // r / l; 0 = this part was never seen, draw nothing
+    int64_t representative_frame;   // index of the frame in which the radii were measured; -1: none yet
+    double radius_rate[PART_COUNT]; // radius / length; 0: never measured, the part is not drawn
 };
 
-// The part is there: both its joints are known and its radius was measured.
+// True: both joints of the part are known and its radius was measured.
 bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part p);
 
 struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b);

@@ -1,11 +1,17 @@
 #include "capture/segmentation/background_depth.h"
 
+#include "base/depth_noise.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-// A sample whose neighbours lie further away than this, times their depth, is a
-// flying pixel between two surfaces; it would float in the room.
+// A sample whose neighbours differ by more than this share of its depth is a flying pixel between two surfaces.
+// Chosen by hand.
 static const double FLYING_PIXEL_SHARE = 0.05;
+
+// Samples are drawn between these depths of the new camera: nearer ones would cover the image, farther ones do not fit
+// 16 bits of millimetres.
+static const double NEAREST_M = 0.2, FARTHEST_M = 60;
 
 static bool is_flying(const uint16_t *depth, int width, int x, int y)
 {
@@ -19,21 +25,16 @@ static bool is_flying(const uint16_t *depth, int width, int x, int y)
     return false;
 }
 
-// What has been seen through one pixel so far: the mean of the readings of the
-// nearest surface. The nearest single reading would be biased towards the camera
-// by the noise of all views together.
+// One pixel's nearest surface so far: the mean of its samples. The nearest single sample would be biased towards the
+// camera by the noise of all views.
 struct background_cell {
     float mean_mm;
     float samples;
 };
 
-// Two readings within this of each other are of one surface: three standard
-// deviations of their difference (1.5e-3 z^2 m each) and the map's own error.
-static double same_surface_mm(double mm) { return 3 * 1.4142 * 1.5e-6 * mm * mm + 20; }
-
 static void add_depth_sample(struct background_cell *cell, double mm)
 {
-    double tolerance = same_surface_mm(mm);
+    double tolerance = depth_between_views_mm(mm);
     if (!cell->samples || mm < cell->mean_mm - tolerance) {
         *cell = (struct background_cell){(float)mm, 1};
     } else if (mm < cell->mean_mm + tolerance) {
@@ -42,10 +43,10 @@ static void add_depth_sample(struct background_cell *cell, double mm)
     }
 }
 
-// Draws one sample as a square that covers the gap to its neighbours.
+// Draws one sample as a square that covers the gap to its neighbours; size_m: the square's side.
 static void splat(const struct lens *lens, struct vec3 p, double size_m, struct background_cell *cells)
 {
-    if (!(p.z > 0.2) || p.z > 60)
+    if (!(p.z > NEAREST_M) || p.z > FARTHEST_M)
         return;
     struct pixel at = lens_project(lens, p);
     double half = 0.5 * size_m * lens->fx / p.z + 0.25;
@@ -56,8 +57,8 @@ static void splat(const struct lens *lens, struct vec3 p, double size_m, struct 
             add_depth_sample(&cells[(size_t)y * (size_t)lens->width + (size_t)x], p.z * 1000);
 }
 
-// Every other pixel of every other row, each drawn twice as wide: the surface is
-// as whole, and a tablet has a quarter of the work.
+// Every second pixel of every second row, each drawn twice as wide: the surface has no more holes, and a tablet does
+// a quarter of the work.
 enum { STRIDE = 2 };
 
 static void splat_view(const struct place *place, const struct place_view *view, const struct vec3 *rays,

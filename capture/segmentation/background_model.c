@@ -1,9 +1,19 @@
+// The background model: a running mean of the empty room's depth in each cell, updated outside the person.
 #include "capture/segmentation/segment_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON_MARGIN = 4 }; // cells: hair, flying pixels and shadows around the person are no background
+// Grid cells, of 2 pixels at 640 columns; chosen by hand.
+enum {
+    PERSON_MARGIN = 4,      // hair, flying pixels and depth shadows around the person are no background
+    BOUNDS_MARGIN = 8,      // around the person's bounding box, within which only clearly farther depth is learned
+    BOUNDS_MARGIN_DOWN = 4, // the same below it
+    BEHIND_MM = 400,        // clearly farther: this much behind the person's farthest cell
+    MEAN_FRAMES = 30,       // window of the running mean
+    MOVED_CELLS_MIN = 500,  // a moved sensor is judged by at least so many known cells,
+};
+#define MOVED_SHARE 0.4 // of which more than this share disagree
 
 struct cell_box { // cells, inclusive
     int left, top, right, bottom;
@@ -18,7 +28,8 @@ static void dilate_person(struct segmenter *s, struct cell_box person)
         x1 = person.right + PERSON_MARGIN < w ? person.right + PERSON_MARGIN : w - 1,
         y0 = person.top > PERSON_MARGIN ? person.top - PERSON_MARGIN : 0,
         y1 = person.bottom + PERSON_MARGIN < h ? person.bottom + PERSON_MARGIN : h - 1;
-    for (int y = person.top; y <= person.bottom; y++) { // how far from the last and to the next
+    for (int y = person.top; y <= person.bottom;
+         y++) { // distance along the row to the nearest cell of the person, from the left and from the right
         int far = PERSON_MARGIN + 1;
         for (int x = person.left; x <= x1; x++) {
             far = s->person[y * w + x] ? 0 : far + 1;
@@ -30,7 +41,7 @@ static void dilate_person(struct segmenter *s, struct cell_box person)
             s->label[y * w + x] |= far <= PERSON_MARGIN;
         }
     }
-    // Down the columns, row by row; parent[] has how far each is from the last marked one.
+    // Down the columns, row by row; parent[] holds the distance to the last marked row.
     for (int x = x0; x <= x1; x++)
         s->parent[x] = PERSON_MARGIN + 1;
     for (int y = person.top; y <= y1; y++)
@@ -47,17 +58,17 @@ static void dilate_person(struct segmenter *s, struct cell_box person)
         }
 }
 
-// What one reading says of its cell. 1: it agrees with what was known, -1: it does not, 0: nothing was known.
+// Updates a cell by one depth sample. Returns 1: it agrees with the background, -1: it does not, 0: none was known.
 static int update_background_cell(struct segmenter *s, int i, int d)
 {
     int b = s->background[i], same = by_depth(s->noise_mm, d);
     if (b && d <= b + same && d >= b - same) {
-        int n = s->observed_count[i] < 30 ? s->observed_count[i] : 30;
+        int n = s->observed_count[i] < MEAN_FRAMES ? s->observed_count[i] : MEAN_FRAMES;
         s->background[i] = (uint16_t)((b * n + d + (n + 1) / 2) / (n + 1));
         s->observed_count[i] += s->observed_count[i] < 255;
         s->nearer_count[i] = 0;
     } else if (!b || d > b ||
-               ++s->nearer_count[i] >= REPLACEMENT_FRAMES) { // or the room begins further back than believed
+               ++s->nearer_count[i] >= REPLACEMENT_FRAMES) { // farther than the background replaces it immediately
         s->background[i] = (uint16_t)d;
         s->observed_count[i] = 1;
         s->nearer_count[i] = 0;
@@ -84,16 +95,16 @@ void segmenter_update_background(struct segmenter *s)
             int i = y * s->width + x, d = s->depth[i];
             if (!d || s->label[i])
                 continue;
-            // Inside the person's bounds nothing is learned that is not clearly behind
-            // them: it may be a part of them that the mask lost.
-            if (d < far + 400 && x > person.left - 8 && x < person.right + 8 && y > person.top - 8 &&
-                y < person.bottom + 4)
+            // Inside the person's bounds only depth clearly behind the person is learned: the rest may be a part of
+            // the person that the mask lost.
+            if (d < far + BEHIND_MM && x > person.left - BOUNDS_MARGIN && x < person.right + BOUNDS_MARGIN &&
+                y > person.top - BOUNDS_MARGIN && y < person.bottom + BOUNDS_MARGIN_DOWN)
                 continue;
             int agreement = update_background_cell(s, i, d);
             known += agreement != 0;
             disagree += agreement < 0;
         }
-    if (known > 500 && disagree > 0.4 * known) { // the sensor was moved: begin again
+    if (known > MOVED_CELLS_MIN && disagree > MOVED_SHARE * known) { // the sensor was moved: start from scratch
         size_t n = (size_t)s->width * (size_t)s->height;
         memset(s->background, 0, n * sizeof *s->background);
         memset(s->observed_count, 0, n);

@@ -1,12 +1,24 @@
 #include "capture/segmentation/floor_plane.h"
 
-#include "capture/segmentation/segment.h"
+#include "base/depth_noise.h"
 
-enum { FLOOR_SAMPLES_MAX = 2400, RANSAC_TRIALS = 300 };
+enum {
+    FLOOR_SAMPLES_MAX = 2400,
+    FLOOR_SAMPLES_MIN = 60,
+    RANSAC_TRIALS = 300,
+    INLIERS_MIN = FLOOR_SAMPLES_MAX / 40,
+    UNDER_PENALTY = 3, // inliers that one point under the plane outweighs
+};
+
+// Chosen by hand.
+static const double NEAREST_M = 0.3, FARTHEST_M = 7; // depths that are used
+static const double UNEVEN_M = 0.015;                // a floor's own unevenness
+static const double UP_Y_MAX = -0.7;                 // 45 degrees from level
+static const double CAMERA_HEIGHT_MIN_M = 0.1, EXTENT_MIN_M = 0.8;
 
 struct floor_sample {
     struct vec3 p;
-    double tolerance; // height error along the plane's normal is about this times |up.ray|
+    double sigma; // of its depth, metres; its height error along the plane's normal is this times |up.ray|
 };
 
 static uint32_t next_random(uint32_t *state) // a linear congruential generator (Numerical Recipes)
@@ -19,10 +31,10 @@ static double height_above_plane(struct floor_plane f, struct vec3 p) { return v
 
 static double tolerance_at(struct floor_plane f, const struct floor_sample *s)
 {
-    return 0.015 + 2 * s->tolerance * fabs(v3_dot(f.up, s->p)) / s->p.z;
+    return UNEVEN_M + 2 * s->sigma * fabs(v3_dot(f.up, s->p)) / s->p.z;
 }
 
-// Points on the plane, less those under it: nothing lies under a floor.
+// Points on the plane (*on), less a penalty for those under it: nothing is below a floor.
 static int inlier_score(struct floor_plane f, const struct floor_sample *s, int count, int *on)
 {
     int under = 0;
@@ -32,10 +44,10 @@ static int inlier_score(struct floor_plane f, const struct floor_sample *s, int 
         *on += fabs(h) < tolerance;
         under += h < -3 * tolerance - 0.05;
     }
-    return *on - 3 * under;
+    return *on - UNDER_PENALTY * under;
 }
 
-// Least squares y' = a x + b z + c over the points on the plane, in axes turned to it.
+// Weighted least squares y' = a x + b z + c over the points on the plane, in axes rotated to it.
 static struct floor_plane refine_plane(struct floor_plane f, const struct floor_sample *s, int count)
 {
     struct vec3 u = v3_perpendicular(f.up), v = v3_cross(f.up, u);
@@ -49,7 +61,7 @@ static struct floor_plane refine_plane(struct floor_plane f, const struct floor_
             for (int b = 0; b < 4; b++)
                 m[a][b] += w * row[a] * row[b];
     }
-    for (int a = 0; a < 3; a++) { // symmetric and positive: no pivoting
+    for (int a = 0; a < 3; a++) { // symmetric positive definite: no pivoting
         if (m[a][a] < 1e-9)
             return f;
         for (int r = 0; r < 3; r++)
@@ -70,10 +82,10 @@ bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int widt
     int stride = cells / FLOOR_SAMPLES_MAX + 1;
     for (int i = width * (height / 3); i < width * height && count < FLOOR_SAMPLES_MAX; i += stride) {
         double z = depth[i] * 0.001;
-        if (z > 0.3 && z < 7)
+        if (z > NEAREST_M && z < FARTHEST_M)
             s[count++] = (struct floor_sample){v3((double)ray[i].x * z, (double)ray[i].y * z, z), depth_sigma_m(z)};
     }
-    if (count < 60)
+    if (count < FLOOR_SAMPLES_MIN)
         return false;
     struct floor_plane best = {{0, -1, 0}, 0};
     int most = 0, on = 0, most_on = 0;
@@ -84,60 +96,28 @@ bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int widt
         struct vec3 n = v3_unit(v3_cross(v3_sub(b, a), v3_sub(c, a)));
         if (n.y > 0)
             n = v3_scale(n, -1);
-        if (n.y > -0.7) // 45 degrees
+        if (n.y > UP_Y_MAX)
             continue;
         struct floor_plane f = {n, -v3_dot(n, a)};
-        int score = f.height_m > 0.1 ? inlier_score(f, s, count, &on) : 0;
+        int score = f.height_m > CAMERA_HEIGHT_MIN_M ? inlier_score(f, s, count, &on) : 0;
         if (score > most) {
             most = score;
             most_on = on;
             best = f;
         }
     }
-    if (most_on < FLOOR_SAMPLES_MAX / 40)
+    if (most_on < INLIERS_MIN)
         return false;
     best = refine_plane(refine_plane(best, s, count), s, count);
-    // A floor is wide: at least 0.8 m both ways.
+    // A floor is wide in both directions.
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < count; i++)
         if (fabs(height_above_plane(best, s[i].p)) < tolerance_at(best, &s[i])) {
             low[0] = fmin(low[0], s[i].p.x), high[0] = fmax(high[0], s[i].p.x);
             low[1] = fmin(low[1], s[i].p.z), high[1] = fmax(high[1], s[i].p.z);
         }
-    if (high[0] - low[0] < 0.8 || high[1] - low[1] < 0.8 || inlier_score(best, s, count, &on) <= 0)
+    if (high[0] - low[0] < EXTENT_MIN_M || high[1] - low[1] < EXTENT_MIN_M || inlier_score(best, s, count, &on) <= 0)
         return false;
     *out = best;
     return true;
-}
-
-// Readings along a row or column, every fourth pixel.
-static int count_depth_samples(const uint16_t *depth, const struct lens *l, bool row, int at)
-{
-    int count = 0;
-    for (int k = 0; k < (row ? l->width : l->height); k += 4)
-        count += depth[row ? at * l->width + k : k * l->width + at] != 0;
-    return count;
-}
-
-struct image_bounds find_image_bounds(const uint16_t *depth, const struct lens *l)
-{
-    struct image_bounds all = {0, 0, l->width - 1, l->height - 1}, b = all;
-    int valid = 0, total = 0;
-    for (int y = 0; y < l->height; y += 4) {
-        valid += count_depth_samples(depth, l, true, y);
-        total += (l->width + 3) / 4;
-    }
-    if (2 * valid < total) // the room itself is missing: no rim can be told
-        return all;
-    // A row or column of the rim has readings at less than an eighth of its pixels.
-    int few_across = l->width / 32, few_down = l->height / 32;
-    while (b.top < l->height / 4 && count_depth_samples(depth, l, true, b.top) <= few_across)
-        b.top++;
-    while (b.bottom > l->height * 3 / 4 && count_depth_samples(depth, l, true, b.bottom) <= few_across)
-        b.bottom--;
-    while (b.left < l->width / 4 && count_depth_samples(depth, l, false, b.left) <= few_down)
-        b.left++;
-    while (b.right > l->width * 3 / 4 && count_depth_samples(depth, l, false, b.right) <= few_down)
-        b.right--;
-    return b;
 }

@@ -1,5 +1,6 @@
-// The floor in a depth image, by random sampling that draws the same samples
-// every time. Depth camera's axes, metres.
+// Fits the floor plane to a depth image: RANSAC (Fischler and Bolles 1981) over three-point planes, then weighted least
+// squares over the inliers. Points under a plane count against it, since nothing is below a floor. Depth camera's axes,
+// metres. Pure; the pseudo-random samples are the same in every call.
 #pragma once
 #include "base/geometry.h"
 
@@ -8,10 +9,10 @@ struct grid_ray {
 };
 
 struct floor_plane {
-    struct vec3 up;  // unit, out of the floor
+    struct vec3 up;  // unit normal, out of the floor
     double height_m; // the camera's height over it
 };
 
-// depth: width * height cells, mm, 0 = no reading. Finds the lowest large plane
-// within 45 degrees of level for a camera held upright. False: none in sight.
+// depth: width * height cells, mm, 0 = no depth. Finds the lowest large plane within 45 degrees of level for a camera
+// held upright, at least 0.8 m wide both ways. False: none is visible; *out is then unchanged.
 bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out);

@@ -1,9 +1,10 @@
+// Upsamples the grid's mask to pixels: a pixel joins the person if its depth continues a neighbouring cell's.
 #include "capture/segmentation/segment_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Marks the pixels of a cell that agree with the person's cells around it, its own first.
+// Marks the pixels of cell (x, y) whose depth continues that of the person's cells around it, its own first.
 static void upsample_cell(const struct segmenter *s, const uint16_t *image, int x, int y, uint8_t *mask)
 {
     int neighbor_mm[9], count = 0, w = s->width, centre = y * w + x;
@@ -34,7 +35,7 @@ static void upsample_cell(const struct segmenter *s, const uint16_t *image, int 
 
 void segmenter_upsample_mask(const struct segmenter *s, const uint16_t *image, uint8_t *mask)
 {
-    int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in the rows around one
+    int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in three neighbouring rows
     for (int y = -1; y < s->height; y++) {
         int next = (y + 2) % 3;
         left[next] = w;

@@ -1,38 +1,41 @@
-// What the files of the segmenter share.
+// State and functions that the source files of the segmenter share.
 #pragma once
-#include "capture/segmentation/segment.h"
+#include "base/depth_noise.h"
 #include "capture/segmentation/floor_plane.h"
+#include "capture/segmentation/image_bounds.h"
+#include "capture/segmentation/segment.h"
 
 enum {
     COLUMNS_MAX = 320,
     DEPTH_TABLE_SIZE = 10001, // depths whose jump and noise are looked up, mm
-    CONFIRMED_FRAMES = 3,     // a background value is believed after so many sightings
-    REPLACEMENT_FRAMES = 24,  // something nearer that stays this long becomes background
+    // Updates at 15 Hz (every second frame of 30 Hz), chosen by hand:
+    CONFIRMED_FRAMES = 3,    // a background value is used after so many samples
+    REPLACEMENT_FRAMES = 24, // something nearer that stays this long (1.6 s) becomes background
 };
 
 struct segmenter {
     struct lens lens;
     int step, width, height;                // grid: pixels a cell, cells
     struct grid_ray *ray;                   // per cell: the ray's x/z, y/z
-    uint16_t max_step_mm[DEPTH_TABLE_SIZE]; // by depth: how far two neighbouring readings of one surface may differ
-    uint16_t noise_mm[DEPTH_TABLE_SIZE];    // by depth: how far two readings of one cell's surface may differ
+    uint16_t max_step_mm[DEPTH_TABLE_SIZE]; // by depth: how far two neighbouring samples of one surface may differ
+    uint16_t noise_mm[DEPTH_TABLE_SIZE];    // by depth: how far two samples of one cell's surface may differ
     int step_slope_16;                      // max_step_mm[d] is at least d * step_slope_16 / 65536
     uint16_t *depth;                        // per cell, mm, flying pixels removed
     int32_t *label;                         // per cell: component, -1 none
     int32_t *parent;                        // union-find
-    int32_t *candidate;                     // the cells that may be the person, in the picture's order
+    int32_t *candidate;                     // the cells that may be the person, in raster order
     int candidate_count;
     uint16_t *background; // per cell, learned; 0 unknown
     uint8_t *observed_count, *nearer_count;
-    uint16_t *known_background; // per cell, given; 0 unknown
-    uint16_t *static_limit;     // per cell: the furthest depth in front of the floor and of what is given, mm
-    uint16_t *depth_limit;      // the same, and in front of what was learned: up to there it may be the person
-    uint16_t *front_limit;      // by a surface's depth, mm: the furthest reading that is in front of it for certain
-    uint8_t *person, *previous; // per cell
-    float *mean_depth;          // per cell: the person's own depth there, mm, evened out
-    uint8_t *mean_count;        // how often it was about that, in a row
-    int32_t *mean_updated, update_count; // when that was last looked at, and how often all were
-    int static_frames;                   // so many pictures in a row nothing of them moved
+    uint16_t *known_background; // per cell, set by the caller; 0 unknown
+    uint16_t *static_limit;     // per cell: the largest depth in front of the floor and of known_background, mm
+    uint16_t *depth_limit;      // the same, and in front of the learned background: up to there it may be the person
+    uint16_t *front_limit;      // by a surface's depth, mm: the largest depth that is significantly in front of it
+    uint8_t *person, *previous; // per cell: this frame's person, and the last one's
+    float *mean_depth;          // per cell: running mean of the person's depth there, mm
+    uint8_t *mean_count;        // number of consecutive samples in that mean
+    int32_t *mean_updated, update_count; // the update in which a cell's mean was last used; number of updates
+    int static_frames;                   // number of consecutive updates in which no part of the person moved
     struct component *components;
     int component_count, component_capacity;
     bool have_floor, floor_given, following;
@@ -46,14 +49,14 @@ struct component {
     int cells;
     double area_m2;
     double top, bottom;     // along up, metres (over the floor when known)
-    double low[3], high[3]; // bounds: across, depth (horizontal), and picture depth
+    double low[3], high[3]; // bounds: lateral, horizontal distance, and depth along z
     double sum[3];          // of the points
     int border_left, border_right, border_bottom, border_top;
-    int overlap;      // cells that were the person's before
+    int overlap;      // cells that were the person's in the last frame
     int near_body;    // cells close to the predicted body
-    int adjacent;     // cells beside what is the person's already
-    bool is_person;   // it is the person, or a part of them
-    double top_width; // how wide it is within 0.2 m of its top
+    int adjacent;     // cells next to cells already taken for the person
+    bool is_person;   // it is the person, or a part of the person
+    double top_width; // lateral extent within 0.2 m of its top
 };
 
 static inline int by_depth(const uint16_t table[DEPTH_TABLE_SIZE], int depth_mm)
@@ -61,7 +64,7 @@ static inline int by_depth(const uint16_t table[DEPTH_TABLE_SIZE], int depth_mm)
     return table[depth_mm < DEPTH_TABLE_SIZE ? depth_mm : DEPTH_TABLE_SIZE - 1];
 }
 
-// Where a cell's background changed: up to where it may be the person.
+// To be called where a cell's background changed: sets its depth_limit.
 static inline void segmenter_update_limit(struct segmenter *s, int i)
 {
     int front = s->observed_count[i] >= CONFIRMED_FRAMES ? s->front_limit[s->background[i]] : UINT16_MAX;
@@ -74,8 +77,15 @@ static inline bool may_be_person(const struct segmenter *s, int i, int depth_mm)
     return depth_mm <= s->depth_limit[i];
 }
 
-// From the person's cells to every pixel; mask is all 0 before.
+// Labels the components of continuous depth among the cells that may be the person. ERR_MEMORY.
+MUST_CHECK enum status segmenter_label_components(struct segmenter *s);
+// Counts each component's cells, and those of them that are close to the spheres.
+void segmenter_count_near_body(struct segmenter *s, const struct bounding_sphere *spheres, int sphere_count);
+// Fills every other measure of the components. Without memory the top widths stay 0: every top then counts as narrow.
+void segmenter_measure_components(struct segmenter *s);
+
+// Upsamples the person's cells to every pixel; mask must be all 0.
 void segmenter_upsample_mask(const struct segmenter *s, const uint16_t *image, uint8_t *mask);
 
-// One picture more of the person's own cells: has anything of them moved?
+// Compares the person's cells with their running means and updates static_frames.
 void segmenter_detect_motion(struct segmenter *s);

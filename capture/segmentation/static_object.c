@@ -1,22 +1,24 @@
-// Whether anything of the person moves. People sway and breathe; what does not move by a thing for seconds is
-// furniture that was taken for somebody.
+// Static object rejection: whether any part of the person moves. People sway and breathe; what does not move at all for
+// seconds is furniture that was taken for a person. Tested against the running mean of each cell's depth: the whole
+// person's mean shift, and that of blocks of cells.
 #include "capture/segmentation/segment_internal.h"
 
 #include <string.h>
 
 enum {
-    BLOCK = 8, // cells: an arm's width at three metres
+    BLOCK = 8, // cells of 2 pixels: an arm's width at 3 m
     BLOCKS_MAX = (COLUMNS_MAX / BLOCK + 1) * (COLUMNS_MAX / BLOCK + 1),
-    MEAN_CONFIRMED = 3,   // a cell's own depth is believed after so many sightings,
-    MEAN_WINDOW = 8,      // and follows over as many
-    BLOCK_CELLS_MIN = 15, // cells that say something together
+    MEAN_CONFIRMED = 3,   // a cell's mean is used after so many samples,
+    MEAN_WINDOW = 8,      // and averages over as many
+    BLOCK_CELLS_MIN = 15, // confirmed cells that a block needs
 };
 
-#define STATIC_MM           2.0 // less is no motion: sensors warm up
-#define PERSON_SIGMAS       3.0 // of the whole person's mean,
-#define BLOCK_SIGMAS        4.5 // and of one block's, of which there are a hundred
-#define CONFIRMED_SHARE_MIN 0.5 // of the cells: rims flicker, but who walks takes most of theirs along
-#define INTERIOR_SHARE      0.8 // of a block's: no rim runs through it
+// Chosen by hand; real people in recordings reached 3 static frames (STATIC_FRAMES_MIN in tracker_decide.c is 12).
+#define STATIC_MM           2.0 // a smaller shift is no motion: sensors drift while they warm up
+#define PERSON_SIGMAS       3.0 // significance of the whole person's mean shift,
+#define BLOCK_SIGMAS        4.5 // and of one block's, of which there are about a hundred
+#define CONFIRMED_SHARE_MIN 0.5 // of the cells; less is motion: edges flicker, a walking person changes most cells
+#define INTERIOR_SHARE      0.8 // of a block's cells: no edge of the person runs through it
 
 struct motion_block {
     int cells, confirmed;
@@ -41,7 +43,7 @@ static bool is_interior(const struct motion_block *b)
     return b->confirmed >= BLOCK_CELLS_MIN && b->confirmed >= INTERIOR_SHARE * b->cells;
 }
 
-// One cell of the person's, and what it was before.
+// Compares one of the person's cells with its mean, and updates that.
 static struct motion_block update_cell_mean(struct segmenter *s, int i)
 {
     double d = s->depth[i], sigma = 1000 * depth_sigma_m(0.001 * d), off = d - (double)s->mean_depth[i];
@@ -64,7 +66,7 @@ void segmenter_detect_motion(struct segmenter *s)
 {
     struct motion_block blocks[BLOCKS_MAX], all = {0};
     int side = BLOCK;
-    while ((s->width / side + 1) * (s->height / side + 1) > BLOCKS_MAX) // a picture much higher than wide
+    while ((s->width / side + 1) * (s->height / side + 1) > BLOCKS_MAX) // an image much higher than wide
         side *= 2;
     int across = s->width / side + 1, down = s->height / side + 1;
     memset(blocks, 0, sizeof *blocks * (size_t)(across * down));
@@ -77,12 +79,12 @@ void segmenter_detect_motion(struct segmenter *s)
         add(&blocks[i / s->width / side * across + i % s->width / side], &cell);
         add(&all, &cell);
     }
-    if (!all.cells) // nobody, or hidden
+    if (!all.cells) // no person, or occluded
         return;
     bool moved = all.confirmed < CONFIRMED_SHARE_MIN * all.cells || has_moved(&all, PERSON_SIGMAS);
     for (int k = 0; k < across * down && !moved; k++)
         moved = is_interior(&blocks[k]) && has_moved(&blocks[k], BLOCK_SIGMAS);
-    // A picture in which somebody touches it, or a rim flickers, is not all.
+    // One frame in which a person touches the object, or an edge flickers, only halves the count.
     s->static_frames = moved ? s->static_frames / 2 : s->static_frames + 1;
 }
 

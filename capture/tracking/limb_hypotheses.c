@@ -1,11 +1,34 @@
 #include "capture/tracking/limb_hypotheses.h"
 
+#include "capture/body/solid_distance.h"
 #include "capture/body/two_bone_ik.h"
 
-#define SEARCH_KERNEL_M  0.12
-#define LIMB_MOVE_ENERGY 20 // energy that a limb must gain for each metre a search moves it
+// Chosen by hand; docs/results.md measures the outcome.
+#define LIMB_MOVE_ENERGY  20   // energy that a limb must gain for each metre that a search moves it
+#define FLIP_SIGMA        4    // expected_sigma of fits about the flipped body,
+#define SWAP_SIGMA        2    // about exchanged legs,
+#define MOVE_SIGMA        1.5  // and about a moved limb
+#define UNEXPLAINED_M     0.04 // a point is unexplained this far off the body, and one and a half standard deviations
+#define UNEXPLAINED_SHARE 0.008
+#define MISPLACED_ENERGY  6    // a limb's energy in free space above which it is misplaced
+#define ENOUGH_RATE       0.97 // a search must reduce the energy to this share,
+#define ENOUGH_ENERGY     0.5  // and by this
+#define REACH_RATE        1.25 // of a limb's length, within which points may be its own, for the search
+#define CLOSE_REACH_RATE  1.15 // and for alternatives
+#define REACH_M           0.05 // and so much more: its thickness
+#define OFF_BODY_M        0.01 // points nearer to the rest of the body than this do not count for a limb
+#define TARGET_OFF_M      0.02 // and targets are further off than this and a standard deviation
+#define ELBOW_SLACK_M     0.10 // a point at the upper segment's length, this much more or less, may be the elbow
+enum {
+    GAIN_ITERATIONS = 5,
+    QUICK_ITERATIONS = 4,
+    GAIN_STRIDE = 2,
+    UNEXPLAINED_MIN = 5,
+    OWN_MIN = 3,
+    SEARCH_ROUNDS = 2, // the limb that gains most first; then another one may take its points
+};
 
-// By how much less energy a fit from `pose` ends with than the pose that is now the best has.
+// The energy gained by a fit from `pose` against the pose in scratch->best.
 static double energy_gain(const struct fit_task *given, const struct body_pose *pose, double expected_sigma,
                           struct fit_scratch *scratch)
 {
@@ -17,8 +40,8 @@ static double energy_gain(const struct fit_task *given, const struct body_pose *
     task.kernel_m = SEARCH_KERNEL_M;
     task.expected = *pose;
     task.expected_sigma = expected_sigma;
-    task.iterations = 5;
-    task.point_stride = 2;
+    task.iterations = GAIN_ITERATIONS;
+    task.point_stride = GAIN_STRIDE;
     body_evaluate(&task, &now, &shape, &scratch->trial);
     double energy = scratch->trial.energy;
     body_fit(&task, pose, &scratch->trial);
@@ -28,24 +51,10 @@ static double energy_gain(const struct fit_task *given, const struct body_pose *
 double flipped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
 {
     struct body_pose pose = body_pose_flip_facing(&scratch->best.shape, &scratch->best.pose);
-    return energy_gain(given, &pose, 4, scratch);
+    return energy_gain(given, &pose, FLIP_SIGMA, scratch);
 }
 
-struct limb_chain {
-    enum segment upper, lower, end;
-    int first; // of its three solids
-};
-
-enum { LIMB_SOLIDS = 3 };
-
-static const struct limb_chain limb[LIMB_COUNT] = {
-    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, 6},
-    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, 10},
-    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, 13},
-    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, 16},
-};
-
-static struct body_pose reach_target(const struct fit_result *from, const struct limb_chain *l, struct vec3 target,
+static struct body_pose reach_target(const struct fit_result *from, const struct body_limb *l, struct vec3 target,
                                      struct vec3 pole)
 {
     struct body_pose pose = from->pose;
@@ -54,24 +63,24 @@ static struct body_pose reach_target(const struct fit_result *from, const struct
     return pose;
 }
 
-struct unexplained {                 // points that nothing explains, within a limb's reach
-    struct vec3 far;                 // the one that is farthest off
-    struct vec3 own_far, own_middle; // of those nearer to this limb's root than to its opposite's
+struct unexplained {                 // unexplained points within a limb's reach
+    struct vec3 far;                 // the farthest from its root
+    struct vec3 own_far, own_middle; // of those nearer to this limb's root than to its counterpart's
     int count, own;
 };
 
 static struct unexplained find_unexplained(const struct depth_evidence *e, const struct fit_result *r,
-                                           const struct limb_chain *l)
+                                           const struct body_limb *l)
 {
     struct vec3 base = r->build.origin[l->upper], opposite = r->build.origin[body_mirror(l->upper)];
-    double reach = 1.25 * (v3_distance(base, r->build.origin[l->lower]) +
-                           v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) +
-                   0.05;
+    double reach = REACH_RATE * (v3_distance(base, r->build.origin[l->lower]) +
+                                 v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) +
+                   REACH_M;
     struct unexplained out = {.far = base, .own_far = base};
     for (int i = 0; i < e->count; i++) {
         struct vec3 p = e->point[i].p;
         double sigma = 1 / sqrt(e->point[i].weight), d = v3_distance(p, base);
-        if ((double)r->residual[i] < 0.04 + 1.5 * sigma || d > reach)
+        if ((double)r->residual[i] < UNEXPLAINED_M + 1.5 * sigma || d > reach)
             continue;
         out.count++;
         if (d > v3_distance(out.far, base))
@@ -88,17 +97,17 @@ static struct unexplained find_unexplained(const struct depth_evidence *e, const
     return out;
 }
 
-// Keeps in scratch->other the likeliest of the places tried so far for one limb. A limb that was
-// followed so far is not given up for a slightly better place.
+// Fits a pose and keeps it in scratch->other if it is the likeliest so far. *least: its energy. Moving a limb costs
+// energy, so that a followed limb is not given up for a slightly better place.
 static void try_pose(const struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch,
                      double *least)
 {
     struct fit_task quick = *task;
     quick.learn_shape = false;
     quick.shape.mean = scratch->best.shape;
-    quick.iterations = 4;
+    quick.iterations = QUICK_ITERATIONS;
     quick.expected = *pose;
-    quick.expected_sigma = 1.5;
+    quick.expected_sigma = MOVE_SIGMA;
     body_fit(&quick, pose, &scratch->trial);
     double far = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
@@ -112,40 +121,40 @@ static void try_pose(const struct fit_task *task, const struct body_pose *pose, 
 
 enum { POLES = 3 };
 
-// Where a limb's middle joint may point: an elbow down, out or back, a knee ahead. Returns how many ways.
+// Directions in which a limb's middle joint may point: an elbow down, outward or back, a knee ahead. Returns their
+// number.
 static int find_poles(const struct fit_task *task, const struct fit_result *r, int k, struct vec3 out[POLES])
 {
-    const double(*pelvis)[3] = (const double(*)[3])r->build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
-    if (k >= 2) {
+    struct vec3 ahead = body_axis(&r->build, SEG_PELVIS, 2);
+    if (k >= FIRST_LEG) {
         out[0] = ahead;
         return 1;
     }
     out[0] = v3_scale(task->up, -1);
-    out[1] = v3_scale(v3(pelvis[0][0], pelvis[1][0], pelvis[2][0]), k ? -1 : 1);
+    out[1] = v3_scale(body_axis(&r->build, SEG_PELVIS, 0), k ? -1 : 1);
     out[2] = v3_scale(ahead, -1);
     return 3;
 }
 
 static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
 {
-    const struct limb_chain *l = &limb[k];
+    const struct body_limb *l = &body_limbs[k];
     const struct fit_result *best = &scratch->best;
     struct unexplained unexplained = find_unexplained(task->evidence, best, l);
     double misplaced_energy = best->limb_energy[l->upper] + best->limb_energy[l->lower] + best->limb_energy[l->end];
     struct vec3 pole[POLES], down = v3_scale(task->up, -1);
     int pole_count = find_poles(task, best, k, pole);
-    if (unexplained.count > 0.008 * task->evidence->count && unexplained.count >= 5) {
+    if (unexplained.count > UNEXPLAINED_SHARE * task->evidence->count && unexplained.count >= UNEXPLAINED_MIN) {
         struct body_pose pose = reach_target(best, l, unexplained.far, pole[0]);
         try_pose(task, &pose, scratch, least);
-        for (int b = 0; unexplained.own >= 3 && b < pole_count; b++) {
+        for (int b = 0; unexplained.own >= OWN_MIN && b < pole_count; b++) {
             pose = reach_target(best, l, unexplained.own_far, pole[b]);
             try_pose(task, &pose, scratch, least);
             pose = reach_target(best, l, unexplained.own_middle, pole[b]);
             try_pose(task, &pose, scratch, least);
         }
     }
-    if (misplaced_energy < 6)
+    if (misplaced_energy < MISPLACED_ENERGY)
         return;
     struct body_pose pose = best->pose; // hanging
     pose.rotation[l->upper] = pose.rotation[l->lower] = pose.rotation[l->end] = (struct quat){0, 0, 0, 1};
@@ -157,16 +166,16 @@ static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scr
 
 int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
 {
-    // Points that nothing explains must weigh, or a limb beside them is as good as one on them.
+    // Unexplained points must count, or a limb beside them would be as good as one on them.
     struct fit_task wide = *given;
     wide.kernel_m = SEARCH_KERNEL_M;
     struct body_pose now = scratch->best.pose;
     struct body_shape shape = scratch->best.shape;
     body_evaluate(&wide, &now, &shape, &scratch->best);
     int moved = 0;
-    for (; moved < 2; moved++) { // the limb that gains most, or another one takes its points
-        double least = 0.97 * scratch->best.energy - 0.5, enough = least;
-        for (int k = 0; k < 4; k++)
+    for (; moved < SEARCH_ROUNDS; moved++) {
+        double least = ENOUGH_RATE * scratch->best.energy - ENOUGH_ENERGY, enough = least;
+        for (int k = 0; k < LIMB_COUNT; k++)
             try_limb(&wide, k, scratch, &least);
         if (least >= enough)
             break;
@@ -178,31 +187,31 @@ int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
 double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
 {
     struct fit_result *best = &scratch->best;
-    double(*pelvis)[3] = best->build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]), left = best->build.origin[SEG_LEFT_FOOT],
+    struct vec3 ahead = body_axis(&best->build, SEG_PELVIS, 2), left = best->build.origin[SEG_LEFT_FOOT],
                 right = best->build.origin[SEG_RIGHT_FOOT];
-    struct body_pose one = reach_target(best, &limb[2], right, ahead),
-                     other = reach_target(best, &limb[3], left, ahead), pose = best->pose, now = best->pose;
+    struct body_pose one = reach_target(best, &body_limbs[FIRST_LEG], right, ahead),
+                     other = reach_target(best, &body_limbs[FIRST_LEG + 1], left, ahead), pose = best->pose,
+                     now = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.rotation[s] = s <= SEG_LEFT_FOOT ? one.rotation[s] : other.rotation[s];
-    double fresh = best->shape.hem_m > 0 ? energy_gain(given, &now, 2, scratch) : 0;
-    return energy_gain(given, &pose, 2, scratch) - fresh;
+    double refit = best->shape.hem_m > 0 ? energy_gain(given, &now, SWAP_SIGMA, scratch) : 0;
+    return energy_gain(given, &pose, SWAP_SIGMA, scratch) - refit;
 }
 
 double limb_moved_m(int k, const struct body_build *from, const struct body_build *to)
 {
-    const struct limb_chain *l = &limb[k];
+    const struct body_limb *l = &body_limbs[k];
     return fmax(v3_distance(from->origin[l->lower], to->origin[l->lower]),
                 v3_distance(from->origin[l->end], to->origin[l->end]));
 }
 
 void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
 {
-    for (int s = (int)limb[k].upper; s <= (int)limb[k].end; s++)
+    for (int s = (int)body_limbs[k].upper; s <= (int)body_limbs[k].end; s++)
         to->rotation[s] = from->rotation[s];
 }
 
-// Turns segment s about its own origin to the axes that it has in `from`.
+// Rotates segment s about its own origin to the axes that it has in `from`.
 static void match_orientation(const struct body_shape *shape, enum segment s, const struct body_build *from,
                               struct body_pose *to)
 {
@@ -220,7 +229,7 @@ static void match_orientation(const struct body_shape *shape, enum segment s, co
 
 void limb_transfer(int k, const struct body_shape *shape, const struct body_build *from, struct body_pose *to)
 {
-    const enum segment chain[3] = {limb[k].upper, limb[k].lower, limb[k].end};
+    const enum segment chain[3] = {body_limbs[k].upper, body_limbs[k].lower, body_limbs[k].end};
     for (int i = 0; i < 3; i++) {
         match_orientation(shape, chain[i], from, to);
         if (i == 2)
@@ -231,12 +240,12 @@ void limb_transfer(int k, const struct body_shape *shape, const struct body_buil
     }
 }
 
-// ---------------------------------------------------------------- a limb elsewhere
+// ---------------------------------------------------------------- alternatives of a limb
 
 enum { TARGETS = 4, KEPT = 2 };
 
-#define DISTINCT_M 0.12 // places nearer to each other than this are one, and a fit comes from the one to the other
-#define ROUGH      3.0 // a fit takes about this much energy off a place: four of five that a fit makes better are within it
+#define DISTINCT_M  0.12 // poses nearer to each other than this are one: a fit converges from the one to the other
+#define REFINE_GAIN 3.0  // a fit reduces a candidate's energy by about this: four of five that become better gain less
 
 struct limb_candidate {
     struct body_pose pose;
@@ -245,56 +254,55 @@ struct limb_candidate {
 
 struct limb_task {
     const struct fit_task *task;
-    const struct limb_chain *limb;
+    const struct body_limb *limb;
     const struct fit_result *best;
     struct limb_point point[EVIDENCE_POINTS_MAX]; // within its reach, off every other solid
     int count;
-    struct vec3 target[TARGETS]; // for the hand, far from each other
+    struct vec3 target[TARGETS]; // for its end, far from each other
     int targets;
     struct limb_candidate kept[KEPT];
 };
 
-// How far the nearest solid is that is not of this limb.
-static double other_distance(const struct fit_result *r, const struct limb_chain *l, int i, struct vec3 p)
+// Distance of the nearest solid that is not of this limb.
+static double other_distance(const struct fit_result *r, const struct body_limb *l, int i, struct vec3 p)
 {
-    if (r->solid[i] < l->first || r->solid[i] >= l->first + LIMB_SOLIDS)
+    if (r->solid[i] < l->first_solid || r->solid[i] >= l->first_solid + LIMB_SOLIDS)
         return (double)r->residual[i];
     double least = 1e9;
     for (int k = 0; k < r->build.solids; k++) {
-        struct vec3 normal, on;
-        double t, side_m;
-        if (k == l->first)
+        if (k == l->first_solid)
             k += LIMB_SOLIDS;
         if (k == r->build.solids)
             break;
-        double d = solid_distance(&r->build.solid[k], p, &normal, &on, &t, &side_m);
+        double d = solid_distance(&r->build.solid[k], p, NULL);
         least = fabs(d) < fabs(least) ? d : least;
     }
     return least;
 }
 
-// Points for the limb, and of those well off the rest of the body some that are far apart,
-// the first the farthest from the limb's root.
+// Collects the limb's points, and targets among those well off the rest of the body: farthest-point sampling, the first
+// one the farthest from the limb's root.
 static void find_targets(struct limb_task *t)
 {
     const struct depth_evidence *e = t->task->evidence;
     const struct fit_result *r = t->best;
     struct vec3 base = r->build.origin[t->limb->upper];
-    double reach = 1.15 * (v3_distance(base, r->build.origin[t->limb->lower]) +
-                           v3_distance(r->build.origin[t->limb->lower], r->build.origin[t->limb->end])) +
-                   0.05;
+    double reach = CLOSE_REACH_RATE * (v3_distance(base, r->build.origin[t->limb->lower]) +
+                                       v3_distance(r->build.origin[t->limb->lower], r->build.origin[t->limb->end])) +
+                   REACH_M;
     t->count = t->targets = 0;
     for (int i = 0; i < e->count; i++) {
         struct vec3 p = e->point[i].p;
         if (v3_distance(p, base) > reach)
             continue;
         t->point[t->count] = (struct limb_point){i, other_distance(r, t->limb, i, p)};
-        t->count += fabs(t->point[t->count].other_distance_m) > 0.01;
+        t->count += fabs(t->point[t->count].other_distance_m) > OFF_BODY_M;
     }
     double target_distance[EVIDENCE_POINTS_MAX]; // of each to the nearest target so far
     for (int i = 0; i < t->count; i++) {
         const struct evidence_point *p = &e->point[t->point[i].index];
-        target_distance[i] = t->point[i].other_distance_m > 0.02 + 1 / sqrt(p->weight) ? v3_distance(p->p, base) : 0;
+        target_distance[i] =
+            t->point[i].other_distance_m > TARGET_OFF_M + 1 / sqrt(p->weight) ? v3_distance(p->p, base) : 0;
     }
     while (t->targets < TARGETS) {
         int most = -1;
@@ -310,16 +318,23 @@ static void find_targets(struct limb_task *t)
     }
 }
 
-// Judges a place by the limb's own solids and keeps it if it is one of the likeliest.
+// The energy of the limb's points and solids in a pose.
+static double limb_energy(const struct limb_task *t, const struct body_build *build)
+{
+    const struct limb_evidence evidence = {t->limb->first_solid, LIMB_SOLIDS, t->point, t->count};
+    return body_evaluate_limb(t->task, build, &evidence);
+}
+
+// Judges a pose by the limb's own solids and keeps it if it is one of the likeliest.
 static void keep_candidate(struct limb_task *t, struct vec3 target, struct vec3 pole)
 {
     const struct fit_result *r = t->best;
     struct limb_candidate candidate = {reach_target(r, t->limb, target, pole), 0};
     struct body_build build;
     body_forward_kinematics(&r->shape, &candidate.pose, &build);
-    if (limb_moved_m((int)(t->limb - limb), &r->build, &build) < DISTINCT_M)
+    if (limb_moved_m((int)(t->limb - body_limbs), &r->build, &build) < DISTINCT_M)
         return;
-    candidate.energy = body_evaluate_limb(t->task, &build, t->limb->first, LIMB_SOLIDS, t->point, t->count);
+    candidate.energy = limb_energy(t, &build);
     for (int i = 0; i < KEPT; i++)
         if (candidate.energy < t->kept[i].energy) {
             struct limb_candidate other = t->kept[i];
@@ -328,39 +343,47 @@ static void keep_candidate(struct limb_task *t, struct vec3 target, struct vec3 
         }
 }
 
+// Keeps candidates of targets as the limb's end, and of pairs of targets as end and elbow.
+static void find_candidates(struct limb_task *t, int k)
+{
+    const struct fit_result *best = t->best;
+    struct vec3 pole[POLES], base = best->build.origin[t->limb->upper];
+    int pole_count = find_poles(t->task, best, k, pole);
+    double upper_m = v3_distance(base, best->build.origin[t->limb->lower]);
+    for (int i = 0; i < t->targets; i++) {
+        for (int b = 0; b < pole_count; b++)
+            keep_candidate(t, t->target[i], pole[b]);
+        for (int j = 0; j < t->targets; j++) // or target j is the elbow
+            if (i != j && fabs(v3_distance(t->target[j], base) - upper_m) < ELBOW_SLACK_M)
+                keep_candidate(t, t->target[i], v3_sub(t->target[j], base));
+    }
+    if (k < FIRST_LEG) { // or elbow and hand are mistaken for each other
+        struct vec3 elbow = best->build.origin[t->limb->lower], hand = best->build.origin[t->limb->end];
+        keep_candidate(t, elbow, v3_sub(hand, base));
+    }
+}
+
 double limb_alternative_log_odds(const struct fit_task *given, int k, struct fit_scratch *scratch)
 {
     struct fit_task task = *given;
-    struct limb_task t = {.task = &task, .limb = &limb[k], .best = &scratch->best};
+    struct limb_task t = {.task = &task, .limb = &body_limbs[k], .best = &scratch->best};
     task.learn_shape = false;
     task.shape.mean = scratch->best.shape;
     task.kernel_m = SEARCH_KERNEL_M;
     find_targets(&t);
-    struct vec3 pole[POLES], base = scratch->best.build.origin[t.limb->upper];
-    int pole_count = find_poles(&task, &scratch->best, k, pole);
-    double upper_m = v3_distance(base, scratch->best.build.origin[t.limb->lower]);
-    double now = body_evaluate_limb(&task, &scratch->best.build, t.limb->first, LIMB_SOLIDS, t.point, t.count);
+    double now = limb_energy(&t, &scratch->best.build);
+    const double rough = now + REFINE_GAIN;
     for (int i = 0; i < KEPT; i++)
-        t.kept[i].energy = now + ROUGH;
-    for (int i = 0; i < t.targets; i++) {
-        for (int b = 0; b < pole_count; b++)
-            keep_candidate(&t, t.target[i], pole[b]);
-        for (int j = 0; j < t.targets; j++) // or that one is the elbow
-            if (i != j && fabs(v3_distance(t.target[j], base) - upper_m) < 0.10)
-                keep_candidate(&t, t.target[i], v3_sub(t.target[j], base));
-    }
-    if (k < 2) { // or elbow and hand are each taken for the other
-        struct vec3 elbow = scratch->best.build.origin[t.limb->lower], hand = scratch->best.build.origin[t.limb->end];
-        keep_candidate(&t, elbow, v3_sub(hand, base));
-    }
-    if (t.kept[0].energy >= now + ROUGH)
+        t.kept[i].energy = rough;
+    find_candidates(&t, k);
+    if (t.kept[0].energy >= rough)
         return -1;
-    task.iterations = 4;
-    task.expected_sigma = 1.5;
+    task.iterations = QUICK_ITERATIONS;
+    task.expected_sigma = MOVE_SIGMA;
     task.expected = scratch->best.pose;
     struct body_pose pose = scratch->best.pose;
-    body_fit(&task, &pose, &scratch->trial);
-    double least = 1e300, rough = now + ROUGH;
+    body_fit(&task, &pose, &scratch->trial); // a fit is compared with a fit
+    double least = 1e300;
     now = scratch->trial.energy;
     for (int i = 0; i < KEPT && t.kept[i].energy < rough; i++) {
         task.expected = t.kept[i].pose;

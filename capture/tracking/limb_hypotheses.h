@@ -1,36 +1,37 @@
-// Other poses that a picture may mean: a limb elsewhere, the body the other way round.
+// Alternative poses that explain a depth image as well: a limb elsewhere, the body facing the other way, legs
+// exchanged. Candidates come from unexplained points by two-bone IK; each is refined by a few iterations of body_fit
+// and judged by its energy, so that gains are log-odds. Pure; camera axes, metres.
 #pragma once
 #include "capture/body/body_fit.h"
 
-// Results are large; the caller lends room for them.
+// Fit results are large; the caller provides the memory. In all functions `best` holds this frame's fit.
 struct fit_scratch {
     struct fit_result best, trial, other;
 };
 
-enum { FIRST_LEG = 2, LIMB_COUNT = 4 }; // left arm, right arm, left leg, right leg
+// The robust kernel with which poses are compared: wide, so that points that are left unexplained count. Chosen by
+// hand.
+#define SEARCH_KERNEL_M 0.12
 
-// In all of them scratch->best holds the fit of this picture.
-
-// Tries other places for limbs that leave points unexplained or stand where nothing is, and
-// keeps the likeliest, twice. Returns how many limbs moved.
+// Tries other places for limbs that leave points unexplained or stand in free space, and keeps the likeliest, for up to
+// two limbs. Returns how many limbs moved.
 int limb_search(const struct fit_task *task, struct fit_scratch *scratch);
 
-// Fits one limb elsewhere into scratch->trial: to where the points are that the rest of the body
-// does not explain, be they explained by this limb so far or, a little worse, by the trunk.
-// Returns by how much that has less energy, negative when it has more or there is no other place.
+// Fits one limb elsewhere into scratch->trial: to points that the rest of the body does not explain, whether this limb
+// explained them so far or, a little worse, the trunk. Returns the energy gained, negative where the other place has
+// more energy or there is none.
 double limb_alternative_log_odds(const struct fit_task *task, int limb, struct fit_scratch *scratch);
 
-// Fits the body that looks the other way into scratch->trial. Returns by how much its energy is
-// less, negative when it is more.
+// Fits the body that faces the other way into scratch->trial. Returns the energy gained, negative where it has more.
 double flipped_log_odds(const struct fit_task *task, struct fit_scratch *scratch);
 
 // The same for the body with its feet exchanged.
 double legs_swapped_log_odds(const struct fit_task *task, struct fit_scratch *scratch);
 
-// How far a limb's middle joint or its end, whichever more, is from where it was.
+// Distance that a limb's middle joint or its end moved, whichever is more.
 double limb_moved_m(int limb, const struct body_build *from, const struct body_build *to);
-// Turns a limb's segments as they are in `from`.
+// Copies a limb's rotations against their parents.
 void limb_copy(int limb, const struct body_pose *from, struct body_pose *to);
-// Lays a limb of `to` where `from` has it in the camera's axes, as far as it reaches there from where its own trunk
-// is: one trunk a little aside of another must not carry the limb with it.
+// Puts a limb of `to` where `from` has it in camera axes, as far as it reaches from its own trunk: a trunk a little
+// beside the other must not carry the limb with it.
 void limb_transfer(int limb, const struct body_shape *shape, const struct body_build *from, struct body_pose *to);

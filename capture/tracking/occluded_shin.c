@@ -1,13 +1,16 @@
 #include "capture/tracking/occluded_shin.h"
+#include "base/portable_math.h"
 
 #include "capture/body/silhouette_cost.h"
 #include "capture/body/two_bone_ik.h"
 
 #include <stdlib.h>
 
-#define PATCH_LOG_ODDS 1.0 // of a patch that sticks out: neighbouring ones err together
+// Chosen by hand on rendered people; test_occluded_shin measures the outcome.
+#define PATCH_LOG_ODDS 1.0 // of a patch outside the silhouette; low, since errors of neighbours are correlated
 #define STEP_RADIANS   0.05
-#define FOOT_YAW_MAX   1.0 // a foot points this far aside at most, and the knee with it
+#define FOOT_YAW_MAX   1.0 // a foot points this far to the side at most, and the knee with it
+#define TOE_SHARE      0.7 // of the foot's axis from heel to toe
 enum { STEPS = 10, FEET = 2, FIRST_STEP = 2, CANDIDATES = 2 * FEET * (STEPS + 1 - FIRST_STEP) };
 
 struct shin {
@@ -15,18 +18,18 @@ struct shin {
     int first; // of its two solids
 };
 
-static const struct shin shin[2] = {{SEG_LEFT_SHIN, SEG_LEFT_FOOT, 14}, {SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, 17}};
+static const struct shin shin[2] = {{SEG_LEFT_SHIN, SEG_LEFT_FOOT, SOLID_LEFT_LEG + 1},
+                                    {SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, SOLID_RIGHT_LEG + 1}};
 enum { SHIN_SOLIDS = 2 };
 
-// Turns the foot about the shin so that its front comes as near to `toe` as can be.
+// Rotates the foot about the shin so that it points to `toe` as well as it can.
 static void point_foot(const struct body_shape *shape, struct body_pose *pose, enum segment foot, struct vec3 toe)
 {
     struct body_build build;
     body_forward_kinematics(shape, pose, &build);
-    const double(*axes)[3] = (const double(*)[3])build.axes[foot];
-    struct vec3 way = v3_sub(toe, build.origin[foot]), left = v3(axes[0][0], axes[1][0], axes[2][0]),
-                ahead = v3(axes[0][2], axes[1][2], axes[2][2]);
-    double yaw = atan2(v3_dot(way, left), v3_dot(way, ahead));
+    struct vec3 to_toe = v3_sub(toe, build.origin[foot]), left = body_axis(&build, foot, 0),
+                ahead = body_axis(&build, foot, 2);
+    double yaw = portable_atan2(v3_dot(to_toe, left), v3_dot(to_toe, ahead));
     yaw = fmax(-FOOT_YAW_MAX, fmin(FOOT_YAW_MAX, yaw));
     pose->rotation[foot] = quat_multiply(pose->rotation[foot], quat_from_rotation_vector(v3(0, yaw, 0)));
 }
@@ -35,22 +38,22 @@ double shin_outside_log_odds(const struct fit_task *task, int leg, const struct 
 {
     if (task->shape.mean.hem_m > 0)
         return 0;
-    return PATCH_LOG_ODDS * silhouette_outside_patches(task, build, shin[leg - 2].first, SHIN_SOLIDS);
+    return PATCH_LOG_ODDS * silhouette_outside_patches(task, build, shin[leg - FIRST_LEG].first, SHIN_SOLIDS);
 }
 
 double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fit_scratch *scratch,
                                  struct body_pose *out)
 {
     const struct fit_result *best = &scratch->best;
-    const struct shin *s = &shin[leg - 2];
+    const struct shin *s = &shin[leg - FIRST_LEG];
     double outside = shin_outside_log_odds(task, leg, &best->build),
-           chosen = log(CANDIDATES); // each of so many places is as likely beforehand
-    if (outside <= chosen)           // nothing can be worth it
+           chosen = portable_log(CANDIDATES); // log of the number of candidates, equally likely a priori
+    if (outside <= chosen)                    // no candidate can win
         return 0;
     body_evaluate(task, &best->pose, &best->shape, &scratch->trial);
     const struct body_solid *foot = &best->build.solid[s->first + 1];
     struct vec3 knee = best->build.origin[s->lower], along = v3_unit(v3_sub(best->build.origin[s->foot], knee)),
-                across = v3_unit(v3_cross(along, knee)), toe = v3_mix(foot->a, foot->b, 0.7);
+                across = v3_unit(v3_cross(along, knee)), toe = v3_mix(foot->a, foot->b, TOE_SHARE);
     double now = scratch->trial.energy + outside, least = now;
     for (int i = -STEPS; i <= STEPS; i++)
         for (int f = 0; f < FEET && abs(i) >= FIRST_STEP; f++) {
@@ -58,7 +61,7 @@ double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fi
             struct body_build build;
             double angle = i * STEP_RADIANS;
             body_aim_segment(&best->shape, &pose, s->lower,
-                             v3_add(v3_scale(along, cos(angle)), v3_scale(across, sin(angle))));
+                             v3_add(v3_scale(along, portable_cos(angle)), v3_scale(across, portable_sin(angle))));
             if (f)
                 point_foot(&best->shape, &pose, s->foot, toe);
             body_forward_kinematics(&best->shape, &pose, &build);

@@ -2,11 +2,12 @@
 
 #include "capture/tracking/occluded_shin.h"
 
-#define DISTINCT_M  0.04       // two places of a limb nearer than this are the same
-#define PRIOR_SIGMA 2          // a pose of the other way is this sure, as in body_fit.h
-enum { REFIT_ITERATIONS = 8 }; // a pose found with the measures of then lies as well as it can with those of now
+// Chosen by hand; test_pose_likelihood measures the outcome.
+#define DISTINCT_M  0.04       // two poses of a limb nearer than this are the same
+#define PRIOR_SIGMA 2          // expected_sigma (body_fit.h) of the other pose in its refit
+enum { REFIT_ITERATIONS = 8 }; // to adapt a pose that was fitted with another shape
 
-// Energy of the body `on` with those limbs that are in `transferred` where `from` has them.
+// Energy of the body `on` with the limbs of the bit set `transferred` where `from` has them.
 static double energy_with(const struct fit_task *task, const struct body_pose *on, const struct body_build *from,
                           unsigned transferred, struct fit_scratch *scratch)
 {
@@ -18,8 +19,8 @@ static double energy_with(const struct fit_task *task, const struct body_pose *o
     return scratch->other.energy;
 }
 
-// A pair of limbs, `first` and the next; those in `apart` are chosen between. Legs may be exchanged, so that one alone
-// as the other pose has it would come to where both poses have the second: all choices are judged, each on both bodies.
+// A pair of limbs, `first` and the next; the poses differ in those of the bit set `apart`. Legs may be exchanged, so
+// that exchanging one alone would put both in one place: all combinations are evaluated, each on both bodies.
 // scratch->trial is the other pose.
 static void compare_pair(const struct fit_task *task, const struct body_pose *own, int first, unsigned apart,
                          struct fit_scratch *scratch, double against[2][2])
@@ -57,7 +58,7 @@ struct pose_log_odds pose_compare(const struct fit_task *given, const struct bod
     task.expected = *other;
     task.expected_sigma = PRIOR_SIGMA;
     task.iterations = REFIT_ITERATIONS;
-    body_fit(&task, other, &scratch->trial); // a fit is weighed beside a fit
+    body_fit(&task, other, &scratch->trial); // a fit is compared with a fit
     odds.whole_body = scratch->trial.energy - energy_with(&task, own, &here, 0, scratch);
     for (int first = 0; first < LIMB_COUNT; first += 2)
         if (apart & 3u << first)

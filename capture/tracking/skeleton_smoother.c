@@ -1,65 +1,61 @@
 #include "capture/tracking/skeleton_smoother.h"
+#include "base/portable_math.h"
 
 #include "capture/tracking/tracker_backward.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#define GAP_NS              200000000 // frames further from each other are not one motion
-#define AGREE_M             0.06      // two places of a limb about this far apart are half averaged
-#define FACING_DIFFERS_M    0.15      // trunks further apart stand another way round
-#define FRAME_LOG_ODDS_MAX  3         // one picture alone may err
-#define CHANGE_M            0.05      // a limb that goes this far from one frame to the next costs 1 in odds
+// Chosen by hand; docs/results.md measures the outcome.
+#define GAP_NS              200000000 // frames further apart than this are not one motion
+#define AGREE_M             0.06      // two estimates of a limb about this far apart are half averaged
+#define FACING_DIFFERS_M    0.15      // trunks further apart face opposite ways
+#define FRAME_LOG_ODDS_MAX  3         // bound for one frame, which may be wrong
+#define CHANGE_M            0.05      // a limb that moves this far between frames costs 1 in log-odds; for 30 Hz
 #define CHANGE_LOG_ODDS_MAX 50.0
-#define WALK_LOG_ODDS       1.5 // in a frame, for somebody who walks ahead and not backwards
-#define WALK_M_S            0.5 // a slow walk
+#define WALK_LOG_ODDS       1.5 // in a frame, for walking ahead at WALK_M_S or faster
+#define WALK_M_S            0.5
 #define IMPOSSIBLE          1e6
-#define WINDOW_NS           500000000 // so far to both sides trembling is averaged
-#define LINE_M              0.010     // off the line between two moments; more is motion
+#define WINDOW_NS           500000000 // jitter is averaged over this time to both sides
+#define LINE_M              0.010     // off the line between two frames; more is motion
 #define SPEED_MAX_M_S       6.5       // of a thrown punch, as in pose_filter.c
-enum { SMOOTHING_ITERATIONS = 2 };    // the second knows better than the first where the line is
-enum { SPEED_ITERATIONS = 60 };
-enum { STEPS = 5 };              // frames to both sides in which walking is measured
-enum { REPAIR_ITERATIONS = 40 }; // lengths and speeds undo each other: so often in turn they agree
+enum {
+    SMOOTHING_ITERATIONS = 2, // the second finds the lines between smoothed points
+    SPEED_ITERATIONS = 60,
+    STEPS = 5,             // frames to both sides over which walking is measured; for 30 Hz
+    REPAIR_ITERATIONS = 40 // bounding speeds changes lengths and vice versa: alternated until they agree
+};
 
-// The way forward, the way back, and of a leg that is mostly hidden, where its outline has it in that picture.
+// The forward and the backward pass, and for a mostly occluded leg, where the silhouette has it in that frame.
 enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
 
 struct smoother_frame {
     int64_t time_ns;
-    int person; // counts those found; -1: nobody
+    int person; // number of the detection; -1: none
     bool has_backward;
-    struct body_pose pose;               // the way forward, as told
+    struct body_pose pose;               // forward, online estimate
     struct skeleton estimate[ESTIMATES]; // depth camera's axes
-    struct pose_log_odds odds;           // against the way forward
-    double alternative_odds[LIMB_COUNT]; // odds for ALTERNATIVE against the way back; 0: there is no such place
-    enum estimate facing;                // where they differ about which way round the person stands, this one is right
-    struct skeleton result;              // at last in the colour camera's axes
+    struct pose_log_odds odds;           // against the forward estimate
+    double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
+    enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
+    struct skeleton result;              // in the end in the colour camera's axes
 };
 
 struct smoother {
     struct calibration calibration;
     struct smoother_frame *frame;
     int64_t count, capacity;
-    struct body_shape *shape; // of each person found, as known last
+    size_t bytes_max;         // of `frame`; 0: no limit
+    struct body_shape *shape; // of each person, as learned in the end
     int people;
     bool in_backward_pass;
-    int backward_person; // the person
-};
-
-static const struct {
-    enum joint root, bend, tip;
-} limb[LIMB_COUNT] = {
-    {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-    {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-    {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-    {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+    int backward_person; // whose shape the backward pass has
 };
 
 enum status smoother_open(struct smoother **out, const struct calibration *calibration)
 {
     if (!(*out = calloc(1, sizeof **out)))
-        return fail(ERR_MEMORY, "not enough memory to think a take over");
+        return fail(ERR_MEMORY, "not enough memory to smooth a take");
     (*out)->calibration = *calibration;
     return OK;
 }
@@ -74,22 +70,26 @@ void smoother_close(struct smoother **s)
     *s = NULL;
 }
 
-// ------------------------------------------------------------- there and back
+void smoother_limit_memory(struct smoother *s, size_t bytes_max) { s->bytes_max = bytes_max; }
+
+// ------------------------------------------------------------- forward and backward pass
 
 static enum status reserve(struct smoother *s, int people)
 {
     if (s->count == s->capacity) {
         int64_t capacity = s->capacity ? 2 * s->capacity : 256;
+        if (s->bytes_max && (size_t)capacity * sizeof *s->frame > s->bytes_max)
+            return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", s->bytes_max);
         struct smoother_frame *grown = realloc(s->frame, (size_t)capacity * sizeof *grown);
         if (!grown)
-            return fail(ERR_MEMORY, "not enough memory to think a take over");
+            return fail(ERR_MEMORY, "not enough memory to smooth a take");
         s->frame = grown;
         s->capacity = capacity;
     }
     if (people > s->people) {
         struct body_shape *grown = realloc(s->shape, (size_t)people * sizeof *grown);
         if (!grown)
-            return fail(ERR_MEMORY, "not enough memory to think a take over");
+            return fail(ERR_MEMORY, "not enough memory to smooth a take");
         memset(grown + s->people, 0, (size_t)(people - s->people) * sizeof *grown);
         s->shape = grown;
         s->people = people;
@@ -116,7 +116,7 @@ enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t t
     return OK;
 }
 
-// Where this picture alone has the legs that the way back has wrong.
+// Where this frame alone has legs that the backward pass may have wrong.
 static void add_leg_alternatives(struct smoother_frame *m, struct tracker *t)
 {
     m->estimate[ALTERNATIVE] = m->estimate[BACKWARD];
@@ -127,8 +127,8 @@ static void add_leg_alternatives(struct smoother_frame *m, struct tracker *t)
         if (!(m->alternative_odds[k] > 0))
             continue;
         body_forward_kinematics(tracker_shape(t), &pose, &build);
-        m->estimate[ALTERNATIVE].joint[limb[k].bend] = build.joint[limb[k].bend];
-        m->estimate[ALTERNATIVE].joint[limb[k].tip] = build.joint[limb[k].tip];
+        m->estimate[ALTERNATIVE].joint[body_limbs[k].bend] = build.joint[body_limbs[k].bend];
+        m->estimate[ALTERNATIVE].joint[body_limbs[k].tip] = build.joint[body_limbs[k].tip];
     }
 }
 
@@ -158,8 +158,8 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
 
 // ------------------------------------------------------------- deciding
 
-enum { TRUNK = LIMB_COUNT };             // beside the limbs: which way round the person stands
-enum { STATES = ESTIMATES * ESTIMATES }; // choices of ways for a left and a right limb
+enum { TRUNK = LIMB_COUNT };             // beside the limbs: which way the person faces
+enum { STATES = ESTIMATES * ESTIMATES }; // choices of estimates for a left and a right limb
 
 static uint8_t state_of(enum estimate left, enum estimate right) { return (uint8_t)(left * ESTIMATES + right); }
 static enum estimate left_estimate(int state) { return (enum estimate)(state / ESTIMATES); }
@@ -168,11 +168,11 @@ static enum estimate right_estimate(int state) { return (enum estimate)(state % 
 static double limb_distance(const struct skeleton *a, const struct skeleton *b, int k)
 {
     if (k < LIMB_COUNT)
-        return fmax(v3_distance(a->joint[limb[k].bend], b->joint[limb[k].bend]),
-                    v3_distance(a->joint[limb[k].tip], b->joint[limb[k].tip]));
+        return fmax(v3_distance(a->joint[body_limbs[k].bend], b->joint[body_limbs[k].bend]),
+                    v3_distance(a->joint[body_limbs[k].tip], b->joint[body_limbs[k].tip]));
     double most = 0;
     for (int i = 0; i < LIMB_COUNT; i++)
-        most = fmax(most, v3_distance(a->joint[limb[i].root], b->joint[limb[i].root]));
+        most = fmax(most, v3_distance(a->joint[body_limbs[i].root], b->joint[body_limbs[i].root]));
     return most;
 }
 
@@ -181,7 +181,7 @@ static bool facing_differs(const struct smoother_frame *m)
     return limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
 }
 
-// People walk ahead more often than backwards, as a logarithm of odds.
+// Log-odds that the person walks ahead and not backwards with the facing of estimate w.
 static double walking_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, enum estimate w)
 {
     int64_t from = i > STEPS ? i - STEPS : 0, to = i + STEPS < count ? i + STEPS : count - 1;
@@ -194,7 +194,7 @@ static double walking_log_odds(const struct smoother_frame *m, int64_t count, in
     return WALK_LOG_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (dt_s * WALK_M_S)));
 }
 
-// What speaks against each way round in moment i, as a logarithm of odds.
+// Log-odds against each facing in frame i (emissions).
 static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
 {
     const struct smoother_frame *at = &m[i];
@@ -213,7 +213,7 @@ static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, i
     *back = -walking_log_odds(m, count, i, BACKWARD);
 }
 
-// The same against each choice of ways for a pair of limbs, `first` and the next.
+// Log-odds against each choice of estimates for a pair of limbs, `first` and the next (emissions).
 static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
 {
     bool flipped = at->has_backward && facing_differs(at);
@@ -237,7 +237,7 @@ static void find_pair_log_odds(const struct smoother_frame *at, int first, doubl
             against[state] = fmin(FRAME_LOG_ODDS_MAX, against[state] - least);
 }
 
-// What speaks against part k going from each way to each, from the moment before `m` to it.
+// Log-odds against part k jumping from estimate v in the frame before `m` to estimate w in it (transitions).
 static void find_changes(const struct smoother_frame *m, int k, double change[ESTIMATES][ESTIMATES])
 {
     for (int v = 0; v < ESTIMATES; v++)
@@ -245,19 +245,19 @@ static void find_changes(const struct smoother_frame *m, int k, double change[ES
             change[v][w] = fmin(limb_distance(&m->estimate[w], &m[-1].estimate[v], k) / CHANGE_M, CHANGE_LOG_ODDS_MAX);
 }
 
-// What speaks against any of these choices: the logarithm of the odds, of which the lowest weigh most.
+// -log of the sum of the choices' odds.
 static double soft_min(const double against[STATES])
 {
     double least = INFINITY, sum = 0;
     for (int s = 0; s < STATES; s++)
         least = fmin(least, against[s]);
     for (int s = 0; s < STATES; s++)
-        sum += exp(least - against[s]);
-    return least - log(sum);
+        sum += portable_exp(least - against[s]);
+    return least - portable_log(sum);
 }
 
-// What the pictures say in moment i, of a pair of limbs, `first` and the next, or of the trunk (TRUNK), and how choices
-// follow on each other from the moment before.
+// Emissions of one frame, and transitions from the frame before, of a pair of limbs, `first` and the next, or of the
+// trunk (TRUNK).
 struct chain_step {
     double against[STATES], change[STATES][STATES];
 };
@@ -278,14 +278,13 @@ static void find_step(const struct smoother_frame *m, int64_t count, int64_t i, 
             out->change[r][s] = left[left_estimate(r)][left_estimate(s)] + right[right_estimate(r)][right_estimate(s)];
 }
 
-// How likely each choice of ways is in each of `count` moments, by all sequences of choices (forward and backward,
-// Rabiner 1989): by what the pictures say and by how far a part would go from frame to frame. Legs may be exchanged in
-// one of the ways, so that both are chosen together.
+// The posterior probability of each choice in each of `count` frames over all sequences of choices (forward-backward
+// algorithm, Rabiner 1989, in log-odds). Legs may be exchanged in one of the passes, so that the states are pairs.
 static void forward_backward(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES])
 {
     struct chain_step step;
     double sum[STATES], after[STATES] = {0};
-    for (int64_t i = 0; i < count; i++) { // for now, what speaks against it up to here
+    for (int64_t i = 0; i < count; i++) { // forward variables: log-odds against each state up to here
         find_step(m, count, i, first, &step);
         for (int s = 0; s < STATES; s++) {
             for (int r = 0; i && r < STATES; r++)
@@ -298,7 +297,7 @@ static void forward_backward(const struct smoother_frame *m, int64_t count, int 
             posterior[i][s] += after[s];
         double all = soft_min(posterior[i]);
         for (int s = 0; s < STATES; s++)
-            posterior[i][s] = exp(all - posterior[i][s]);
+            posterior[i][s] = portable_exp(all - posterior[i][s]);
         find_step(m, count, i, first, &step);
         double then[STATES];
         memcpy(then, after, sizeof then);
@@ -310,7 +309,7 @@ static void forward_backward(const struct smoother_frame *m, int64_t count, int 
     }
 }
 
-// The mean of both ways where they agree.
+// The midpoint of both passes where they face the same way.
 static void merge_estimates(struct smoother_frame *m)
 {
     m->result = m->estimate[m->has_backward && facing_differs(m) ? m->facing : FORWARD];
@@ -323,24 +322,24 @@ static void merge_estimates(struct smoother_frame *m)
     }
 }
 
-// Where a limb's joint is if `source` is right about the limb: the other one counts, too, where it agrees.
+// A limb's joint if `source` is right about the limb; the other pass counts too, as far as it agrees.
 static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum estimate source, enum joint joint)
 {
     if (source == ALTERNATIVE)
         return m->estimate[ALTERNATIVE].joint[joint];
     double off = limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
-           other = 0.5 * exp(-off * off);
+           other = 0.5 * portable_exp(-off * off);
     return v3_mix(m->estimate[FORWARD].joint[joint], m->estimate[BACKWARD].joint[joint],
                   source == BACKWARD ? 1 - other : other);
 }
 
-// The mean over what each choice says, as likely as it is: of a limb that nobody sees, what is least wrong.
+// The posterior mean over all choices: of an unseen limb, the least wrong point.
 static void merge_pair(struct smoother_frame *m, int first, const double posterior[STATES])
 {
     if (!m->has_backward || facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
-        const enum joint joint[2] = {limb[k].bend, limb[k].tip};
+        const enum joint joint[2] = {body_limbs[k].bend, body_limbs[k].tip};
         for (int i = 0; i < 2; i++) {
             struct vec3 mean = {0, 0, 0};
             for (int s = 0; s < STATES; s++) {
@@ -354,9 +353,9 @@ static void merge_pair(struct smoother_frame *m, int first, const double posteri
 
 // ------------------------------------------------------------- smoothing
 
-// Each place becomes the mean of itself and of the lines between a moment before and one after,
-// as many as meet it, the nearest first: trembling is averaged, straight motion stays what it is,
-// and where it bends the lines soon miss.
+// Each point becomes the mean of itself and of the lines between a frame before and one after it, from the nearest on,
+// as long as they pass near it: jitter is averaged, straight motion is kept, and where the path bends the lines soon
+// miss.
 static void smooth(const struct smoother_frame *m, int64_t count, const struct vec3 *is, struct vec3 *out)
 {
     for (int64_t i = 0; i < count; i++) {
@@ -368,16 +367,15 @@ static void smooth(const struct smoother_frame *m, int64_t count, const struct v
                 break;
             struct vec3 line = v3_mix(is[i - k], is[i + k], (double)before / (double)(before + after));
             double off = v3_distance(line, is[i]) / LINE_M;
-            weight = fmin(weight, exp(-off * off));
-            mean = v3_add(mean, v3_scale(line, 2 * weight)); // two moments
+            weight = fmin(weight, portable_exp(-off * off));
+            mean = v3_add(mean, v3_scale(line, 2 * weight)); // of two frames
             sum += 2 * weight;
         }
         out[i] = v3_scale(mean, 1 / sum);
     }
 }
 
-// Where the ways are changed at a distance, the limb is told on its way there, as much before as
-// after, not faster than a body moves.
+// Bounds a joint's speed where the estimate switches: the jump is spread over frames before and after.
 static void limit_speed(struct smoother_frame *m, int64_t count, enum joint j)
 {
     bool fast = true;
@@ -411,12 +409,12 @@ static void smooth_joints(struct smoother_frame *m, int64_t count, struct vec3 *
     }
 }
 
-// Means of places shorten bones: each limb gets its person's lengths again.
+// Means of points shorten bones: restores the person's bone lengths.
 static void restore_lengths(struct smoother_frame *m, const struct body_build *build)
 {
     struct vec3 *joint = m->result.joint;
     for (int k = 0; k < LIMB_COUNT; k++) {
-        const enum joint chain[3] = {limb[k].root, limb[k].bend, limb[k].tip};
+        const enum joint chain[3] = {body_limbs[k].root, body_limbs[k].bend, body_limbs[k].tip};
         for (int i = 1; i < 3; i++) {
             double length = v3_distance(build->joint[chain[i]], build->joint[chain[i - 1]]);
             struct vec3 along = v3_unit(v3_sub(joint[chain[i]], joint[chain[i - 1]]));
@@ -425,7 +423,7 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
     }
 }
 
-// Moments that follow each other, of one person.
+// The end of a run of consecutive frames of one person.
 static int64_t segment_end(const struct smoother *s, int64_t first)
 {
     int64_t end = first + 1;
@@ -486,7 +484,7 @@ enum status smoother_solve(struct smoother *s)
     free(scratch.posterior);
     free(scratch.is);
     free(scratch.smoothed);
-    return enough ? OK : fail(ERR_MEMORY, "not enough memory to think a take over");
+    return enough ? OK : fail(ERR_MEMORY, "not enough memory to smooth a take");
 }
 
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index)

@@ -1,13 +1,20 @@
-// Follows one person's 16 joints through depth pictures, by depth alone.
+// Tracks one person's 16 joints through depth images, from depth alone.
 //
-// A jointed body of rounded shapes is laid into every picture; it goes on
-// moving as it moved, learns the person's proportions over the first seconds
-// and keeps them. Works from the first frame on, with the person standing or
-// moving, facing the sensor at the start unless the picture says otherwise.
+// Method: articulated ICP. The pose is predicted at constant velocity; the person is segmented near the predicted body;
+// the body model is fitted to the depth points and the silhouette by damped Gauss-Newton with a robust kernel
+// (body_fit.h). Alternative poses of limbs, of the direction the person faces and of exchanged legs are tried, and
+// adopted when the log-odds accumulated over several frames favour them. Proportions are learned over the first seconds
+// and then kept. An adaptive filter (pose_filter.h) smooths the result. Works from the first frame on, with the person
+// standing or moving, facing the sensor at the start unless the image says otherwise.
 //
-// The output of a frame depends on this and earlier frames only. The same
-// frames give the same skeletons. The sensor must stand still; a moved sensor
-// is noticed by its background and costs some frames. One handle, one thread.
+// The output of a frame depends on this and earlier frames only (online estimate). The same frames give the same
+// skeletons. The sensor must stand still; a moved sensor is noticed by its background and costs some frames. Any frame
+// rate works, but counts of frames and the motion prior's standard deviations are chosen for 30 Hz: how often
+// alternatives are tried, how many frames decide (tracker_internal.h, tracker_decide.c, body_prior.c), and static
+// object rejection (0.8 s).
+//
+// Frames: skeletons in the colour camera's axes, the floor in the depth camera's; metres. One handle, one thread. About
+// 4 MB and two bytes a depth pixel, all but a small list of components allocated by tracker_open.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "base/lens.h"
@@ -16,37 +23,37 @@ struct tracker;
 
 struct tracker_options {
     int points;        // of the person, a frame. More is steadier and slower. 100..1600, default 600
-    int iterations;    // a frame, 1..30. Default 5
+    int iterations;    // of Gauss-Newton a frame, 1..30. Default 5
     double learn_s;    // how long proportions are learned, from the first frame. Default 10
-    double patience_s; // how long a person out of sight is expected back where they were. Default 0.7
+    double patience_s; // how long a lost person is expected back in the same place. Default 0.7
 };
 struct tracker_options tracker_default_options(void);
 
-// Copies what it needs. options NULL: the defaults. ERR_INPUT: no or a senseless
-// depth lens, options out of range. ERR_MEMORY. On error *out is NULL.
+// Copies what it needs. options NULL: the defaults. ERR_INPUT: a missing or invalid depth lens, options out of range.
+// ERR_MEMORY. On error *out is NULL.
 MUST_CHECK enum status tracker_open(struct tracker **out, const struct calibration *calibration,
                                     const struct tracker_options *options);
 void tracker_close(struct tracker **t); // NULL is fine; sets *t = NULL
 
-// What is known of the empty room, from where the sensor stands: depth, one
-// value a depth pixel, 0 = unknown; copied. NULL takes it back.
+// The empty room's depth from where the sensor stands, one value a depth pixel, 0 = unknown; copied. NULL: unknown
+// everywhere again.
 void tracker_set_background(struct tracker *t, const uint16_t *depth);
-// The floor in depth camera axes: a point p is up.p + height_m over it. Found by itself where not given.
+// The floor in depth camera axes: a point p is up.p + height_m over it. Estimated from the images where not set.
 void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m);
 
-// Forgets the person and what was learned of the room; keeps what was set.
+// Forgets the person and the learned background; keeps what was set.
 void tracker_reset(struct tracker *t);
 
-// One frame. time_ns: rising; a clock that jumps back starts the motion anew.
+// One frame. time_ns: rising; if it does not rise, the motion is estimated from scratch.
 // depth: of the calibration's depth lens. mask: one byte a depth pixel, 255 = the person; may be NULL.
 // OK       *out (colour camera's axes, metres) and mask are filled
-// NOTHING  no person in sight; *out is all confidence 0, mask all 0
-// ERR_MEMORY
+// NOTHING  no person is visible; *out has confidence 0 everywhere, mask is all 0
+// ERR_MEMORY  as NOTHING; the person stays followed and the next frame may come
 MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out,
                                     uint8_t *mask);
 
-// What the last tracker_next spent its time on, processor time of its thread, ns.
+// Processor time that the last tracker_next took on its thread, by step, ns.
 struct tracker_times {
-    int64_t segment, evidence, fit, search; // search: for limbs, the way round, a new person
+    int64_t segment, evidence, fit, search; // search: alternatives of limbs and facing, and initialisation
 };
 struct tracker_times tracker_last_times(const struct tracker *t);

@@ -1,24 +1,25 @@
 #include "reenact/avatar/articulated_icp.h"
 
+#include "base/linear_algebra.h"
 #include "reenact/avatar/silhouette_constraint.h"
 
 #include <string.h>
 
 enum { ITERATIONS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
 
-// Least squares in units of metres: a reading is good to this much,
-static const double DEPTH_SIGMA_M = 0.01;
-// readings of one part wander together, so that many count as no more than these,
-static const double PART_SAMPLES_MOST = 60;
-static const double JOINT_SIGMA_M = 0.004;                        // a joint's two sides meet within this,
-static const double START_SIGMA_M = 0.03, START_SIGMA_RAD = 0.12; // and a bone changes from the start by this.
-static const double AXIAL_SIGMA_RAD = 0.02; // colours tell refined than depth how round parts are turned
-static const double OUTLIER_M = 0.025;
-// a place of the outline is good to this and odd by that, and a part's count as no more than these.
-static const double SILHOUETTE_SIGMA_PX = 1, SILHOUETTE_OUTLIER_PX = 4, PART_SILHOUETTE_MOST = 20;
-static const double SILHOUETTE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
-static const double CERTAIN_FRAMES = 1;      // frames; a surface that is only guessed holds nothing
-static const double LEAST_FACING = 0.1;      // cosine: what a reading shows faces the sensor
+// Standard deviations of the residuals, and scales of the robust kernel (Geman-McClure). Tuned by hand on the takes of
+// docs/notes/avatar.md.
+static const double DEPTH_SIGMA_M = 0.01;   // of a depth sample
+static const double OUTLIER_M = 0.025;      // scale of the kernel for depth
+static const double PART_SAMPLES_MOST = 60; // independent samples of a part at most: their errors are correlated
+static const double JOINT_SIGMA_M = 0.004;  // between the two sides of a joint
+static const double START_SIGMA_M = 0.03, START_SIGMA_RAD = 0.12;       // of a bone's change from the start
+static const double AXIAL_SIGMA_RAD = 0.02;                             // of axial rotations from colours
+static const double SILHOUETTE_SIGMA_PX = 1, SILHOUETTE_OUTLIER_PX = 4; // of a silhouette point
+static const double PART_SILHOUETTE_MOST = 20;                          // independent ones of a bone at most
+static const double SILHOUETTE_FACING = 0.5; // cosine between the shape's normal and the silhouette's at a contact
+static const double CERTAIN_FRAMES = 1;      // a surface seen in as many frames has half of its full weight
+static const double LEAST_FACING = 0.1;      // cosine: surfaces that a depth sample can show face the sensor
 
 bool rotation_from_colors(int bone)
 {
@@ -28,7 +29,7 @@ bool rotation_from_colors(int bone)
     case PART_LEFT_SHIN:
     case PART_RIGHT_SHIN:
     case BONE_SKULL: return true;
-    default: return false; // a trunk is flat; arms came out no refined for it (docs/figures.md)
+    default: return false; // a trunk is flat; arms came out no better for it (docs/notes/avatar.md)
     }
 }
 
@@ -69,7 +70,7 @@ struct icp_system {
     double a[UNKNOWNS][UNKNOWNS], b[UNKNOWNS]; // a x = b
 };
 
-// One equation: J x = value, over one or two parts.
+// One equation, J x = value, over the unknowns of one or two bones.
 static void add_row(struct icp_system *s, const int *at, const double *j, int count, double value, double weight)
 {
     for (int r = 0; r < count; r++) {
@@ -79,49 +80,21 @@ static void add_row(struct icp_system *s, const int *at, const double *j, int co
     }
 }
 
-// Cholesky, in place, of what is positive definite because every unknown has a prior.
-static void factor(struct icp_system *s)
-{
-    for (int i = 0; i < UNKNOWNS; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = s->a[i][j];
-            for (int k = 0; k < j; k++)
-                sum -= s->a[i][k] * s->a[j][k];
-            s->a[i][j] = i == j ? sqrt(fmax(sum, 1e-12)) : sum / s->a[j][j];
-        }
-    }
-}
-
+// In place: b becomes x. Positive definite, because every unknown has a prior.
 static void solve(struct icp_system *s)
 {
-    factor(s);
-    for (int i = 0; i < UNKNOWNS; i++) {
-        for (int k = 0; k < i; k++)
-            s->b[i] -= s->a[i][k] * s->b[k];
-        s->b[i] /= s->a[i][i];
-    }
-    for (int i = UNKNOWNS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < UNKNOWNS; k++)
-            s->b[i] -= s->a[k][i] * s->b[k];
-        s->b[i] /= s->a[i][i];
-    }
+    cholesky_factor_clamped(&s->a[0][0], UNKNOWNS, 1e-12);
+    cholesky_solve(&s->a[0][0], UNKNOWNS, s->b);
 }
 
-// The variance of unknown u, of a system that was solved: a column of the factor's inverse, squared.
+// The variance of unknown u, after solve().
 static double variance(const struct icp_system *s, int u)
 {
-    double column[UNKNOWNS], sum = 0;
-    for (int i = u; i < UNKNOWNS; i++) {
-        double value = i == u;
-        for (int k = u; k < i; k++)
-            value -= s->a[i][k] * column[k];
-        column[i] = value / s->a[i][i];
-        sum += column[i] * column[i];
-    }
-    return sum;
+    double scratch[UNKNOWNS];
+    return cholesky_variance(&s->a[0][0], UNKNOWNS, u, scratch);
 }
 
-// ---------------------------------------------------------------- one round
+// ---------------------------------------------------------------- one iteration
 
 struct icp_state {
     const struct tsdf *tsdf;
@@ -129,17 +102,18 @@ struct icp_state {
     const struct depth_frame *depth_frame;
     const struct icp_input *from;
     struct bone_transforms start, now;
-    struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
-    int every;                      // pixels between two that are used
+    struct vec3 middle[BONE_COUNT]; // of each bone: the centre of its rotation; camera axes
+    int stride;                     // between the pixels that are used
     struct silhouette_point silhouette[SILHOUETTE_POINTS_MOST];
     int silhouette_count;
 };
 
-// Camera-axes motion of bone p: x -> x + w cross (x - middle) + t; unknowns t, w.
+// The derivative of a point of bone p along a direction. Motion in camera axes: x -> x + w cross (x - middle) + t;
+// unknowns t, w.
 static void bone_row(const struct icp_state *s, int p, struct vec3 at, struct vec3 along, int *index, double *j)
 {
-    struct vec3 turn = v3_cross(v3_sub(at, s->middle[p]), along);
-    const double values[6] = {along.x, along.y, along.z, turn.x, turn.y, turn.z};
+    struct vec3 moment = v3_cross(v3_sub(at, s->middle[p]), along);
+    const double values[6] = {along.x, along.y, along.z, moment.x, moment.y, moment.z};
     for (int i = 0; i < 6; i++) {
         index[i] = 6 * p + i;
         j[i] = values[i];
@@ -150,8 +124,8 @@ static int count_samples(const struct icp_state *s, int count[PART_COUNT])
 {
     int total = 0;
     memset(count, 0, sizeof(int) * PART_COUNT);
-    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
-        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->stride)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->stride) {
             int p = s->depth_frame->part[y * s->depth_frame->width + x];
             if (p < PART_COUNT) {
                 count[p]++;
@@ -168,8 +142,8 @@ static void add_depth_samples(const struct icp_state *s, struct icp_system *syst
     count_samples(s, count);
     for (int p = 0; p < BONE_COUNT; p++)
         bind_from_camera[p] = pose_inverse(s->now.bone[p]);
-    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
-        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->stride)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->stride) {
             int i = y * s->depth_frame->width + x, part = s->depth_frame->part[i];
             if (part >= PART_COUNT || !s->bind_pose->known[part])
                 continue;
@@ -181,7 +155,7 @@ static void add_depth_samples(const struct icp_state *s, struct icp_system *syst
                 continue;
             struct vec3 normal = quat_rotate(s->now.bone[p].rotation, v3_unit(gradient));
             if (-v3_dot(normal, v3_unit(at)) < LEAST_FACING)
-                continue; // a limb too near would be laid on it with its back, from behind
+                continue; // or the back of a limb that is too near would be fitted to it
             double robust = OUTLIER_M * OUTLIER_M / (OUTLIER_M * OUTLIER_M + distance * distance);
             double share = fmin(1, PART_SAMPLES_MOST / count[part]) * seen / (seen + CERTAIN_FRAMES);
             int index[6];
@@ -191,14 +165,14 @@ static void add_depth_samples(const struct icp_state *s, struct icp_system *syst
         }
 }
 
-// Of head and trunk depth has many readings, and they tell refined than the outline how those are turned: a shape that
-// is a little too wide would turn to be as narrow as it is seen.
+// Head and trunk have many depth samples, which determine their axial rotation better than the silhouette: a shape a
+// little too wide would rotate to appear as narrow as it is seen.
 static bool axial_from_silhouette(int bone)
 {
     return bone != BONE_SKULL && bone != PART_HEAD && bone != PART_UPPER_TORSO && bone != PART_LOWER_TORSO;
 }
 
-// Takes the turn about the bone itself out of its row.
+// Projects the axial rotation out of a bone's row.
 static void remove_axial(const struct icp_state *s, int p, double j[6])
 {
     const struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->bind_pose->frame[p].z);
@@ -206,8 +180,8 @@ static void remove_axial(const struct icp_state *s, int p, double j[6])
     j[3] -= about * axis.x, j[4] -= about * axis.y, j[5] -= about * axis.z;
 }
 
-// Viewing rays along the outline contact the shape. Depth alone hardly knows where limbs are sideways: it comes in
-// steps, and has few readings on what is thin and round.
+// Viewing rays along the silhouette touch the shape. Depth alone hardly determines a limb's lateral position: it is
+// quantised, and thin round limbs have few samples.
 static void add_silhouette(const struct icp_state *s, struct icp_system *system)
 {
     const struct calibration *calibration = tsdf_calibration(s->tsdf);
@@ -250,7 +224,7 @@ static void add_links(const struct icp_state *s, struct icp_system *system)
             continue;
         struct vec3 joint = s->bind_pose->skeleton.joint[link->joint];
         struct vec3 a = pose_apply(s->now.bone[link->a], joint), b = pose_apply(s->now.bone[link->b], joint);
-        // As far apart as the joints themselves have them, for bones differ in length from frame to frame.
+        // Half of the distance that the joints have: the skeleton's bones differ in length from frame to frame.
         struct vec3 apart =
             v3_sub(pose_apply(s->from->joints.bone[link->b], joint), pose_apply(s->from->joints.bone[link->a], joint));
         struct vec3 gap = v3_sub(v3_sub(b, a), v3_scale(apart, 0.5));
@@ -266,14 +240,14 @@ static void add_links(const struct icp_state *s, struct icp_system *system)
     }
 }
 
-// Pulls bone p back to `to`.
+// A prior that bone p is at `to`, within m metres and rad radians.
 static void add_prior(const struct icp_state *s, struct icp_system *system, int p, const struct pose *to, double m,
                       double rad)
 {
     struct pose back = pose_multiply(*to, pose_inverse(s->now.bone[p])); // in camera axes
     struct vec3 move = v3_sub(pose_apply(back, s->middle[p]), s->middle[p]);
-    struct vec3 turn = quat_to_rotation_vector(back.rotation);
-    const double want[6] = {move.x, move.y, move.z, turn.x, turn.y, turn.z};
+    struct vec3 rotation = quat_to_rotation_vector(back.rotation);
+    const double want[6] = {move.x, move.y, move.z, rotation.x, rotation.y, rotation.z};
     for (int i = 0; i < 6; i++) {
         int index = 6 * p + i;
         double one = 1, weight = i < 3 ? 1 / (m * m) : 1 / (rad * rad);
@@ -281,15 +255,15 @@ static void add_prior(const struct icp_state *s, struct icp_system *system, int 
     }
 }
 
-// Keeps bone p from turning about itself.
+// A prior that bone p keeps the start's axial rotation.
 static void add_axial_prior(const struct icp_state *s, struct icp_system *system, int p)
 {
     struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->bind_pose->frame[p].z);
-    struct vec3 turn =
+    struct vec3 rotation =
         quat_to_rotation_vector(quat_multiply(s->start.bone[p].rotation, quat_conjugate(s->now.bone[p].rotation)));
     const int index[3] = {6 * p + 3, 6 * p + 4, 6 * p + 5};
     const double j[3] = {axis.x, axis.y, axis.z};
-    add_row(system, index, j, 3, v3_dot(axis, turn), 1 / (AXIAL_SIGMA_RAD * AXIAL_SIGMA_RAD));
+    add_row(system, index, j, 3, v3_dot(axis, rotation), 1 / (AXIAL_SIGMA_RAD * AXIAL_SIGMA_RAD));
 }
 
 static void iterate(struct icp_state *s, struct icp_system *system)
@@ -308,11 +282,11 @@ static void iterate(struct icp_state *s, struct icp_system *system)
     solve(system);
     for (int p = 0; p < BONE_COUNT; p++) {
         const double *x = system->b + 6 * p;
-        struct quat turn = quat_from_rotation_vector(v3(x[3], x[4], x[5]));
+        struct quat rotation = quat_from_rotation_vector(v3(x[3], x[4], x[5]));
         struct pose *now = &s->now.bone[p];
         struct vec3 moved = v3_add(s->middle[p], v3(x[0], x[1], x[2]));
-        now->translation = v3_add(quat_rotate(turn, v3_sub(now->translation, s->middle[p])), moved);
-        now->rotation = quat_unit(quat_multiply(turn, now->rotation));
+        now->translation = v3_add(quat_rotate(rotation, v3_sub(now->translation, s->middle[p])), moved);
+        now->rotation = quat_unit(quat_multiply(rotation, now->rotation));
     }
 }
 
@@ -335,17 +309,16 @@ struct bone_corrections articulated_icp(const struct tsdf *tsdf, struct depth_fr
     struct icp_system system;
     struct icp_state s = {.tsdf = tsdf, .bind_pose = tsdf_bind_pose(tsdf), .depth_frame = depth_frame, .from = from};
     s.start = s.now = bone_corrections_apply(&from->joints, &from->start);
-    s.every = 1;
+    s.stride = 1;
     int count[PART_COUNT];
     while (count_samples(&s, count) > POINTS)
-        s.every++;
-    const int rounds =
-        from->axial_fixed ? ITERATIONS / 2 : ITERATIONS; // from where it was laid before, half of them do
-    for (int round = 0; round < rounds; round++) {
-        if (round == 0 || round == rounds / 2) {
+        s.stride++;
+    const int iterations = from->axial_fixed ? ITERATIONS / 2 : ITERATIONS;
+    for (int iteration = 0; iteration < iterations; iteration++) {
+        if (iteration == 0 || iteration == iterations / 2) {
             struct skeleton refined = bone_transforms_skeleton(s.bind_pose, &s.now);
             depth_frame_relabel(depth_frame, &refined);
-            if (round > 0) // by then they lie near where they end, or they would be laid on others' outlines
+            if (iteration > 0) // only now: before, bones may be nearer to another bone's silhouette than to their own
                 s.silhouette_count = silhouette_find_points(depth_frame, s.silhouette);
         }
         iterate(&s, &system);

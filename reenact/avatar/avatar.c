@@ -1,28 +1,29 @@
 #include "reenact/avatar/avatar.h"
+#include "base/portable_math.h"
 
 #include "base/pipeline.h"
-#include "reenact/skeleton/joint_inpainting.h"
+#include "reenact/avatar/axial_rotation.h"
 #include "reenact/avatar/silhouette_constraint.h"
 #include "reenact/observation/depth_frame_cache.h"
-#include "reenact/avatar/axial_rotation.h"
+#include "reenact/skeleton/take_skeletons.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { SMOOTH_PASSES = 2, YAW_BINS = 24 };
-static const double CORRECTION_DECAY = 0.85;           // of a frame's corrections goes on to the next
-static const double COARSE_VOXEL_M = 2 * TSDF_VOXEL_M; // joints are a few centimetres off: nothing finer comes of them
+static const double CORRECTION_DECAY = 0.85;           // share of a frame's corrections that the next starts with
+static const double COARSE_VOXEL_M = 2 * TSDF_VOXEL_M; // joints err by centimetres: they give no finer shape
 
-// Which way the trunk is turned, as one of YAW_BINS.
+// The trunk's yaw, as one of YAW_BINS.
 static int yaw_bin_of(const struct skeleton *s)
 {
     struct vec3 across = v3_sub(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER]);
-    int bin = (int)((atan2(across.z, across.x) / (2 * 3.14159265358979) + 0.5) * YAW_BINS);
+    int bin = (int)((portable_atan2(across.z, across.x) / (2 * 3.14159265358979) + 0.5) * YAW_BINS);
     return bin < YAW_BINS ? bin : YAW_BINS - 1;
 }
 
-// Half of the frames are spread evenly over the take's time, half over the ways the person is turned: who spins round
-// once within a second shows the back in a few frames only.
+// Half of the frames are spread evenly over the take's time, half over the person's yaw: a person who spins once within
+// a second shows the back in a few frames only.
 static enum status choose_frames(struct avatar *f, const struct take *take, int max_frames)
 {
     int64_t frames = take_frame_count(take), usable = 0, frames_in_bin[YAW_BINS] = {0};
@@ -50,7 +51,7 @@ static enum status choose_frames(struct avatar *f, const struct take *take, int 
                  (1.0 / (double)usable + 1.0 / ((double)bins_used * (double)frames_in_bin[yaw_bin_of(&e->skeleton)]));
         if (quota >= 1) {
             f->frames[f->frame_count++] = i;
-            quota = fmin(quota - 1, 1); // a frame can be taken only once
+            quota = fmin(quota - 1, 1); // a frame is used only once
         }
     }
     return OK;
@@ -59,37 +60,42 @@ static enum status choose_frames(struct avatar *f, const struct take *take, int 
 // A frame on its way through a pass.
 struct frame_job {
     struct depth_frame depth_frame;
-    struct bone_transforms transforms; // the person's, as far as it is known by then
-    struct joint_noise uncertainty;    // of the second shape's pass: how wrong that may be
-    uint8_t *rgb;                      // of passes that need them: the frame's own colours
-    struct deformation *deformation;   // of the colours' pass: how the frame bends the figure
-    struct silhouette_gaps gaps;       // of the outlines' pass
-    enum status status;                // NOTHING: there is nothing to be learned from it
+    struct bone_transforms transforms; // corrected as far as known by then
+    struct joint_noise uncertainty;    // of these, in AVATAR_TSDF_ALIGNED
+    uint8_t *rgb;                      // the frame's colours, in passes that need them
+    struct deformation *deformation;   // the frame's, in AVATAR_COLOR_SAMPLES
+    struct silhouette_gaps gaps;       // in passes that measure silhouettes
+    enum status status;                // NOTHING: the frame is skipped
 };
 
-// One pass over all frames: each is read, worked on for itself, and what it says is gathered, in the frames' order.
+// One pass over all frames: each is read, aligned by itself, and integrated in the frames' order.
 enum pass_stage { READ, ALIGN, INTEGRATE, STAGES };
-enum { IN_FLIGHT = 6, THREADS = 4 };
+enum { IN_FLIGHT = 6 };
 
 struct avatar_build {
     struct avatar *avatar;
     struct take *take;
+    struct take_skeletons *skeletons;
     struct depth_frame_cache *frame_cache;
     enum avatar_step pass;
-    struct tsdf *target;                        // of the shape's passes
-    struct silhouette_gaps gaps;                // of the outlines' pass
-    struct joint_noise_sum joint_errors;        // of the second shape's pass
-    struct axial_rotation *rotations;           // of the rotations' passes
-    struct vertex_color_builder *color_builder; // of the colours' pass
+    struct tsdf *target;                        // that is fused, in AVATAR_TSDF_*
+    struct silhouette_gaps gaps;                // sums, in AVATAR_SILHOUETTES_*
+    struct joint_noise_sum joint_errors;        // in AVATAR_TSDF_ALIGNED
+    struct axial_rotation *rotations;           // in AVATAR_ROTATION_*
+    struct vertex_color_builder *color_builder; // in AVATAR_COLOR_SAMPLES
     struct frame_job job[IN_FLIGHT];
-    const struct progress_watch *progress;
+    const struct progress_watch *watch;
+    int threads, inner_threads;
 };
 
 static enum status open_build(struct avatar_build *r, struct take *take, const struct source_rays *rays)
 {
     const struct avatar *f = r->avatar;
     const struct lens *lens = &take_calibration(take)->color;
-    enum status status = depth_frame_cache_open(&r->frame_cache, take, f->frames, f->frame_count, AVATAR_CACHE_BYTES);
+    enum status status = take_skeletons_open(&r->skeletons, take);
+    const struct frame_source source = {take, r->skeletons, rays};
+    if (status == OK)
+        status = depth_frame_cache_open(&r->frame_cache, &source, f->frames, f->frame_count, AVATAR_CACHE_BYTES);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++) {
         status = depth_frame_open(&r->job[i].depth_frame, take, rays);
         r->job[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
@@ -103,6 +109,7 @@ static enum status open_build(struct avatar_build *r, struct take *take, const s
 static void close_build(struct avatar_build *r)
 {
     depth_frame_cache_close(&r->frame_cache);
+    take_skeletons_close(&r->skeletons);
     vertex_color_close(&r->color_builder);
     axial_rotation_close(&r->rotations);
     for (int i = 0; i < IN_FLIGHT; i++) {
@@ -118,20 +125,10 @@ static bool needs_colors(enum avatar_step pass)
            pass == AVATAR_COLOR_SAMPLES;
 }
 
-// NOTHING: it shows nobody, or nothing is wanted but the colours that it lacks.
+// NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
 static enum status read_frame(struct avatar_build *r, struct frame_job *job, int i)
 {
-    enum status status = depth_frame_cache_read(r->frame_cache, i, &job->depth_frame);
-    if (status != OK || !needs_colors(r->pass))
-        return status;
-    struct take_images seen;
-    status = take_read(r->take, r->avatar->frames[i], TAKE_COLOR, &seen);
-    if (status == OK && !seen.color)
-        return NOTHING;
-    const struct lens *lens = &take_calibration(r->take)->color;
-    if (status == OK)
-        memcpy(job->rgb, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
-    return status;
+    return depth_frame_cache_read(r->frame_cache, i, &job->depth_frame, needs_colors(r->pass) ? job->rgb : NULL);
 }
 
 static bool measures_silhouettes(enum avatar_step pass)
@@ -150,8 +147,8 @@ static struct axial_rotation_frame rotation_frame_of(const struct avatar_build *
     return (struct axial_rotation_frame){&job->depth_frame, job->rgb, &job->transforms, time_of(r, i)};
 }
 
-// Where to begin_step: at first with the joints, which are wrong, but not all the same way; then with the frame before;
-// then, when it is known how each is turned, with that.
+// Initial value of a frame's registration: the first pass uses the joints, whose errors differ from frame to frame; the
+// second the previous frame's corrections; later ones the frame's own.
 static struct bone_corrections initial_corrections(const struct avatar_build *r, int i)
 {
     const struct bone_corrections none = bone_corrections_identity(), *all = r->avatar->frame_corrections;
@@ -160,7 +157,7 @@ static struct bone_corrections initial_corrections(const struct avatar_build *r,
     return r->pass == AVATAR_TSDF_ALIGNED ? bone_corrections_mix(&none, &all[i - 1], CORRECTION_DECAY) : all[i];
 }
 
-// Lays a frame on what is known so far, and sorts it by that.
+// Registers a frame to the shape so far, relabels it, and does what the pass measures on one frame alone.
 static enum status align_frame(struct avatar_build *r, struct frame_job *job, int i)
 {
     struct avatar *f = r->avatar;
@@ -171,7 +168,7 @@ static enum status align_frame(struct avatar_build *r, struct frame_job *job, in
     *a = r->pass == AVATAR_TSDF_ALIGNED && i > 0 ? f->frame_corrections[i - 1] : from.start;
     enum status status = job->status;
     if (status == OK)
-        status = inpaint_bone_transforms(&f->bind_pose, r->take, f->frames[i], &from.joints);
+        status = bone_transforms_of(&f->bind_pose, take_skeletons_at(r->skeletons, f->frames[i]), &from.joints);
     if (status != OK)
         return status;
     if (r->pass == AVATAR_TSDF_ALIGNED || r->pass == AVATAR_TSDF_FINAL)
@@ -183,7 +180,7 @@ static enum status align_frame(struct avatar_build *r, struct frame_job *job, in
         silhouette_measure(f->tsdf, take_calibration(r->take), &job->depth_frame, &job->transforms, &job->gaps);
         return OK;
     }
-    if (r->pass == AVATAR_COLOR_SAMPLES) // nobody else's among them
+    if (r->pass == AVATAR_COLOR_SAMPLES) // without background colours
         status = depth_frame_clean_colors(&job->depth_frame, take_calibration(r->take), job->rgb, job->rgb);
     struct skeleton better = bone_transforms_skeleton(&f->bind_pose, &job->transforms);
     depth_frame_relabel(&job->depth_frame, &better);
@@ -210,14 +207,16 @@ static enum status integrate_frame(struct avatar_build *r, const struct frame_jo
     else if (r->pass == AVATAR_ROTATION_TRACK)
         axial_rotation_track(r->rotations, &frame);
     else if (r->pass == AVATAR_COLOR_SAMPLES)
-        vertex_color_add(r->color_builder, &job->depth_frame, job->rgb, &job->transforms, job->deformation,
-                         take_entry(r->take, r->avatar->frames[i])->world_from_camera, time_of(r, i));
+        vertex_color_add(r->color_builder,
+                         &(struct vertex_color_frame){&job->depth_frame, job->rgb, &job->transforms, job->deformation,
+                                                      take_entry(r->take, r->avatar->frames[i])->world_from_camera,
+                                                      time_of(r, i)});
     else if (r->target)
         return tsdf_integrate(r->target, &job->depth_frame, &job->transforms);
     return OK;
 }
 
-// What goes on side by side shares nothing that any of it changes.
+// Stages that run at the same time share nothing that any of them changes.
 static enum status do_stage(void *context, int stage, int item)
 {
     struct avatar_build *r = context;
@@ -235,12 +234,11 @@ static enum status do_stage(void *context, int stage, int item)
 static bool report_pass_progress(void *context, double share)
 {
     const struct avatar_build *r = context;
-    return progress_continue(r->progress, (r->pass + share) / (AVATAR_COLOR_SAMPLES + 1));
+    return progress_continue(r->watch, (r->pass + share) / (AVATAR_COLOR_SAMPLES + 1));
 }
 
-// NOTHING: it is not wanted any more. At first a frame is laid starting from the one before.
-static enum status run_pass(struct avatar *f, struct avatar_build *r, enum avatar_step pass,
-                            const struct progress_watch *progress)
+// NOTHING: the avatar is not wanted any more. AVATAR_TSDF_ALIGNED starts each frame from the previous one, in order.
+static enum status run_pass(struct avatar *f, struct avatar_build *r, enum avatar_step pass)
 {
     const struct pipeline pipeline = {
         .items = f->frame_count,
@@ -248,15 +246,14 @@ static enum status run_pass(struct avatar *f, struct avatar_build *r, enum avata
         .in_flight = IN_FLIGHT,
         .in_order = {[READ] = true, [ALIGN] = pass == AVATAR_TSDF_ALIGNED, [INTEGRATE] = true},
         .work = do_stage,
-        .went_on = report_pass_progress,
+        .on_progress = report_pass_progress,
         .context = r};
     r->pass = pass;
-    r->progress = progress;
-    progress_begin_step(progress, pass);
-    return pipeline_run(&pipeline, THREADS);
+    progress_begin_step(r->watch, pass);
+    return pipeline_run(&pipeline, r->threads);
 }
 
-// One pass over the frames makes a shape, the next measures it against their outlines.
+// One pass over the frames fuses a shape, the next measures it against their silhouettes.
 static const struct fusion_round {
     enum avatar_step shape, silhouettes;
     double step_m;
@@ -266,14 +263,14 @@ static const struct fusion_round {
     {AVATAR_TSDF_FINAL, AVATAR_SILHOUETTES_FINAL, TSDF_VOXEL_M},
 };
 
-static enum status make_round(struct avatar *f, struct avatar_build *r, const struct fusion_round *round,
-                              const struct progress_watch *progress)
+static enum status make_round(struct avatar *f, struct avatar_build *r, const struct fusion_round *round)
 {
-    enum status status = tsdf_open(&r->target, &f->bind_pose, take_calibration(r->take), round->step_m);
+    enum status status =
+        tsdf_open(&r->target, &f->bind_pose, take_calibration(r->take), round->step_m, r->inner_threads);
     if (status == OK && f->tsdf)
         status = tsdf_copy_free_space(r->target, f->tsdf);
     if (status == OK)
-        status = run_pass(f, r, round->shape, progress);
+        status = run_pass(f, r, round->shape);
     if (status != OK) {
         tsdf_close(&r->target);
         return status;
@@ -287,14 +284,14 @@ static enum status make_round(struct avatar *f, struct avatar_build *r, const st
         status = tsdf_smooth(f->tsdf, SMOOTH_PASSES);
     r->gaps = (struct silhouette_gaps){0};
     if (status == OK)
-        status = run_pass(f, r, round->silhouettes, progress);
+        status = run_pass(f, r, round->silhouettes);
     if (status == OK)
         tsdf_match_silhouettes(f->tsdf, &r->gaps);
     return status;
 }
 
-// How each frame's round parts are turned, by their colours.
-static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r, const struct progress_watch *progress)
+// Corrects the axial rotations of each frame's round bones by their colours.
+static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r)
 {
     struct surface_mesh surface = {0};
     double *time_s = malloc(sizeof *time_s * (size_t)f->frame_count);
@@ -302,11 +299,11 @@ static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r
     if (status == OK)
         status = axial_rotation_open(&r->rotations, &f->bind_pose, &surface, take_calibration(r->take), f->frame_count);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_SEED, progress);
+        status = run_pass(f, r, AVATAR_ROTATION_SEED);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_TRACK, progress);
+        status = run_pass(f, r, AVATAR_ROTATION_TRACK);
     if (status == OK)
-        status = run_pass(f, r, AVATAR_ROTATION_MEASURE, progress);
+        status = run_pass(f, r, AVATAR_ROTATION_MEASURE);
     for (int i = 0; i < f->frame_count && status == OK; i++)
         time_s[i] = time_of(r, i);
     if (status == OK)
@@ -316,62 +313,69 @@ static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r
     return status;
 }
 
-// The first round has the joints alone. Where a tracker takes the person for thicker or thinner than they are, joints
-// lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
-// come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
-// each round ends with the shape made as wide as they have it, and the second lays the frames on that. The third lays
-// them once more, with head and legs turned as colours say, and with as much trust in joints as these have earned.
-static enum status make_shape(struct avatar *f, struct avatar_build *r, const struct progress_watch *progress)
+// The first round has the joints only. A tracker that assumes too thick or too thin a person puts the joints too far or
+// not far enough behind the observed surface, from every side, so that front and back are fused too far apart or too
+// near. Silhouettes, seen from the side, have the right width: each round ends with the shape matched to them, and the
+// second registers the frames to that. The third registers them again, with axial rotations from colours and with the
+// joints weighted by their measured errors.
+static enum status make_shape(struct avatar *f, struct avatar_build *r)
 {
     enum status status = OK;
     f->joint_errors = joint_noise_prior();
     for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++) {
-        status = make_round(f, r, &rounds[i], progress);
+        status = make_round(f, r, &rounds[i]);
         if (status != OK || rounds[i].shape != AVATAR_TSDF_ALIGNED)
             continue;
         f->joint_errors = joint_noise_estimate(&r->joint_errors);
-        status = find_axial_rotations(f, r, progress);
+        status = find_axial_rotations(f, r);
     }
     if (status != OK)
         return status;
-    progress_begin_step(progress, AVATAR_SURFACE);
+    progress_begin_step(r->watch, AVATAR_SURFACE);
     return tsdf_extract_surface(f->tsdf, &f->surface);
 }
 
-static enum status make_vertex_colors(struct avatar *f, struct avatar_build *r, const struct progress_watch *progress)
+static enum status make_vertex_colors(struct avatar *f, struct avatar_build *r)
 {
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = bind_pose_skin_weights(&f->bind_pose, f->surface.points[i]);
-    enum status status =
-        vertex_color_open(&r->color_builder, &f->bind_pose, &f->surface, f->skins, take_calibration(r->take));
+    const struct vertex_color_target target = {&f->bind_pose, &f->surface, f->skins};
+    enum status status = vertex_color_open(&r->color_builder, &target, take_calibration(r->take), r->inner_threads);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++)
         status = deformation_open(&r->job[i].deformation, &f->bind_pose, &f->surface, take_calibration(r->take));
     if (status == OK)
-        status = run_pass(f, r, AVATAR_COLOR_SAMPLES, progress);
-    progress_begin_step(progress, AVATAR_VERTEX_COLORS);
+        status = run_pass(f, r, AVATAR_COLOR_SAMPLES);
+    progress_begin_step(r->watch, AVATAR_VERTEX_COLORS);
     return status == OK ? vertex_color_solve(r->color_builder, &f->vertex_colors) : status;
 }
 
-enum status avatar_make(struct avatar *out, struct take *take, const struct source_rays *rays, int max_frames,
-                        const struct progress_watch *progress)
+struct avatar_options avatar_default_options(void)
+{
+    return (struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4};
+}
+
+enum status avatar_make(struct avatar *out, struct take *take, const struct source_rays *rays,
+                        const struct avatar_options *options)
 {
     *out = (struct avatar){0};
-    struct avatar_build build = {.avatar = out};
+    struct avatar_build build = {.avatar = out, .watch = options->watch};
+    build.threads = options->threads;
+    build.inner_threads = options->threads > 1 ? options->threads / 2 : 1;
     enum status status = bind_pose_make(&out->bind_pose, take);
     if (status == OK)
-        status = choose_frames(out, take, max_frames);
+        status = choose_frames(out, take, options->max_frames);
     if (status == OK)
         status = open_build(&build, take, rays);
     if (status == OK)
-        status = make_shape(out, &build, progress);
+        status = make_shape(out, &build);
     if (status == OK)
-        status = make_vertex_colors(out, &build, progress);
-    progress_begin_step(progress, AVATAR_ATLAS);
+        status = make_vertex_colors(out, &build);
+    progress_begin_step(options->watch, AVATAR_ATLAS);
     if (status == OK)
-        status = texture_atlas_make(&out->atlas, &out->surface, &out->vertex_colors);
+        status = texture_atlas_make(&out->atlas, &out->surface, &out->vertex_colors, build.inner_threads);
     close_build(&build);
     if (status != OK)
         avatar_free(out);

@@ -1,6 +1,13 @@
-// The person as one model, made once for a take: a closed surface in the bind_pose
-// pose, its colours, and for every transforms how it lies. Made from the depth and
-// the colours of the whole take; pure; deterministic.
+// The avatar: the actor of one take as one model, fused from the depth and colours of the whole take: a closed surface
+// in the bind pose with skin weights, vertex colours and a texture, and for each used frame the corrections of its
+// joints. The pipeline, which passes over the frames several times (enum avatar_step):
+//   three rounds of TSDF fusion (tsdf.h) and of matching the silhouettes (silhouette_constraint.h), frames placed by
+//   their joints at first, then registered (articulated_icp.h), then registered with axial rotations from colours
+//   (axial_rotation.h);
+//   then vertex colours (vertex_color.h), each frame deformed to fit (deformation.h), and the atlas (texture_atlas.h).
+//
+// avatar_make reads the take, so nothing else may read that take meanwhile, and starts threads, which have ended when
+// it returns. The same take and max_frames give the same bytes, on any number of threads.
 #pragma once
 #include "base/progress.h"
 #include "reenact/avatar/articulated_icp.h"
@@ -12,42 +19,50 @@ struct avatar {
     struct surface_mesh surface;
     struct skin_weights *skins; // of the surface's points
     struct vertex_colors vertex_colors;
-    struct texture_atlas atlas;      // surface and vertex_colors, as they are drawn
-    struct joint_noise joint_errors; // how far joints err, as far as frames tell
-    int64_t *frames;                 // whose frame_corrections are known, rising
-    struct bone_corrections *frame_corrections;
+    struct texture_atlas atlas;                 // surface and vertex_colors as they are drawn
+    struct joint_noise joint_errors;            // of this take's joints, measured by registration
+    int64_t *frames;                            // the used frames, increasing
+    struct bone_corrections *frame_corrections; // of each used frame
     int frame_count;
 };
 
-enum { AVATAR_FRAMES = 120 }; // more add nothing to the shape
+enum { AVATAR_FRAMES = 120 }; // default; more frames add nothing to the shape
 
-// What is kept of these frames while a avatar is made, so that each is read once: five bytes for each pixel about
-// the person. What does not fit is read again for each pass.
+// Bytes of decoded depth frames that are kept while an avatar is made, so that each is decoded once: five for each
+// pixel about the person. What does not fit is read again in each pass.
 #define AVATAR_CACHE_BYTES ((size_t)96 << 20)
 
 enum avatar_step {
-    AVATAR_TSDF_FROM_JOINTS,        // the shape by the joints alone
-    AVATAR_SILHOUETTES_FROM_JOINTS, // how the outlines lie about it
-    AVATAR_TSDF_ALIGNED,            // frames laid on it, and what they make of it
+    AVATAR_TSDF_FROM_JOINTS,        // fuse, frames placed by their joints
+    AVATAR_SILHOUETTES_FROM_JOINTS, // measure the silhouettes against that shape
+    AVATAR_TSDF_ALIGNED,            // register frames to it, and fuse
     AVATAR_SILHOUETTES_ALIGNED,     // as above
-    AVATAR_ROTATION_SEED,           // which frame tells best how the skull is turned
-    AVATAR_ROTATION_TRACK,          // colours of what is turned by them learned, from there on
-    AVATAR_ROTATION_MEASURE,        // how each frame has it turned, by these
-    AVATAR_TSDF_FINAL,              // frames laid so, and what they make of it
+    AVATAR_ROTATION_SEED,           // axial rotations: choose the seed frame
+    AVATAR_ROTATION_TRACK,          // learn colours from the seed on
+    AVATAR_ROTATION_MEASURE,        // measure each frame against these
+    AVATAR_TSDF_FINAL,              // register frames with these rotations, and fuse
     AVATAR_SILHOUETTES_FINAL,       // as above
-    AVATAR_COLOR_SAMPLES,           // what each frame says of the colours
-    AVATAR_SURFACE,                 // between outlines and colours: the triangles
-    AVATAR_VERTEX_COLORS,           // colours and light
-    AVATAR_ATLAS,                   // as it is drawn
+    AVATAR_COLOR_SAMPLES,           // each frame's colour samples
+    AVATAR_SURFACE,                 // between silhouettes and colour samples: extract the surface
+    AVATAR_VERTEX_COLORS,           // albedo and irradiance
+    AVATAR_ATLAS,                   // simplify, unwrap, bake
     AVATAR_STEPS
 };
 
-// Reads at most `max_frames` frames, spread evenly. rays as source_rays_open made
-// them for this take; watch may be NULL. NOTHING: the take shows too little of a
-// person for it, or it is not wanted. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+struct avatar_options {
+    int max_frames; // at most so many frames are used. Default AVATAR_FRAMES
+    int threads;    // of the pass over the frames; inner loops use half as many, at least 1. At least 1. Default 4
+    const struct progress_watch *watch; // steps: enum avatar_step. Default NULL
+};
+struct avatar_options avatar_default_options(void);
+
+// rays: from source_rays_open for this take. NOTHING: the take shows too little of a person, or the watch said that the
+// avatar is not wanted. ERR_INPUT: the joints lie too far apart to be one person's (tsdf_open), or the surface is too
+// large for the atlas (texture_atlas_make). ERR_CORRUPT, ERR_IO, ERR_MEMORY. *out is empty unless OK; else the caller
+// frees it with avatar_free.
 MUST_CHECK enum status avatar_make(struct avatar *out, struct take *take, const struct source_rays *rays,
-                                   int max_frames, const struct progress_watch *watch);
+                                   const struct avatar_options *options);
 void avatar_free(struct avatar *f);
 
-// How the joints' transforms of `frame` is to be adjusted, by the known frames about it.
+// The corrections of any frame's joints, interpolated between the used frames around it. The avatar has at least one.
 struct bone_corrections avatar_corrections(const struct avatar *f, int64_t frame);

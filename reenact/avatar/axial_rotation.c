@@ -1,4 +1,7 @@
 #include "reenact/avatar/axial_rotation.h"
+#include "base/portable_math.h"
+
+#include "reenact/observation/depth_agreement.h"
 
 #include <float.h>
 #include <stdlib.h>
@@ -6,26 +9,27 @@
 
 enum { ANGLES = 25, SAMPLES = 600, SAMPLES_LEAST = 20, RIM_PX = 1 };
 
-static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between one turn that is tried and the next
-static const double PRIOR_RAD = 0.3;                        // joints and depth are right to this
-static const double THIGH_PRIOR_RAD = 0.15;                 // of a thigh: a bent knee tells
-static const double HEAD_PRIOR_RAD = 0.5;                   // of a head, that is turned against the trunk
-static const double RATE_RAD_S = 2;                         // and wrong by so much more or less after a second
-static const double LEAST_FACING = 0.3;                     // cosine towards the camera
-static const double DEPTH_AGREEMENT_M = 0.05;               // the reading that confirms a place lies this near
-static const double DEPTH_HALF_COST_M = 0.02;               // and who is so far off is half somebody else
-static const float COLOR_OUTLIER = 0.15F; // of colours from 0 to 1: who is farther off is somebody else
-static const float UNKNOWN_COST = 0.35F;  // so cost is, of 1, what is seen of a place that nothing was learned of yet
-static const float DEPTH_WEIGHT = 0.5F;   // counts for so much of what colours do: the shape is none of the best yet
-static const double COLOR_SIGMA = 0.06;   // colours that are the same differ by this,
-static const double INDEPENDENT_SAMPLES = 20; // and as they wander together, a part's count as no more than these
-static const float GAIN_LEAST = 0.7F, GAIN_MOST = 1.4F; // a part may be lit so much less or more than it was
-static const float MOST_WEIGHT = 20;                    // of what was learned of a place, in frames
+// Tuned by hand on three takes of docs/results.md: dance, the small world's dancer, and the filmed man.
+static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between neighbouring angles
+// Standard deviations of the angle that joints and depth give:
+static const double PRIOR_RAD = 0.3;
+static const double THIGH_PRIOR_RAD = 0.15;   // of a thigh, since a bent knee shows it
+static const double HEAD_PRIOR_RAD = 0.5;     // of a head, which turns against the trunk
+static const double RATE_RAD_S = 2;           // and of the change of its error in a second
+static const double LEAST_FACING = 0.3;       // cosine towards the camera
+static const double DEPTH_HALF_COST_M = 0.02; // a depth sample this far behind a point costs a half
+static const float COLOR_OUTLIER = 0.15F;     // scale of the robust colour cost; gamma-encoded, 0 to 1
+static const float UNKNOWN_COST = 0.35F;      // of 1: of a visible point whose colour is not learned yet
+static const float DEPTH_WEIGHT = 0.5F;       // of the depth cost against the colours', as the shape is still coarse
+static const double COLOR_SIGMA = 0.06;       // standard deviation of equal colours' difference
+static const double INDEPENDENT_SAMPLES = 20; // of a bone, at most: colour errors of neighbours are correlated
+static const float GAIN_LEAST = 0.7F, GAIN_MOST = 1.4F; // of a bone's brightness against the learned one
+static const float MOST_WEIGHT = 20;                    // of a learned colour, in frames
 
-// A place of one bone's surface that goes with it alone, and what was learned of its colour.
+// A point of the surface that moves rigidly with one bone, and its learned colour.
 struct bone_sample {
     struct vec3 point, normal; // bind-pose axes
-    float color[3], weight;    // sRGB, 0 to 1
+    float color[3], weight;    // gamma-encoded, 0 to 1; weight 0: not learned
 };
 
 struct bone_samples {
@@ -33,7 +37,7 @@ struct bone_samples {
     int count;
 };
 
-// How likely a frame's rotations are, by what was followed until then.
+// The probability of each angle of a tracked frame, given the frames tracked before.
 struct angle_posterior {
     double of[BONE_COUNT][ANGLES];
     double time_s;
@@ -44,14 +48,15 @@ struct axial_rotation {
     struct calibration calibration;
     struct pose depth_from_color;
     struct bone_samples samples[BONE_COUNT];
-    struct angle_posterior first, last; // of the frames that were followed
+    struct angle_posterior first, last; // of the tracked frames: the seed's, the latest's
     bool tracking;
     int frames;
-    double *seed_score;                // of each frame: how well it says how what leads is turned
-    float (*cost)[BONE_COUNT][ANGLES]; // of each frame: the share of a bone's places whose colours are others
+    double *seed_score;                // of each frame
+    float (*cost)[BONE_COUNT][ANGLES]; // of each frame, bone and angle
 };
 
 static double step_of(int bone) { return bone == BONE_SKULL ? HEAD_STEP_RAD : STEP_RAD; }
+
 static double angle_of(int bone, int k) { return (k - ANGLES / 2) * step_of(bone); }
 
 static bool is_rigid(const struct bind_pose *bind_pose, struct vec3 point, int bone)
@@ -104,30 +109,21 @@ void axial_rotation_close(struct axial_rotation **t)
     *t = NULL;
 }
 
-// The bone turned about itself, in bind-pose axes.
-static struct pose axial_turn(const struct bind_pose *bind_pose, int bone, double angle)
+// A rotation about the bone's axis through its origin; bind-pose axes.
+static struct pose axial_pose(const struct bind_pose *bind_pose, int bone, double angle)
 {
     const struct bone_frame *f = &bind_pose->frame[bone];
-    struct pose turn = {quat_from_rotation_vector(v3_scale(f->z, angle)), {0, 0, 0}};
-    turn.translation = v3_sub(f->origin, quat_rotate(turn.rotation, f->origin));
-    return turn;
+    struct pose rotation = {quat_from_rotation_vector(v3_scale(f->z, angle)), {0, 0, 0}};
+    rotation.translation = v3_sub(f->origin, quat_rotate(rotation.rotation, f->origin));
+    return rotation;
 }
 
-// ---------------------------------------------------------------- what a frame says
+// ---------------------------------------------------------------- the cost of an angle
 
-static int pixel_at(const struct lens *lens, struct vec3 p)
-{
-    if (!(p.z > 0.05))
-        return -1;
-    struct pixel px = lens_project(lens, p);
-    int x = (int)floor(px.x + 0.5), y = (int)floor(px.y + 0.5);
-    return x < 0 || y < 0 || x >= lens->width || y >= lens->height ? -1 : y * lens->width + x;
-}
-
-// What a frame shows where a place of a bone would be.
+// What a frame shows where a point of a bone projects at a hypothetical pose.
 struct observation {
-    const uint8_t *rgb; // of the pixel; NULL: no surface that could be this place
-    float off;          // 0 to 1: how far what is seen there is from it; negative: something else hides the place
+    const uint8_t *rgb; // of the pixel; NULL: not visible, or depth does not agree
+    float off;          // depth cost, 0 to 1; negative: the point is occluded or turned away, no cost
 };
 
 static struct observation observe(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
@@ -140,7 +136,7 @@ static struct observation observe(const struct axial_rotation *t, const struct a
     const bool registered = t->calibration.registered;
     const struct depth_frame *s = frame->depth_frame;
     struct vec3 d = registered ? p : pose_apply(t->depth_from_color, p);
-    int in_depth = pixel_at(&t->calibration.depth, d);
+    int in_depth = depth_pixel_at(&t->calibration.depth, d);
     if (in_depth < 0 || s->part[in_depth] == DEPTH_FRAME_MIXED)
         return observation;
     double behind = s->depth[in_depth] * 1e-3 - d.z;
@@ -151,7 +147,7 @@ static struct observation observe(const struct axial_rotation *t, const struct a
     if (behind < -DEPTH_AGREEMENT_M)
         return observation;
     observation.off = (float)(behind * behind / (behind * behind + DEPTH_HALF_COST_M * DEPTH_HALF_COST_M));
-    int in_color = registered ? in_depth : pixel_at(&t->calibration.color, p);
+    int in_color = registered ? in_depth : depth_pixel_at(&t->calibration.color, p);
     if (in_color >= 0 && s->edge_distance[in_depth] >= RIM_PX && behind < DEPTH_AGREEMENT_M)
         observation.rgb = frame->rgb + 3 * (size_t)in_color;
     return observation;
@@ -160,15 +156,15 @@ static struct observation observe(const struct axial_rotation *t, const struct a
 static struct pose rotated_pose(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
                                 double angle)
 {
-    return pose_multiply(frame->transforms->bone[bone], axial_turn(t->bind_pose, bone, angle));
+    return pose_multiply(frame->transforms->bone[bone], axial_pose(t->bind_pose, bone, angle));
 }
 
-// Colours that a frame shows where others are known.
+// A point's colour in the frame, and the learned one.
 struct color_pair {
     float seen[3], known[3];
 };
 
-// How cost the frame is if a bone is at `pose`: 0 to 1. *count: of the places that it shows.
+// The mean cost of the frame if a bone is at `pose`. *count: of the visible points.
 static float angle_cost(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
                         const struct pose *pose, int *count)
 {
@@ -194,11 +190,11 @@ static float angle_cost(const struct axial_rotation *t, const struct axial_rotat
             own += p->known[c] * p->known[c];
         }
     }
-    const float light = fminf(fmaxf(own > 0 ? both / own : 1, GAIN_LEAST), GAIN_MOST);
+    const float gain = fminf(fmaxf(own > 0 ? both / own : 1, GAIN_LEAST), GAIN_MOST);
     for (int i = 0; i < known; i++) {
         float off2 = 0;
         for (int c = 0; c < 3; c++) {
-            float off = pairs[i].seen[c] - light * pairs[i].known[c];
+            float off = pairs[i].seen[c] - gain * pairs[i].known[c];
             off2 += off * off / 3;
         }
         cost += off2 / (off2 + COLOR_OUTLIER * COLOR_OUTLIER);
@@ -209,7 +205,7 @@ static float angle_cost(const struct axial_rotation *t, const struct axial_rotat
            DEPTH_WEIGHT * depth_cost / (float)(depth_count > 0 ? depth_count : 1);
 }
 
-// Of every turn; all alike where too few places are seen to say anything.
+// Of every angle; all 0 where too few points are visible at any of them.
 static void angle_costs(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
                         float cost[ANGLES])
 {
@@ -231,7 +227,7 @@ void axial_rotation_measure(struct axial_rotation *t, int i, const struct axial_
             angle_costs(t, frame, b, t->cost[i][b]);
 }
 
-// ---------------------------------------------------------------- frames together
+// ---------------------------------------------------------------- probabilities
 
 static void normalize(double *w)
 {
@@ -242,14 +238,14 @@ static void normalize(double *w)
         w[k] /= sum;
 }
 
-// What is worth how much at a frame, if at its neighbour, `apart_s` away, it is so much.
+// The motion model: probabilities of a frame's angles from those of its neighbour, `apart_s` away.
 static void diffuse(const double *from, double apart_s, int bone, double *to)
 {
     const double moved = RATE_RAD_S * fmax(fabs(apart_s), 0.01) / step_of(bone);
     for (int k = 0; k < ANGLES; k++) {
         to[k] = 0;
         for (int j = 0; j < ANGLES; j++)
-            to[k] += from[j] * exp(-0.5 * (k - j) * (k - j) / (moved * moved));
+            to[k] += from[j] * portable_exp(-0.5 * (k - j) * (k - j) / (moved * moved));
     }
     normalize(to);
 }
@@ -264,19 +260,20 @@ static double prior_sigma_rad(int bone)
     }
 }
 
+// Of each angle: the prior times the likelihood of its cost.
 static void angle_likelihood(const float cost[ANGLES], int bone, double own[ANGLES])
 {
-    const double known = prior_sigma_rad(bone);
+    const double sigma = prior_sigma_rad(bone);
     const double each =
         0.5 * INDEPENDENT_SAMPLES * (double)(COLOR_OUTLIER * COLOR_OUTLIER) / (COLOR_SIGMA * COLOR_SIGMA);
     for (int k = 0; k < ANGLES; k++) {
-        double angle = angle_of(bone, k) / known;
-        own[k] = exp(-0.5 * angle * angle - each * (double)cost[k]);
+        double angle = angle_of(bone, k) / sigma;
+        own[k] = portable_exp(-0.5 * angle * angle - each * (double)cost[k]);
     }
     normalize(own);
 }
 
-// Of the bone at `pose`: each place's mean over the frames that saw it.
+// Learns the colours of the bone's points, with the bone at `pose`: the mean over the frames that show them.
 static void update_colors(struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone,
                           const struct pose *pose)
 {
@@ -291,9 +288,9 @@ static void update_colors(struct axial_rotation *t, const struct axial_rotation_
     }
 }
 
-// Whose colours say where to begin: the skull's if it is there, for hardly anything else differs as much from side to
-// side. -1: nothing's. How it is turned there is taken from the joints, so that ought to be where people face straight
-// ahead: the face shows, and the trunk's front does.
+// The bone whose texture chooses the seed: the skull if known, since hardly anything else differs as much from side to
+// side. -1: none. At the seed its angle is taken from the joints, so the seed should be a frame in which people face
+// straight ahead: face and trunk's front both show.
 static int seed_bone(const struct axial_rotation *t)
 {
     for (int b = BONE_COUNT - 1; b >= 0; b--)
@@ -302,7 +299,7 @@ static int seed_bone(const struct axial_rotation *t)
     return -1;
 }
 
-// How much the colours differ that a frame shows of a bone: summed squares, of 255.
+// The texture that a frame shows of a bone: the sum of squared deviations from the mean colour, bytes.
 static double color_variance(const struct axial_rotation *t, const struct axial_rotation_frame *frame, int bone)
 {
     double sum[3] = {0}, square = 0;
@@ -320,7 +317,7 @@ static double color_variance(const struct axial_rotation *t, const struct axial_
     return count ? square - (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / count : 0;
 }
 
-// Cosine between where the bone's front points and the way to the camera.
+// Cosine between the bone's front and the direction to the camera.
 static double facing(const struct axial_rotation *t, int bone, const struct pose *pose)
 {
     const struct vec3 front = quat_rotate(pose->rotation, (struct vec3){0, 0, -1});
@@ -346,25 +343,25 @@ int axial_rotation_order(const struct axial_rotation *t, int nth)
 void axial_rotation_track(struct axial_rotation *t, const struct axial_rotation_frame *frame)
 {
     if (t->tracking && frame->time_s < t->first.time_s && t->last.time_s > t->first.time_s)
-        t->last = t->first; // from there on to the beginning
+        t->last = t->first; // the second half: from the seed to the beginning
     for (int b = 0; b < BONE_COUNT; b++) {
         if (!t->samples[b].count)
             continue;
         float cost[ANGLES];
-        double before[ANGLES], angle = 0;
+        double posterior[ANGLES], angle = 0;
         angle_costs(t, frame, b, cost);
-        angle_likelihood(cost, b, before);
+        angle_likelihood(cost, b, posterior);
         if (t->tracking) {
-            double own[ANGLES];
-            memcpy(own, before, sizeof own);
-            diffuse(t->last.of[b], frame->time_s - t->last.time_s, b, before);
+            double likelihood[ANGLES];
+            memcpy(likelihood, posterior, sizeof likelihood);
+            diffuse(t->last.of[b], frame->time_s - t->last.time_s, b, posterior);
             for (int k = 0; k < ANGLES; k++)
-                before[k] *= own[k];
-            normalize(before);
+                posterior[k] *= likelihood[k];
+            normalize(posterior);
         }
         for (int k = 0; k < ANGLES; k++)
-            angle += before[k] * angle_of(b, k);
-        memcpy(t->last.of[b], before, sizeof before);
+            angle += posterior[k] * angle_of(b, k);
+        memcpy(t->last.of[b], posterior, sizeof posterior);
         struct pose pose = rotated_pose(t, frame, b, angle);
         update_colors(t, frame, b, &pose);
     }
@@ -374,53 +371,53 @@ void axial_rotation_track(struct axial_rotation *t, const struct axial_rotation_
     t->tracking = true;
 }
 
-// The mean of what is likely, of each frame.
-static void smooth_angles(const struct axial_rotation *t, int bone, const double *time_s, double (*before)[ANGLES],
+// Forward-backward smoothing; angle: of each frame, the mean of its posterior. forward: scratch, one row a frame.
+static void smooth_angles(const struct axial_rotation *t, int bone, const double *time_s, double (*forward)[ANGLES],
                           double *angle)
 {
-    double own[ANGLES], now[ANGLES], behind[ANGLES];
+    double likelihood[ANGLES], now[ANGLES], backward[ANGLES];
     for (int i = 0; i < t->frames; i++) {
         for (int k = 0; k < ANGLES; k++)
-            before[i][k] = 1;
+            forward[i][k] = 1;
         if (i > 0) {
-            angle_likelihood(t->cost[i - 1][bone], bone, own);
+            angle_likelihood(t->cost[i - 1][bone], bone, likelihood);
             for (int k = 0; k < ANGLES; k++)
-                now[k] = before[i - 1][k] * own[k];
-            diffuse(now, time_s[i] - time_s[i - 1], bone, before[i]);
+                now[k] = forward[i - 1][k] * likelihood[k];
+            diffuse(now, time_s[i] - time_s[i - 1], bone, forward[i]);
         }
     }
     for (int k = 0; k < ANGLES; k++)
-        behind[k] = 1;
+        backward[k] = 1;
     for (int i = t->frames - 1; i >= 0; i--) {
         double sum = 0;
-        angle_likelihood(t->cost[i][bone], bone, own);
+        angle_likelihood(t->cost[i][bone], bone, likelihood);
         angle[i] = 0;
         for (int k = 0; k < ANGLES; k++) {
-            now[k] = own[k] * behind[k];
-            sum += now[k] * before[i][k];
-            angle[i] += now[k] * before[i][k] * angle_of(bone, k);
+            now[k] = likelihood[k] * backward[k];
+            sum += now[k] * forward[i][k];
+            angle[i] += now[k] * forward[i][k] * angle_of(bone, k);
         }
         angle[i] /= sum;
         if (i > 0)
-            diffuse(now, time_s[i] - time_s[i - 1], bone, behind);
+            diffuse(now, time_s[i] - time_s[i - 1], bone, backward);
     }
 }
 
 enum status axial_rotation_apply(const struct axial_rotation *t, const double *time_s,
                                  struct bone_corrections *frame_corrections)
 {
-    double(*before)[ANGLES] = malloc(sizeof *before * (size_t)t->frames);
+    double(*forward)[ANGLES] = malloc(sizeof *forward * (size_t)t->frames);
     double *angle = malloc(sizeof *angle * (size_t)t->frames);
-    enum status status = before && angle ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = forward && angle ? OK : fail(ERR_MEMORY, "out of memory");
     for (int b = 0; b < BONE_COUNT && status == OK; b++) {
         if (!t->samples[b].count)
             continue;
-        smooth_angles(t, b, time_s, before, angle);
+        smooth_angles(t, b, time_s, forward, angle);
         for (int i = 0; i < t->frames; i++)
             frame_corrections[i].bone[b] =
-                pose_multiply(frame_corrections[i].bone[b], axial_turn(t->bind_pose, b, angle[i]));
+                pose_multiply(frame_corrections[i].bone[b], axial_pose(t->bind_pose, b, angle[i]));
     }
-    free(before);
+    free(forward);
     free(angle);
     return status;
 }

@@ -5,20 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { RING_SAMPLES = 1000, PASSES = 4, THREADS = 2, CHUNK = 4096 };
+enum { RING_SAMPLES = 1000, PASSES = 4, CHUNK = 4096 };
 
-static const double MIRROR_M = 0.03;          // a mirror image lies this near
-static const double RING_HALF_WIDTH_M = 0.05; // what lies higher or lower along the part says nothing,
-static const float RING_FALLOFF_M = 0.03F;    // and what lies this far round it a quarter of what is right there
-static const float COLOR_OUTLIER = 0.1F;      // a colour so far from the others counts a quarter; of 0 to 1
+// Chosen by hand on the films of people who never turn (docs/notes/avatar.md).
+static const double MIRROR_M = 0.03;          // how far from the mirrored point a seen one may lie
+static const double RING_HALF_WIDTH_M = 0.05; // samples farther away along the bone have no weight
+static const float RING_FALLOFF_M = 0.03F;    // at this distance a sample's weight is a quarter of the nearest one's
+static const float COLOR_OUTLIER = 0.1F;      // at this residual a colour's weight is a quarter; gamma-encoded, 0 to 1
 
-// ---------------------------------------------------------------- the nearest
+// ---------------------------------------------------------------- nearest seen point
 
-// The points that somebody saw, by their height in the bind pose, for those near a place are asked for often.
+// The points that were seen, sorted by height in the bind pose, for fast searches of the nearest.
 struct height_bins {
-    double low; // height of the first
+    double low; // y of the first bin's edge; bind-pose axes, y down
     int count;
-    int32_t *first; // of each bin's points, and behind the last
+    int32_t *first; // index in `points` of each bin's first, and one past the last's end
     int32_t *points;
 };
 
@@ -56,13 +57,13 @@ static enum status height_bins_open(struct height_bins *s, const struct surface_
     return OK;
 }
 
-// The lowest-numbered of the nearest; -1: none is nearer than `within`.
+// The nearest point that was seen, of equals the lowest-numbered; -1: none is nearer than `within`.
 static int nearest_seen(const struct height_bins *s, const struct surface_mesh *surface, struct vec3 p, double within)
 {
     int best = -1, middle = height_bin_of(s, p.y);
     double least = within * within;
     for (int away = 0; away < s->count; away++) {
-        double beside = fmax(away - 1, 0) * HEIGHT_BIN_M; // at least so far off is what lies on such a bin
+        double beside = fmax(away - 1, 0) * HEIGHT_BIN_M; // no point of such a bin is nearer
         if (beside * beside > least)
             break;
         for (int side = away ? -1 : 1; side <= 1; side += 2) {
@@ -81,16 +82,16 @@ static int nearest_seen(const struct height_bins *s, const struct surface_mesh *
     return best;
 }
 
-// ---------------------------------------------------------------- all round a part
+// ---------------------------------------------------------------- round a bone
 
-// A point that somebody saw of a part.
+// A point of a bone that was seen.
 struct ring_sample {
-    double along;                  // the part, from its beginning, metres
-    float at[3], color[3], time_s; // color: roots of the linear
+    double along;                  // metres along the bone from its origin
+    float at[3], color[3], time_s; // color: gamma-encoded
     int32_t number;
 };
 
-// Of each bone at most RING_SAMPLES, evenly spread over what was seen of it and sorted along it.
+// Of each bone at most RING_SAMPLES, evenly spread over what was seen of it, sorted along it.
 struct ring_samples {
     struct ring_sample of[BONE_COUNT][RING_SAMPLES];
     int count[BONE_COUNT];
@@ -104,7 +105,7 @@ static int by_along(const void *a, const void *b)
     return (x->number > y->number) - (x->number < y->number);
 }
 
-// How far along the part; hair and face lie in rings about where a skull faces, not about its neck.
+// How far along the bone; of the skull along the way it faces, about which hair and face lie in rings.
 static double along_bone(const struct bind_pose *bind_pose, int bone, struct vec3 p)
 {
     const struct bone_frame *f = &bind_pose->frame[bone];
@@ -122,9 +123,10 @@ static struct ring_sample ring_sample_of(const struct vertex_colors *vertex_colo
 }
 
 static void find_ring_samples(struct ring_samples *w, const struct vertex_colors *vertex_colors,
-                              const struct surface_mesh *surface, const struct skin_weights *skins,
-                              const struct bind_pose *bind_pose)
+                              const struct vertex_color_target *target)
 {
+    const struct surface_mesh *surface = target->surface;
+    const struct skin_weights *skins = target->skins;
     int seen[BONE_COUNT] = {0}, at[BONE_COUNT] = {0};
     for (int i = 0; i < surface->point_count; i++)
         seen[skins[i].bone[0]] += !vertex_colors->filled[i];
@@ -133,13 +135,13 @@ static void find_ring_samples(struct ring_samples *w, const struct vertex_colors
         if (vertex_colors->filled[i] || at[b]++ % (seen[b] / RING_SAMPLES + 1))
             continue;
         const struct vec3 p = surface->points[i];
-        w->of[b][w->count[b]++] = ring_sample_of(vertex_colors, i, p, along_bone(bind_pose, b, p));
+        w->of[b][w->count[b]++] = ring_sample_of(vertex_colors, i, p, along_bone(target->bind_pose, b, p));
     }
     for (int b = 0; b < BONE_COUNT; b++)
         qsort(w->of[b], (size_t)w->count[b], sizeof *w->of[b], by_along);
 }
 
-// The first that is no lower than that.
+// The first sample at or past `along`.
 static int first_from(const struct ring_sample *w, int count, double along)
 {
     int low = 0, high = count;
@@ -153,7 +155,7 @@ static int first_from(const struct ring_sample *w, int count, double along)
     return low;
 }
 
-// How much what was seen there says about p, by how far it is along the part and round it.
+// A sample's weight for p, by its distance along the bone and its distance in space.
 static float ring_weight(const struct ring_sample *w, struct vec3 p, double along)
 {
     const float off = (float)((w->along - along) / RING_HALF_WIDTH_M), level = 1 - off * off;
@@ -162,7 +164,7 @@ static float ring_weight(const struct ring_sample *w, struct vec3 p, double alon
     return level * level / (beside * beside);
 }
 
-// Whose colours differ from the mean counts less, and the mean is taken again.
+// Iteratively reweighted mean (Geman-McClure).
 static void robust_mean(const struct ring_sample *w, const float *weight, int count, float color[3])
 {
     float robust[RING_SAMPLES];
@@ -186,7 +188,7 @@ static void robust_mean(const struct ring_sample *w, const float *weight, int co
     }
 }
 
-// False: nothing was seen of the part at that height.
+// False: nothing was seen of the bone at that height.
 static bool fill_from_ring(const struct ring_samples *all, int bone, struct vec3 p, double along, float color[3],
                            float *time_s)
 {
@@ -213,12 +215,10 @@ static bool fill_from_ring(const struct ring_samples *all, int bone, struct vec3
     return true;
 }
 
-// ---------------------------------------------------------------- each point
+// ---------------------------------------------------------------- points
 
 struct inpainting {
-    const struct surface_mesh *surface;
-    const struct skin_weights *skins;
-    const struct bind_pose *bind_pose;
+    const struct vertex_color_target *target;
     struct height_bins bins;
     struct ring_samples *ring;
     struct vertex_colors *vertex_colors;
@@ -232,48 +232,47 @@ static void copy_color(struct vertex_colors *c, int i, int from)
     c->time_s[i] = c->time_s[from];
 }
 
-// What was seen of the body's other half where p is on this; -1: nothing, or as much was seen beside p.
+// The point that was seen nearest to p's mirror image; -1: none, or one was seen about as near to p itself.
 static int mirror_of(const struct inpainting *f, struct vec3 p)
 {
+    const struct surface_mesh *surface = f->target->surface;
     const struct vec3 mirrored = {-p.x, p.y, p.z};
-    const int mirror = nearest_seen(&f->bins, f->surface, mirrored, MIRROR_M);
+    const int mirror = nearest_seen(&f->bins, surface, mirrored, MIRROR_M);
     if (mirror < 0)
         return -1;
-    const double beside_m = 2 * v3_distance(f->surface->points[mirror], mirrored);
-    return nearest_seen(&f->bins, f->surface, p, beside_m) < 0 ? mirror : -1;
+    const double beside_m = 2 * v3_distance(surface->points[mirror], mirrored);
+    return nearest_seen(&f->bins, surface, p, beside_m) < 0 ? mirror : -1;
 }
 
-// Only what nobody saw is written, and only what somebody saw is read.
+// Threads share nothing that is written: only unseen points are written, only seen ones are read.
 static void fill_chunk(void *context, int chunk)
 {
     const struct inpainting *f = context;
+    const struct surface_mesh *surface = f->target->surface;
     struct vertex_colors *c = f->vertex_colors;
-    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < f->surface->point_count; i++) {
+    for (int i = chunk * CHUNK; i < (chunk + 1) * CHUNK && i < surface->point_count; i++) {
         if (!c->filled[i])
             continue;
-        const struct vec3 p = f->surface->points[i];
-        const int bone = f->skins[i].bone[0];
+        const struct vec3 p = surface->points[i];
+        const int bone = f->target->skins[i].bone[0];
         const int mirror = mirror_of(f, p);
         if (mirror >= 0)
             copy_color(c, i, mirror);
-        else if (!fill_from_ring(f->ring, bone, p, along_bone(f->bind_pose, bone, p), c->color[i], &c->time_s[i]))
-            copy_color(c, i, nearest_seen(&f->bins, f->surface, p, INFINITY));
+        else if (!fill_from_ring(f->ring, bone, p, along_bone(f->target->bind_pose, bone, p), c->color[i],
+                                 &c->time_s[i]))
+            copy_color(c, i, nearest_seen(&f->bins, surface, p, INFINITY));
     }
 }
 
-enum status color_inpaint(struct vertex_colors *vertex_colors, const struct surface_mesh *surface,
-                          const struct skin_weights *skins, const struct bind_pose *bind_pose)
+enum status color_inpaint(struct vertex_colors *vertex_colors, const struct vertex_color_target *target, int threads)
 {
-    struct inpainting f = {.surface = surface,
-                           .skins = skins,
-                           .bind_pose = bind_pose,
-                           .vertex_colors = vertex_colors,
-                           .ring = calloc(1, sizeof *f.ring)};
+    const struct surface_mesh *surface = target->surface;
+    struct inpainting f = {.target = target, .vertex_colors = vertex_colors, .ring = calloc(1, sizeof *f.ring)};
     enum status status =
         f.ring ? height_bins_open(&f.bins, surface, vertex_colors->filled) : fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
-        find_ring_samples(f.ring, vertex_colors, surface, skins, bind_pose);
-        parallel_for(THREADS, (surface->point_count + CHUNK - 1) / CHUNK, fill_chunk, &f);
+        find_ring_samples(f.ring, vertex_colors, target);
+        parallel_for(threads, (surface->point_count + CHUNK - 1) / CHUNK, fill_chunk, &f);
         free(f.bins.first);
         free(f.bins.points);
     }

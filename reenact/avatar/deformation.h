@@ -1,43 +1,48 @@
-// What rigid parts cannot follow: feet flex, shoulders rise, cloth sways. For one frame
-// a smooth field of small shifts over the bind pose, on a coarse grid, found from that
-// frame's depth, the outline and the colours it shows; what it does not show goes along with
-// what is beside it. (As in DynamicFusion, Newcombe et al. 2015, but within a skeleton's
-// transforms.) Pure; deterministic.
+// Non-rigid correction on top of skinning, for one frame: what rigid bones cannot follow (feet flex, shoulders rise,
+// cloth sways). A smooth field of small shifts of the bind pose's points, on a coarse grid, fitted to one frame's depth
+// (point to plane), silhouette and, if given, colours; what the frame does not show follows its neighbours. The idea is
+// DynamicFusion's (Newcombe et al. 2015), here inside a skeleton's bone transforms: robust Gauss-Newton, three
+// iterations, each solved by conjugate gradients.
+//
+// Shifts are in bind-pose axes, metres. A fit starts from zero shift and depends on nothing before it. No threads are
+// started; one deformation is used by one thread at a time. Deterministic.
 #pragma once
-#include "reenact/avatar/tsdf.h"
+#include "reenact/avatar/deformation_grid.h"
+#include "reenact/avatar/irradiance_sh.h"
 
-#define DEFORMATION_STEP_M       0.06 // between neighbouring nodes of the grid
-#define DEFORMATION_SHIFT_MOST_M 0.08 // of each component of a shift
+#define DEFORMATION_SHIFT_MOST_M 0.08 // of each component of a shift, which is clamped to it
 
 struct deformation;
 
-// No shift anywhere yet. The surface tells where the person is. Bind pose and lens are copied. ERR_MEMORY.
+// Without any shift. Nodes of the grid are where the surface is and inside the body. Bind pose and lens are copied;
+// the surface may go, but deformation_fit has to be given one of no more points. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status deformation_open(struct deformation **out, const struct bind_pose *bind_pose,
                                         const struct surface_mesh *surface, const struct calibration *calibration);
-void deformation_close(struct deformation **w);
+void deformation_close(struct deformation **w); // accepts NULL in *w
 
-// What the fit goes by. The surface is the tsdf's, the skins are its points'.
+// What is fitted. The surface is the TSDF's, the skin weights are those of its points.
 struct deformation_model {
     const struct tsdf *tsdf;
     const struct surface_mesh *surface;
     const struct skin_weights *skins;
 };
 
-// A frame's colours, and those that are known of the surface's points: stripes and prints tell what slides along it.
-struct vertex_colors;
+// A frame's colours, and the avatar's at the surface's points: stripes and prints show what slides along the surface.
 struct deformation_colors {
-    const struct vertex_colors *vertex_colors;
-    const uint8_t *rgb; // nobody else's among them (depth_frame_clean_colors)
+    const float (*albedo)[3];               // of each point of the surface; linear (vertex_color.h)
+    const uint8_t *filled;                  // of each point: not 0: albedo is inpainted, and not used
+    const struct sh_irradiance *irradiance; // that the albedo was divided by
+    const uint8_t *rgb;                     // of the frame, without background colours (depth_frame_clean_colors)
     const struct calibration *calibration;
     struct quat world_from_color;
 };
 
-// Lays the model, which is in `transforms` (colour camera's axes), on what one frame shows. colors: NULL: by its depth
-// and outline alone.
+// Fits the model, which is in `transforms` (colour camera's axes), to one frame. colors: NULL: to depth and silhouette
+// only. Cannot fail; a frame without evidence gives zero shift.
 void deformation_fit(struct deformation *w, const struct deformation_model *model,
                      const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                      const struct deformation_colors *colors);
-void deformation_clear(struct deformation *w);
+void deformation_clear(struct deformation *w); // back to zero shift
 
-// How far a point of the bind pose is shifted; bind-pose axes, metres.
+// The fitted shift of a point of the bind pose, quantised to DEFORMATION_SHIFT_MOST_M / 127; zero outside the grid.
 struct vec3 deformation_at(const struct deformation *w, struct vec3 bind_point);

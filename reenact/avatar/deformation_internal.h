@@ -1,43 +1,48 @@
-// The inside of a deformation, for fitting it to depth and outline (deformation.c) and to colours
-// (deformation_photometric.c) only.
+// The state of a deformation, shared by deformation.c (depth and silhouette), deformation_photometric.c (colours) and
+// deformation_equations.c (the solver). For those only. Calls go one way, in this order.
 #pragma once
 #include "reenact/avatar/deformation.h"
 
-// Point (x, y, z) lies at corner + (x, y, z) * DEFORMATION_STEP_M.
-struct deformation_grid {
-    struct vec3 corner;
-    int size[3];
-};
-
-// x, y, z and a fourth that is nothing, for which processors have instructions.
+// x, y, z and an unused fourth component, so that processors can use their vector instructions.
 typedef float four __attribute__((vector_size(16)));
 typedef double four_doubles __attribute__((vector_size(32)));
 
-struct deformation_row { // share . shift along n = value
+// One equation: sum of share[c] * dot(n, shift of node[c]) = value, metres; weight in 1/m².
+struct deformation_row {
     four n;
     int32_t node[8];
     float share[8], value, weight;
 };
 
-// A pixel of the person, and where in the bind pose its part has it.
+// A depth sample of the actor, mapped into the bind pose by the bone that shows there.
 struct deformation_sample {
-    struct vec3 bind_point, ray; // ray: the direction in which the camera saw it, unit
+    struct vec3 bind_point, ray; // ray: the viewing direction, unit, bind-pose axes
 };
 
-// A place of the outline that the person has in the picture.
+// A point of the actor's silhouette in the depth image.
 struct contour_point {
     struct pixel px;
     double nx, ny; // outwards, unit
-    int part;
+    int part;      // that is seen inside it
 };
 
-// A place of the surface that may be at the outline.
+// A point of the surface that may project onto the silhouette.
 struct silhouette_candidate {
-    struct pixel px;
-    double nx, ny; // outwards in the picture, unit
-    double z;      // depth camera's axes, metres
-    int point;
-    int next; // in the same tile; -1: none
+    struct pixel px; // depth image
+    double nx, ny;   // outwards in the image, unit
+    double z;        // depth camera's axes, metres
+    int point;       // of the surface
+    int next;        // in the same tile; -1: none
+};
+
+// A point of the surface whose colour can be compared with the frame's image. Colours are gamma-encoded (square roots
+// of linear ones), 0 to 1.
+enum { DEFORMATION_COLOR_POINTS = 4000 };
+struct color_point {
+    struct vec3 bind_point, at; // at: colour camera's axes
+    int bone;
+    float known[3];                    // the avatar's colour there, under the frame's irradiance
+    float seen[3], across[3], down[3]; // the smoothed image's colour there, and its change per pixel
 };
 
 struct deformation {
@@ -45,8 +50,8 @@ struct deformation {
     struct lens depth_lens;
     struct pose depth_from_color;
     struct deformation_grid grid;
-    int32_t *node;          // of each point of the grid; -1: none
-    int32_t (*neighbor)[3]; // of each node: the nodes that follow in x, y, z; -1: none
+    int32_t *node;          // of each grid point: number of its node; -1: none
+    int32_t (*neighbor)[3]; // of each node: the next nodes in x, y, z; -1: none
     int node_count;
     four *shift;                                           // of each node
     four *rhs, *residual, *direction, *product, *diagonal; // the solver's
@@ -58,28 +63,33 @@ struct deformation {
     int contour_count;
     struct silhouette_candidate *candidates;
     int candidate_count;
-    int32_t *tile;    // of the depth picture: the first of its candidates; -1: none
+    int32_t *tile;    // of the depth image: the first of its candidates; -1: none
     int across, down; // tiles
     struct color_point *color_points;
     int color_point_count;
-    uint8_t *quantized;
+    uint8_t *quantized; // of each grid point: x, y, z, unused; what deformation_at reads
 };
 
-// How far a point of the bind pose is shifted by now.
+// ---- deformation_equations.c
+
+// The shift of a point of the bind pose in the current iteration, not quantised.
 struct vec3 deformation_current_shift(const struct deformation *w, struct vec3 bind_point);
-// The place `bind_point` should go by `more` metres along n (unit, bind-pose axes) beyond what it is shifted now.
-void deformation_add_row(struct deformation *w, struct vec3 bind_point, struct vec3 n, double more, double weight);
 
-// A place of the surface whose colour in the frame's picture can be compared with the vertex_colors's.
-enum { DEFORMATION_COLOR_POINTS = 4000 };
-struct color_point {
-    struct vec3 bind_point, at; // at: colour camera's axes
-    int bone;
-    float known[3];                    // as the vertex_colors has it, in the frame's light; roots, 0 to 1
-    float seen[3], across[3], down[3]; // the picture's colour there, and how it changes by a pixel
+// bind_point should move by `gap` metres along `normal` beyond its current shift.
+struct deformation_constraint {
+    struct vec3 bind_point, normal; // normal: unit, bind-pose axes
+    double gap, weight;             // weight: 1/m²
 };
-// Adds what the colours say: where the picture, smoothed by sigma_px, shows the vertex_colors's colours neighbor where
-// they are.
+// Drops a constraint outside the nodes, or where the rows are full.
+void deformation_add_row(struct deformation *w, const struct deformation_constraint *constraint);
+
+// Solves the rows for the shifts, starting from the current ones.
+void deformation_solve(struct deformation *w);
+
+// ---- deformation_photometric.c
+
+// Adds a row for each point and channel where the image, smoothed by sigma_px, has a gradient: move the surface so that
+// the image shows the avatar's colours where they are.
 void deformation_add_colors(struct deformation *w, const struct deformation_model *model,
                             const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                             const struct deformation_colors *colors, double sigma_px);

@@ -1,33 +1,34 @@
 #include "reenact/avatar/silhouette_constraint.h"
 
+// All chosen by hand.
 enum { EVERY_PX = 2 };
-static const float PRIOR_WEIGHT = 50;      // places; a bone with fewer keeps nearer to what it is
-static const float LOCAL_PRIOR_WEIGHT = 5; // and a place of a bone with fewer nearer to the whole bone
+static const float PRIOR_WEIGHT = 50;      // contacts: of no change, against a bone's mean gap
+static const float LOCAL_PRIOR_WEIGHT = 5; // contacts: of the bone's mean gap, against the local one
 
-static const double SEARCH_BEFORE_M = 0.05, SEARCH_BEHIND_M = 0.12,
-                    STEP_M = 0.01;        // along the viewing ray, about what is seen
-static const double LEAST_GRADIENT = 0.3; // of a distance that means something
+// The part of the viewing ray that is searched, relative to the depth seen beside the silhouette.
+static const double SEARCH_BEFORE_M = 0.05, SEARCH_BEHIND_M = 0.12, STEP_M = 0.01;
+static const double LEAST_GRADIENT = 0.3; // without unit; where it is less the distance field has no clear normal
 
-// ---------------------------------------------------------------- places
+// ---------------------------------------------------------------- points
 
-static int find_at_pixel(const struct depth_frame *s, int x, int y, struct silhouette_point *places, int capacity)
+static int find_at_pixel(const struct depth_frame *s, int x, int y, struct silhouette_point *points, int capacity)
 {
     static const int8_t steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-    const float out = 0.5F - (float)DEPTH_FRAME_RIM_PX; // from the room's pixel inwards
+    const float out = 0.5F - (float)DEPTH_FRAME_RIM_PX; // from the background pixel inwards
     int count = 0;
     for (int k = 0; k < 4 && count < capacity; k++) {
         const int inside = depth_frame_step_inside(s, y * s->width + x, steps[k][1] * s->width + steps[k][0]);
         if (inside >= 0)
-            places[count++] =
+            points[count++] =
                 (struct silhouette_point){(float)x + out * (float)steps[k][0], (float)y + out * (float)steps[k][1],
                                           inside, steps[k][0], steps[k][1]};
     }
     return count;
 }
 
-// Stops where there is no more room for them.
+// Stops when SILHOUETTE_POINTS_MOST are found.
 static int find_with_stride(const struct depth_frame *s, int every,
-                            struct silhouette_point places[SILHOUETTE_POINTS_MOST])
+                            struct silhouette_point points[SILHOUETTE_POINTS_MOST])
 {
     enum { MARGIN = DEPTH_FRAME_INWARD_PX + 1 };
     const int left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN, top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN;
@@ -35,35 +36,35 @@ static int find_with_stride(const struct depth_frame *s, int every,
     for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
         for (int x = left + y % every; x <= s->right + 1 && x < s->width - MARGIN; x += every)
             if (s->part[y * s->width + x] == DEPTH_FRAME_BACKGROUND)
-                count += find_at_pixel(s, x, y, places + count, SILHOUETTE_POINTS_MOST - count);
+                count += find_at_pixel(s, x, y, points + count, SILHOUETTE_POINTS_MOST - count);
     return count;
 }
 
 int silhouette_find_points(const struct depth_frame *depth_frame,
-                           struct silhouette_point places[SILHOUETTE_POINTS_MOST])
+                           struct silhouette_point points[SILHOUETTE_POINTS_MOST])
 {
     int every = EVERY_PX, count;
-    while ((count = find_with_stride(depth_frame, every, places)) == SILHOUETTE_POINTS_MOST)
+    while ((count = find_with_stride(depth_frame, every, points)) == SILHOUETTE_POINTS_MOST)
         every++;
     return count;
 }
 
 int silhouette_point_bone(const struct bind_pose *bind_pose, const struct depth_frame *depth_frame,
-                          const struct silhouette_point *place, const struct pose bind_from_color[BONE_COUNT])
+                          const struct silhouette_point *point, const struct pose bind_from_color[BONE_COUNT])
 {
-    const struct vec3 beside = source_rays_point(depth_frame->rays, place->inside, depth_frame->depth[place->inside]);
-    return bind_pose_bone_at(bind_pose, (enum part)depth_frame->part[place->inside], beside, bind_from_color);
+    const struct vec3 beside = source_rays_point(depth_frame->rays, point->inside, depth_frame->depth[point->inside]);
+    return bind_pose_bone_at(bind_pose, (enum part)depth_frame->part[point->inside], beside, bind_from_color);
 }
 
 bool silhouette_find_contact(const struct tsdf *v, const struct calibration *calibration,
-                             const struct depth_frame *depth_frame, const struct silhouette_point *place,
+                             const struct depth_frame *depth_frame, const struct silhouette_point *point,
                              struct pose bind_from_color, struct silhouette_contact *out)
 {
     const struct pose color_from_depth = calibration->color_from_depth;
     const struct pose bind_from_depth = pose_multiply(bind_from_color, color_from_depth);
-    const struct vec3 ray = lens_ray(&calibration->depth, (struct pixel){(double)place->x, (double)place->y});
+    const struct vec3 ray = lens_ray(&calibration->depth, (struct pixel){(double)point->x, (double)point->y});
     const struct vec3 along = quat_rotate(bind_from_depth.rotation, ray);
-    const double z = depth_frame->depth[place->inside] * 1e-3;
+    const double z = depth_frame->depth[point->inside] * 1e-3;
     double least = NAN, least_z = 0;
     struct vec3 normal = {0, 0, 0};
     for (double at = z - SEARCH_BEFORE_M; at <= z + SEARCH_BEHIND_M; at += STEP_M) {
@@ -79,26 +80,26 @@ bool silhouette_find_contact(const struct tsdf *v, const struct calibration *cal
         (struct silhouette_contact){.gap = least,
                                     .at = pose_apply(color_from_depth, v3_scale(ray, least_z)),
                                     .normal = v3_unit(normal),
-                                    .inward = quat_rotate(color_from_depth.rotation, v3(place->in_x, place->in_y, 0))};
+                                    .inward = quat_rotate(color_from_depth.rotation, v3(point->in_x, point->in_y, 0))};
     return true;
 }
 
-// ---------------------------------------------------------------- how thick it is
+// ---------------------------------------------------------------- thickness
 
 void silhouette_measure(const struct tsdf *v, const struct calibration *calibration,
                         const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                         struct silhouette_gaps *gaps)
 {
-    struct silhouette_point places[SILHOUETTE_POINTS_MOST];
+    struct silhouette_point points[SILHOUETTE_POINTS_MOST];
     struct pose bind_from_color[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         bind_from_color[b] = pose_inverse(transforms->bone[b]);
-    const int count = silhouette_find_points(depth_frame, places);
+    const int count = silhouette_find_points(depth_frame, points);
     for (int i = 0; i < count; i++) {
-        const int bone = silhouette_point_bone(tsdf_bind_pose(v), depth_frame, &places[i], bind_from_color);
+        const int bone = silhouette_point_bone(tsdf_bind_pose(v), depth_frame, &points[i], bind_from_color);
         struct silhouette_contact contact;
         if (!tsdf_bind_pose(v)->known[bone] ||
-            !silhouette_find_contact(v, calibration, depth_frame, &places[i], bind_from_color[bone], &contact))
+            !silhouette_find_contact(v, calibration, depth_frame, &points[i], bind_from_color[bone], &contact))
             continue;
         const struct vec3 in_bind_pose = pose_apply(bind_from_color[bone], contact.at);
         const struct chart_sample here = chart_sample_at(&tsdf_bind_pose(v)->frame[bone], in_bind_pose);

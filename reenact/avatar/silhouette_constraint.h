@@ -1,52 +1,52 @@
-// The outlines that frames show: how the fused shape as a transforms places it meets them, place by place; and how
-// thick it has to be, at each height of each bone and on each side, to meet them all. A shape gathered from many
-// postures, none of them quite right, comes out too thin, thin limbs most of all, and too thick where noise blurs what
-// was seen from the front; no single reading contradicts; outlines do. Pure.
+// Silhouette constraint: how the fused shape, placed by a frame's transforms, meets the frame's silhouette, point by
+// point; and how thick the shape has to be, by height and side of each bone, to meet the silhouettes of all frames.
+// A TSDF fused from many poses, none of them exact, is too thin, thin limbs most of all, and too thick where noise
+// blurs what was seen frontally. No single depth sample contradicts that; silhouettes do. No state of its own, no
+// threads; deterministic. Memory: silhouette_measure takes 32 KiB of stack.
 #pragma once
-#include "reenact/skeleton/bone_chart.h"
 #include "reenact/avatar/tsdf.h"
+#include "reenact/skeleton/bone_chart.h"
 
-// A place of the person's outline in a frame: the room is on one side of it, something of the person on the other.
+// A point of the actor's silhouette in a frame, between a background pixel and one of the actor's.
 struct silhouette_point {
-    float x, y;        // depth picture's pixels
-    int32_t inside;    // the person's pixel beside it
+    float x, y;        // depth image, pixels
+    int32_t inside;    // index of the actor's pixel beside it
     int8_t in_x, in_y; // the step towards that
 };
 enum { SILHOUETTE_POINTS_MOST = 2000 };
 
-// Of all places spread evenly over the outline at most SILHOUETTE_POINTS_MOST. How many there are.
+// Points evenly spread over the silhouette, fewer than SILHOUETTE_POINTS_MOST. Returns their number.
 int silhouette_find_points(const struct depth_frame *depth_frame,
-                           struct silhouette_point places[SILHOUETTE_POINTS_MOST]);
+                           struct silhouette_point points[SILHOUETTE_POINTS_MOST]);
 
-// Which bone is seen beside a place. bind_from_color: of each bone.
+// Which bone is seen beside a point. bind_from_color: of each bone.
 int silhouette_point_bone(const struct bind_pose *bind_pose, const struct depth_frame *depth_frame,
-                          const struct silhouette_point *place, const struct pose bind_from_color[BONE_COUNT]);
+                          const struct silhouette_point *point, const struct pose bind_from_color[BONE_COUNT]);
 
-// Where the viewing ray through a place comes nearest to the shape, as one bone goes.
+// Where the viewing ray through a silhouette point comes nearest to the shape, which moves with one bone.
 struct silhouette_contact {
-    double gap;         // metres between them (+: the shape is too thin, or lies aside) or how deep it cuts (-)
-    struct vec3 at;     // on the line, metres in the colour camera's axes
+    double gap;         // metres: positive: the ray misses the shape, which is too thin or displaced; negative: it cuts
+    struct vec3 at;     // on the ray, metres, colour camera's axes
     struct vec3 normal; // of the shape, bind-pose axes, unit
-    struct vec3 inward; // the step towards the person, colour camera's axes, unit
+    struct vec3 inward; // from the silhouette towards the actor, colour camera's axes, unit
 };
-// False: it is nowhere near.
+// False: the shape is not within some 10 cm along the ray, or has no clear normal.
 bool silhouette_find_contact(const struct tsdf *v, const struct calibration *calibration,
-                             const struct depth_frame *depth_frame, const struct silhouette_point *place,
+                             const struct depth_frame *depth_frame, const struct silhouette_point *point,
                              struct pose bind_from_color, struct silhouette_contact *out);
 
-// How far viewing rays along the person's outline pass by the shape (+, metres: it is too thin) or cut into it (-),
-// summed up by where on the bone they touch it, and how many did.
+// The sum of gaps, metres, and the number of contacts, by where on the bone they are.
 struct silhouette_gaps {
     struct bone_chart sum[BONE_COUNT], count[BONE_COUNT];
 };
 
-// Adds what one frame says, the person being in `transforms`.
+// Adds one frame's contacts, the bones being at `transforms` (colour camera's axes).
 void silhouette_measure(const struct tsdf *v, const struct calibration *calibration,
                         const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
                         struct silhouette_gaps *gaps);
 
-// Of some frames, then of others.
+// Adds the gaps of other frames.
 void silhouette_gaps_add(struct silhouette_gaps *to, const struct silhouette_gaps *gaps);
 
-// Moves the surface out (or in) by the mean gap about each place, or of the whole bone where few places say anything.
+// Moves the surface by the local mean gap, or towards the whole bone's mean where few contacts were counted.
 void tsdf_match_silhouettes(struct tsdf *v, const struct silhouette_gaps *gaps);

@@ -1,23 +1,25 @@
 #include "reenact/avatar/texture_atlas.h"
 
 #include "base/parallel.h"
+#include "base/portable_math.h"
 #include "platform/mesh_simplify.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { TRIANGLES = 2500, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, SUBDIVISIONS = 4, ITERATIONS = 3 };
+enum { TRIANGLES = 2500, ROWS = 16, FARTHEST_CELLS = 4, SUBDIVISIONS = 4, ITERATIONS = 3 };
 
-static const double ERROR_M = 0.01; // that the shape may lose before it is laid on the fine one
-static const double TEXEL_M = 0.004, COARSER = 1.3, TEXEL_MOST_M = 0.03; // the next where it does not fit
-static const float GUTTER = 1.5F; // texels: filtering looks so far over a triangle's edge
+// docs/notes/retrieval-and-drawing.md compares 2000 to 4000 triangles; the rest was chosen by hand.
+static const double ERROR_M = 0.01; // of simplification, before the coarse mesh is refitted to the fine surface
+static const double TEXEL_M = 0.004, COARSER = 1.3, TEXEL_MOST_M = 0.03; // COARSER: factor where it does not fit
+static const float GUTTER = 1.5F; // texels beyond a triangle's edge that bilinear filtering reads
 
-// Finds the places of the fine surface: its points by cubes of the tsdf's step, and each point's triangles.
+// Finds points of the fine surface by cubes of TSDF_VOXEL_M, and the triangles of each point.
 struct point_grid {
     const struct surface_mesh *surface;
     struct vec3 low;
     int size[3];
-    int32_t *head, *next;      // points of each cube; -1: none, no more
+    int32_t *head, *next;      // linked list of each cube's points; -1: end
     int32_t *first, *triangle; // point i's triangles are numbers first[i] to first[i + 1] of `triangle`
 };
 
@@ -58,7 +60,8 @@ static void fill_grid(struct point_grid *f)
         f->first[s->corners[c] + 1]++;
     for (int i = 0; i < s->point_count; i++)
         f->first[i + 1] += f->first[i];
-    for (int c = s->corner_count - 1; c >= 0; c--) // from behind, where `first` still says how many are before
+    // Backwards: first[i + 1] is the end of point i's range, and becomes its start.
+    for (int c = s->corner_count - 1; c >= 0; c--)
         f->triangle[--f->first[s->corners[c] + 1]] = c / 3;
     memmove(f->first, f->first + 1, sizeof *f->first * (size_t)s->point_count);
     f->first[s->point_count] = s->corner_count;
@@ -92,30 +95,44 @@ static enum status point_grid_open(struct point_grid *f, const struct surface_me
     return OK;
 }
 
-// The nearest of the surface's points that face the same way; -1: none is near.
-static int32_t nearest_point(const struct point_grid *f, struct vec3 p, struct vec3 facing)
+// The nearest point of one cube that faces the same way, if it is nearer than the best so far.
+struct nearest {
+    double distance2;
+    int32_t point; // -1: none
+};
+
+static void search_cube(const struct point_grid *f, const int at[3], struct vec3 p, struct vec3 facing,
+                        struct nearest *best)
 {
-    int middle[3], at[3];
-    int32_t best = -1;
-    cube_of(f, p, middle);
-    for (int reach = 1; reach <= FARTHEST_CELLS && best < 0; reach++) {
-        double least = INFINITY;
-        for (at[2] = middle[2] - reach; at[2] <= middle[2] + reach; at[2]++)
-            for (at[1] = middle[1] - reach; at[1] <= middle[1] + reach; at[1]++)
-                for (at[0] = middle[0] - reach; at[0] <= middle[0] + reach; at[0]++) {
-                    const int32_t *head = head_of(f, at);
-                    for (int32_t i = head ? *head : -1; i >= 0; i = f->next[i]) {
-                        struct vec3 d = v3_sub(f->surface->points[i], p);
-                        double away2 = v3_dot(d, d);
-                        if (away2 < least && v3_dot(f->surface->normals[i], facing) > 0)
-                            least = away2, best = i;
-                    }
-                }
+    const int32_t *head = head_of(f, at);
+    for (int32_t i = head ? *head : -1; i >= 0; i = f->next[i]) {
+        struct vec3 d = v3_sub(f->surface->points[i], p);
+        double away2 = v3_dot(d, d);
+        if (away2 < best->distance2 && v3_dot(f->surface->normals[i], facing) > 0)
+            *best = (struct nearest){away2, i};
     }
-    return best;
 }
 
-// The place of a triangle that is nearest to p, by its corners' shares; how far it is, squared.
+// The nearest of the surface's points that face the same way; -1: none is near. Searches growing blocks of cubes until
+// one has any.
+static int32_t nearest_point(const struct point_grid *f, struct vec3 p, struct vec3 facing)
+{
+    struct nearest best = {INFINITY, -1};
+    int center[3];
+    cube_of(f, p, center);
+    for (int reach = 1; reach <= FARTHEST_CELLS && best.point < 0; reach++) {
+        const int side = 2 * reach + 1;
+        for (int i = 0; i < side * side * side; i++) {
+            const int at[3] = {center[0] - reach + i % side, center[1] - reach + i / side % side,
+                               center[2] - reach + i / side / side};
+            search_cube(f, at, p, facing, &best);
+        }
+    }
+    return best.point;
+}
+
+// The point of a triangle that is nearest to p, in barycentric coordinates; its squared distance. Beyond an edge it is
+// approximate: negative coordinates are set to 0.
 static double closest_point(const struct vec3 *a, const struct vec3 *b, const struct vec3 *c, struct vec3 p,
                             double share[3])
 {
@@ -126,7 +143,7 @@ static double closest_point(const struct vec3 *a, const struct vec3 *b, const st
     share[2] = area2 > 0 ? (d11 * e2 - d12 * e1) / area2 : 0;
     share[0] = 1 - share[1] - share[2];
     double sum = 0;
-    for (int i = 0; i < 3; i++) // beyond an edge: near enough to the nearest
+    for (int i = 0; i < 3; i++)
         sum += share[i] = fmax(share[i], 0);
     for (int i = 0; i < 3; i++)
         share[i] /= sum;
@@ -135,24 +152,25 @@ static double closest_point(const struct vec3 *a, const struct vec3 *b, const st
     return v3_dot(off, off);
 }
 
-// ---------------------------------------------------------------- the picture
+// ---------------------------------------------------------------- the image
 
-struct texel_fill {
+struct texel_bake {
     struct texture_atlas *atlas;
     const struct vertex_colors *vertex_colors;
     const struct point_grid *grid;
-    int32_t *owner; // of each texel: a triangle; -1: none is near
-    float *off;     // how far beyond its edge it lies
+    int32_t *owner; // of each texel: the triangle that is baked into it; -1: none is near
+    float *off;     // of each texel: distance beyond that triangle's edge, texels; negative inside
 };
 
-static void write_texel(const struct texel_fill *f, size_t texel, struct vec3 p, struct vec3 facing)
+static void write_texel(const struct texel_bake *f, size_t texel, struct vec3 p, struct vec3 facing)
 {
     const struct surface_mesh *s = f->grid->surface;
     int32_t point = nearest_point(f->grid, p, facing);
     double least = INFINITY, best[3] = {1, 0, 0};
     if (point < 0)
         return;
-    const int32_t alone[3] = {point, point, point}, *of = alone; // where no triangle has it
+    const int32_t alone[3] = {point, point, point},
+                  *of = alone; // of: the corners of the nearest triangle; the point itself where there is none
     for (int32_t i = f->grid->first[point]; i < f->grid->first[point + 1]; i++) {
         const int32_t *c = s->corners + 3 * (size_t)f->grid->triangle[i];
         double share[3];
@@ -179,8 +197,8 @@ static void write_texel(const struct texel_fill *f, size_t texel, struct vec3 p,
     seen_time[3] = 255;
 }
 
-// How much each corner of a triangle of the mesh has of a texel; they add up to 1, and are negative beyond an edge.
-// *off: how far beyond the farthest edge it lies, texels.
+// Barycentric coordinates of (x, y) in a triangle of the mesh, negative beyond an edge. *off: how far it lies beyond
+// the farthest edge, texels.
 static void barycentrics_of(const struct uv_mesh *m, const int32_t *c, float x, float y, float share[3], float *off)
 {
     const float *q[3] = {m->at[c[0]], m->at[c[1]], m->at[c[2]]};
@@ -190,12 +208,13 @@ static void barycentrics_of(const struct uv_mesh *m, const int32_t *c, float x, 
         const float *a = q[(i + 1) % 3], *b = q[(i + 2) % 3];
         float doubled = (a[0] - x) * (b[1] - y) - (a[1] - y) * (b[0] - x);
         share[i] = doubled / area;
-        *off = fmaxf(*off, -doubled / hypotf(b[0] - a[0], b[1] - a[1]));
+        *off = fmaxf(*off, -doubled / (float)portable_hypot((double)(b[0] - a[0]), (double)(b[1] - a[1])));
     }
 }
 
-// Every texel that a triangle covers, or that lies just beyond its edge, is the one's that it lies deepest in.
-static void assign_texels(struct texel_fill *f)
+// Each texel that a triangle covers, or that lies less than GUTTER beyond its edge, goes to the triangle that it lies
+// deepest in.
+static void assign_texels(struct texel_bake *f)
 {
     const struct uv_mesh *m = &f->atlas->mesh;
     for (int t = 0; t < m->corner_count; t += 3) {
@@ -222,7 +241,7 @@ static void assign_texels(struct texel_fill *f)
 
 static void write_rows(void *context, int rows)
 {
-    const struct texel_fill *f = context;
+    const struct texel_bake *f = context;
     const struct surface_mesh *s = f->grid->surface;
     const struct uv_mesh *m = &f->atlas->mesh;
     for (int y = rows * ROWS; y < (rows + 1) * ROWS && y < m->height; y++)
@@ -242,10 +261,10 @@ static void write_rows(void *context, int rows)
         }
 }
 
-static enum status fill(struct texture_atlas *a, const struct point_grid *grid,
-                        const struct vertex_colors *vertex_colors)
+static enum status bake(struct texture_atlas *a, const struct point_grid *grid,
+                        const struct vertex_colors *vertex_colors, int threads)
 {
-    struct texel_fill f = {.atlas = a, .vertex_colors = vertex_colors, .grid = grid};
+    struct texel_bake f = {.atlas = a, .vertex_colors = vertex_colors, .grid = grid};
     size_t texels = (size_t)a->mesh.width * (size_t)a->mesh.height;
     enum status status = OK;
     a->color = calloc(texels, 3);
@@ -256,7 +275,7 @@ static enum status fill(struct texture_atlas *a, const struct point_grid *grid,
         for (size_t i = 0; i < texels; i++)
             f.owner[i] = -1, f.off[i] = INFINITY;
         assign_texels(&f);
-        parallel_for(THREADS, (a->mesh.height + ROWS - 1) / ROWS, write_rows, &f);
+        parallel_for(threads, (a->mesh.height + ROWS - 1) / ROWS, write_rows, &f);
     } else {
         status = fail(ERR_MEMORY, "out of memory");
     }
@@ -265,14 +284,14 @@ static enum status fill(struct texture_atlas *a, const struct point_grid *grid,
     return status;
 }
 
-// ---------------------------------------------------------------- the mesh
+// ---------------------------------------------------------------- the coarse mesh
 
-// The few triangles, by numbers of the fine surface's points; of the points that none of them has nothing is known.
+// The coarse triangles, indexed by the fine surface's points; other points' values are undefined.
 struct coarse_mesh {
     int32_t *corners;
     int corner_count;
     struct vec3 *points, *normals; // normals: unit
-    double *moves, *weights;
+    double *moves, *weights;       // of each point: weighted sum of its moves along the normal, metres; weights
 };
 
 static void coarse_mesh_free(struct coarse_mesh *c)
@@ -284,7 +303,7 @@ static void coarse_mesh_free(struct coarse_mesh *c)
     free(c->weights);
 }
 
-// What a triangle says of its corners' normals counts by how large it is.
+// Area-weighted.
 static void find_normals(struct coarse_mesh *c, int point_count)
 {
     for (int i = 0; i < point_count; i++)
@@ -300,7 +319,7 @@ static void find_normals(struct coarse_mesh *c, int point_count)
         c->normals[i] = v3_unit(c->normals[i]);
 }
 
-// How far off the fine surface a triangle lies, at places spread evenly over it, each corner to its share.
+// Samples how far a triangle lies from the fine surface, and distributes it to its corners by barycentric coordinates.
 static void measure_triangle(struct coarse_mesh *c, const struct point_grid *f, const int32_t *at)
 {
     const struct vec3 *p = c->points, *n = c->normals;
@@ -309,15 +328,15 @@ static void measure_triangle(struct coarse_mesh *c, const struct point_grid *f, 
         for (int j = 0; i + j < SUBDIVISIONS; j++) {
             const double a = (i + 1.0 / 3) / SUBDIVISIONS, b = (j + 1.0 / 3) / SUBDIVISIONS,
                          share[3] = {a, b, 1 - a - b};
-            struct vec3 place = v3(0, 0, 0), facing = place;
+            struct vec3 at_sample = v3(0, 0, 0), facing = at_sample;
             for (int k = 0; k < 3; k++) {
-                place = v3_add(place, v3_scale(p[at[k]], share[k]));
+                at_sample = v3_add(at_sample, v3_scale(p[at[k]], share[k]));
                 facing = v3_add(facing, v3_scale(n[at[k]], share[k]));
             }
-            const int32_t nearest = nearest_point(f, place, facing);
+            const int32_t nearest = nearest_point(f, at_sample, facing);
             if (nearest < 0)
                 continue;
-            double off = v3_dot(f->surface->normals[nearest], v3_sub(f->surface->points[nearest], place));
+            double off = v3_dot(f->surface->normals[nearest], v3_sub(f->surface->points[nearest], at_sample));
             for (int k = 0; k < 3; k++) {
                 c->moves[at[k]] += share[k] * area * off;
                 c->weights[at[k]] += share[k] * area;
@@ -325,12 +344,13 @@ static void measure_triangle(struct coarse_mesh *c, const struct point_grid *f, 
         }
 }
 
-// The points that are left lie on the fine surface, so of a round limb all that is between them lies within it, and it
-// would be drawn too thin. They move out until as much lies without as within.
-static void fit(struct coarse_mesh *c, const struct point_grid *f)
+// The corners of the simplified mesh lie on the fine surface, so on a round limb the triangles between them lie inside
+// it and the limb would be drawn too thin. The corners move along their normals until as much of each triangle lies
+// outside as inside.
+static void refit(struct coarse_mesh *c, const struct point_grid *f)
 {
     const int count = f->surface->point_count;
-    for (int round = 0; round < ITERATIONS; round++) {
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         find_normals(c, count);
         for (int i = 0; i < count; i++)
             c->moves[i] = c->weights[i] = 0;
@@ -362,8 +382,8 @@ static enum status coarse_mesh_make(struct coarse_mesh *c, const struct surface_
         points[i][1] = (float)s->points[i].y;
         points[i][2] = (float)s->points[i].z;
     }
-    c->corner_count = mesh_simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count,
-                                    3 * TRIANGLES, (float)ERROR_M, c->corners);
+    const struct simplify_mesh full = {(const float(*)[3])points, s->corners, s->point_count, s->corner_count};
+    c->corner_count = mesh_simplify(&full, 3 * TRIANGLES, (float)ERROR_M, c->corners);
     free(points);
     return OK;
 }
@@ -390,7 +410,7 @@ static enum status unwrap_coarse(struct texture_atlas *a, const struct surface_m
 }
 
 enum status texture_atlas_make(struct texture_atlas *out, const struct surface_mesh *s,
-                               const struct vertex_colors *vertex_colors)
+                               const struct vertex_colors *vertex_colors, int threads)
 {
     struct coarse_mesh coarse = {0};
     struct point_grid grid;
@@ -400,11 +420,11 @@ enum status texture_atlas_make(struct texture_atlas *out, const struct surface_m
         return status;
     status = coarse_mesh_make(&coarse, s);
     if (status == OK) {
-        fit(&coarse, &grid);
+        refit(&coarse, &grid);
         status = unwrap_coarse(out, s, &coarse);
     }
     if (status == OK)
-        status = fill(out, &grid, vertex_colors);
+        status = bake(out, &grid, vertex_colors, threads);
     coarse_mesh_free(&coarse);
     point_grid_close(&grid);
     if (status != OK)

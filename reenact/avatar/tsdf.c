@@ -6,13 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double REACH_M = 0.12;         // about the parts' cylinders
-static const double END_REACH_M = 0.27;     // about hands and feet, which lie beyond the last joint
-static const float CYLINDER_WEIGHT = 0.5F;  // in frames
-static const double TRUNK_DEEP = 0.7;       // of how wide it is; .6 to .85 do alike, as deep as wide is worse
-static const float FREE_SPACE_SHARE = 0.6F; // of the largest distance
+static const double REACH_M = 0.12;         // of the field around the parts' cylinders; chosen by hand
+static const double END_REACH_M = 0.27;     // around head, hands and feet, which extend past the last joint; likewise
+static const float CYLINDER_WEIGHT = 0.5F;  // of the cylinders' distances, in frames; less cost the filmed man 0.4 dB
+static const double TRUNK_DEPTH = 0.7;      // depth / width; 0.6 to 0.85 do alike on the filmed people, 1 is worse
+static const float FREE_SPACE_SHARE = 0.6F; // of the truncation: what is at least so far from the surface is free
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
+enum { NORMAL_PASSES = 6, CHUNK = 8192, MOST_POINTS = 64000000 };
 
 static struct vec3 point_at(const struct tsdf *v, int at)
 {
@@ -20,7 +20,9 @@ static struct vec3 point_at(const struct tsdf *v, int at)
     return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
 }
 
-static void find_size(struct tsdf *v)
+// The grid: the bind pose's joints and a margin. Sizes are compared before they become integers: joints may lie
+// anywhere.
+static enum status find_size(struct tsdf *v)
 {
     struct vec3 low = v3(INFINITY, INFINITY, INFINITY), high = v3(-INFINITY, -INFINITY, -INFINITY);
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -35,15 +37,18 @@ static void find_size(struct tsdf *v)
         margin = v->bind_pose.known[p] ? fmax(margin, v->bind_pose.radius[p] + REACH_M) : margin;
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
-    v->size[0] = (int)ceil(extent.x / v->step) + 1;
-    v->size[1] = (int)ceil(extent.y / v->step) + 1;
-    v->size[2] = (int)ceil(extent.z / v->step) + 1;
+    const double size[3] = {ceil(extent.x / v->step) + 1, ceil(extent.y / v->step) + 1, ceil(extent.z / v->step) + 1};
+    if (!(size[0] >= 1 && size[1] >= 1 && size[2] >= 1 && size[0] * size[1] * size[2] <= MOST_POINTS))
+        return fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
+    for (int i = 0; i < 3; i++)
+        v->size[i] = (int)size[i];
+    return OK;
 }
 
-static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
+static int clamp_to(double g, int size) { return g > 0 ? g > size ? size : (int)g : 0; }
 
-// Lays the capsule from a to b into the grid: `distance` has the least there, and what
-// lies nearer than `reach` is marked in `keep`.
+// Rasterises a capsule, from a to b: each voxel's distance becomes the minimum of its own and the capsule's; grid
+// points nearer than `reach` are marked in `keep`.
 static void rasterize_capsule(struct tsdf *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
 {
     struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
@@ -52,8 +57,8 @@ static void rasterize_capsule(struct tsdf *v, struct vec3 a, struct vec3 b, doub
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = within(floor((lows[i] - wide) / v->step), v->size[i]);
-        to[i] = within(ceil((highs[i] + wide) / v->step) + 1, v->size[i]);
+        from[i] = clamp_to(floor((lows[i] - wide) / v->step), v->size[i]);
+        to[i] = clamp_to(ceil((highs[i] + wide) / v->step) + 1, v->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
@@ -82,8 +87,6 @@ static void rasterize_body(struct tsdf *v, uint8_t *keep)
                 rasterize_capsule(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
 }
 
-enum { CHUNK = 8192, THREADS = 2 };
-
 static void skin_chunk(void *context, int chunk)
 {
     struct tsdf *v = context;
@@ -91,7 +94,7 @@ static void skin_chunk(void *context, int chunk)
         v->cells[c].skin = bind_pose_skin_weights(&v->bind_pose, point_at(v, v->cells[c].at));
 }
 
-static enum status open_cells(struct tsdf *v, int64_t count)
+static enum status open_cells(struct tsdf *v, int count)
 {
     uint8_t *keep = calloc((size_t)count, 1);
     if (!keep)
@@ -106,33 +109,31 @@ static enum status open_cells(struct tsdf *v, int64_t count)
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i]) {
             struct vec3 p = point_at(v, i);
-            v->cells[c++] = (struct tsdf_cell){.at = i, .place = {(float)p.x, (float)p.y, (float)p.z}};
+            v->cells[c++] = (struct tsdf_cell){.at = i, .point = {(float)p.x, (float)p.y, (float)p.z}};
             v->voxels[i] = (struct tsdf_voxel){fmaxf(-TSDF_TRUNCATION_M, v->voxels[i].distance), CYLINDER_WEIGHT, 0};
         }
     free(keep);
     if (!v->cells)
         return fail(ERR_MEMORY, "out of memory");
-    parallel_for(THREADS, (v->cell_count + CHUNK - 1) / CHUNK, skin_chunk, v);
+    parallel_for(v->threads, (v->cell_count + CHUNK - 1) / CHUNK, skin_chunk, v);
     return OK;
 }
 
 enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind_pose, const struct calibration *calibration,
-                      double step_m)
+                      double step_m, int threads)
 {
     *out = NULL;
     struct tsdf *v = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "out of memory");
     v->step = step_m;
+    v->threads = threads;
     v->bind_pose = *bind_pose;
     v->calibration = *calibration;
     v->depth_from_color = pose_inverse(calibration->color_from_depth);
-    find_size(v);
-    int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
-    enum status status = OK;
-    if (count > MOST_POINTS)
-        status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
+    enum status status = find_size(v);
     if (status == OK) {
+        const int count = v->size[0] * v->size[1] * v->size[2];
         const struct lens *lens = &calibration->depth;
         v->voxels = calloc((size_t)count, sizeof *v->voxels);
         v->samples = malloc(sizeof *v->samples * (size_t)lens->width * (size_t)lens->height);
@@ -159,19 +160,20 @@ void tsdf_close(struct tsdf **v)
     *v = NULL;
 }
 
-// ---------------------------------------------------------------- what nobody saw
+// ---------------------------------------------------------------- the unseen trunk
 
 static bool is_trunk(int bone) { return bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO; }
 
-// From a trunk's surface to a place, along the way from its bone; negative: inside. (Bind-pose axes: z is the back.)
-static double flattened_distance(const struct bind_pose *bind_pose, int bone, struct vec3 place)
+// Distance from a trunk's surface, an elliptic capsule, to a point along the direction from its bone; negative: inside.
+// (Bind-pose axes: z points to the back.)
+static double flattened_distance(const struct bind_pose *bind_pose, int bone, struct vec3 point)
 {
     const struct bone_frame *f = &bind_pose->frame[bone];
-    const struct vec3 in = v3_sub(place, f->origin);
+    const struct vec3 in = v3_sub(point, f->origin);
     const double along = fmin(fmax(v3_dot(in, f->z), 0), f->length);
     const struct vec3 off = v3_sub(in, v3_scale(f->z, along));
-    const double wide = v3_length(v3(off.x, off.y, off.z / TRUNK_DEEP)); // were it as deep as wide
-    return wide > 0 ? v3_length(off) * (1 - bind_pose->radius[bone] / wide) : -TRUNK_DEEP * bind_pose->radius[bone];
+    const double wide = v3_length(v3(off.x, off.y, off.z / TRUNK_DEPTH)); // stretched to a round cross-section
+    return wide > 0 ? v3_length(off) * (1 - bind_pose->radius[bone] / wide) : -TRUNK_DEPTH * bind_pose->radius[bone];
 }
 
 void tsdf_flatten_unseen_trunk(struct tsdf *v)
@@ -186,7 +188,7 @@ void tsdf_flatten_unseen_trunk(struct tsdf *v)
     }
 }
 
-// ---------------------------------------------------------------- growing, leaving alone
+// ---------------------------------------------------------------- offset, free space
 
 struct offset_job {
     struct tsdf *tsdf;
@@ -196,14 +198,14 @@ struct offset_job {
 static void offset_cell(const struct offset_job *g, const struct tsdf_cell *cell)
 {
     float *distance = &g->tsdf->voxels[cell->at].distance;
-    if (*distance >= TSDF_TRUNCATION_M) // nobody asks
+    if (*distance >= TSDF_TRUNCATION_M) // far outside: stays so
         return;
-    const struct vec3 place = v3((double)cell->place[0], (double)cell->place[1], (double)cell->place[2]);
+    const struct vec3 point = v3((double)cell->point[0], (double)cell->point[1], (double)cell->point[2]);
     for (int i = 0; i < SKIN_BONES; i++) {
         const int bone = cell->skin.bone[i];
         if (!(cell->skin.weight[i] > 0))
             continue;
-        const struct chart_sample here = chart_sample_at(&g->tsdf->bind_pose.frame[bone], place);
+        const struct chart_sample here = chart_sample_at(&g->tsdf->bind_pose.frame[bone], point);
         *distance -= cell->skin.weight[i] * bone_chart_at(&g->out_m[bone], &here);
     }
 }
@@ -218,10 +220,10 @@ static void offset_chunk(void *context, int chunk)
 void tsdf_offset(struct tsdf *v, const struct bone_chart out_m[BONE_COUNT])
 {
     struct offset_job job = {v, out_m};
-    parallel_for(THREADS, (v->cell_count + CHUNK - 1) / CHUNK, offset_chunk, &job);
+    parallel_for(v->threads, (v->cell_count + CHUNK - 1) / CHUNK, offset_chunk, &job);
 }
 
-// Both grids begin at the same corner.
+// The voxel of `known` that is nearest to a cell of v; both grids begin at the same corner.
 static const struct tsdf_voxel *known_voxel(const struct tsdf *v, const struct tsdf *known,
                                             const struct tsdf_cell *cell)
 {
@@ -258,7 +260,7 @@ enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known)
     return OK;
 }
 
-// ---------------------------------------------------------------- looking up
+// ---------------------------------------------------------------- sampling
 
 const struct bind_pose *tsdf_bind_pose(const struct tsdf *v) { return &v->bind_pose; }
 
@@ -267,9 +269,9 @@ const struct calibration *tsdf_calibration(const struct tsdf *v) { return &v->ca
 bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen)
 {
     struct vec3 g = v3_scale(v3_sub(bind_point, v->corner), 1 / v->step);
-    int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
-    if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
+    if (!(g.x >= 0 && g.y >= 0 && g.z >= 0 && g.x < v->size[0] - 1 && g.y < v->size[1] - 1 && g.z < v->size[2] - 1))
         return false;
+    const int x = (int)g.x, y = (int)g.y, z = (int)g.z;
     double f[2][2][2], u = g.x - x, w = g.y - y, t = g.z - z;
     float least_seen = INFINITY;
     for (int i = 0; i < 8; i++) {
@@ -327,7 +329,7 @@ void surface_mesh_free(struct surface_mesh *s)
     *s = (struct surface_mesh){0};
 }
 
-// The point of the cube whose lowest grid point is `at`: the mean of where its edges cross the surface.
+// The vertex of the cube whose lowest grid point is `at`: the mean of its edges' zero crossings. False: none cross.
 static bool cube_point(const struct tsdf *v, int at, struct vec3 *out)
 {
     const int dx = 1, dy = v->size[0], dz = v->size[0] * v->size[1];
@@ -358,17 +360,17 @@ static bool cube_point(const struct tsdf *v, int at, struct vec3 *out)
     return true;
 }
 
-static void add_quad(struct surface_mesh *s, const int32_t q[4], bool turned)
+static void add_quad(struct surface_mesh *s, const int32_t q[4], bool reversed)
 {
     static const int order[2][6] = {{0, 1, 2, 0, 2, 3}, {0, 2, 1, 0, 3, 2}};
     for (int i = 0; i < 4; i++)
         if (q[i] < 0)
             return;
     for (int i = 0; i < 6; i++)
-        s->corners[s->corner_count++] = q[order[turned][i]];
+        s->corners[s->corner_count++] = q[order[reversed][i]];
 }
 
-// Normals noisy as the readings would make the light flicker over the skin: each takes the mean of its neighbours'.
+// Normals as noisy as depth would make the shading flicker: each becomes the mean of itself and its neighbours.
 static enum status smooth_normals(struct surface_mesh *s)
 {
     struct vec3 *sum = malloc(sizeof *sum * (size_t)(s->point_count + 1));
@@ -420,7 +422,7 @@ enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out)
         out->points[out->point_count++] = p;
     }
     for (int c = 0; c < v->cell_count; c++)
-        for (int axis = 0; axis < 3; axis++) { // each edge that crosses joins the four cubes about it
+        for (int axis = 0; axis < 3; axis++) { // each crossing edge makes a quad of the four cubes around it
             int at = v->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
             if (to >= count || at < b + d || !(v->voxels[to].weight > 0) ||
                 (v->voxels[at].distance < 0) == (v->voxels[to].distance < 0))

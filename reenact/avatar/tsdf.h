@@ -1,56 +1,64 @@
-// The person's shape in the bind pose: how far every place near the bones is from
-// the surface, gathered from the depth of many frames (a truncated signed
-// distance, after Curless and Levoy 1996). What a sensor looked through is empty,
-// what lies just behind what it saw is not; what nobody saw stays as the parts'
-// cylinders have it. Pure; deterministic.
+// TSDF: the actor's shape in the bind pose, a truncated signed distance field fused from the depth of many frames
+// (Curless & Levoy 1996: weighted running mean of distances along viewing rays). Each grid point is skinned into each
+// frame. Space that the sensor saw through is free, what lies just behind a depth sample is inside; grid points that
+// were never observed keep the distance to the bones' cylinders.
+//
+// Bind-pose axes, metres; distances negative inside. tsdf_open, _integrate and _offset start up to the given number of
+// threads and end them before they return; results do not depend on how many. One thread at a time calls a function
+// that changes a TSDF; any number may read one that is not being changed. Deterministic.
+// Memory: 12 bytes for each grid point, some 90 for each grid point near a bone, 6 for each depth pixel.
 #pragma once
-#include "reenact/skeleton/bone_chart.h"
-#include "reenact/skeleton/body_cylinders.h"
-#include "reenact/skeleton/bind_pose.h"
 #include "reenact/observation/depth_frame.h"
+#include "reenact/skeleton/bind_pose.h"
+#include "reenact/skeleton/body_cylinders.h"
+#include "reenact/skeleton/bone_chart.h"
 
 struct tsdf;
 
-// Between neighbouring points of the avatar's grid; what is finer is not kept.
+// Between neighbouring grid points of the avatar; finer detail is not kept. Chosen by hand: a depth camera's pixel at
+// 3 to 4 m is 5 to 8 mm wide.
 #define TSDF_VOXEL_M 0.009
 
-// step_m: between neighbouring points of this one's grid. Bind pose and lens are copied. ERR_MEMORY.
+// step_m: between neighbouring grid points. Bind pose and lens are copied. ERR_INPUT: the bind pose's joints are too
+// far apart to be one person's, or not finite (the grid would have more than 64 million points); ERR_MEMORY. *out is
+// then NULL.
 MUST_CHECK enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind_pose,
-                                 const struct calibration *calibration, double step_m);
-void tsdf_close(struct tsdf **v);
+                                 const struct calibration *calibration, double step_m, int threads);
+void tsdf_close(struct tsdf **v); // accepts NULL in *v
 
-// Adds what one frame saw, the person being in `transforms` (colour camera's axes). ERR_MEMORY.
+// Fuses one frame, the bones being at `transforms` (colour camera's axes). ERR_MEMORY; nothing is changed then.
 MUST_CHECK enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame,
                                       const struct bone_transforms *transforms);
 
-// From here on leaves alone what `known`, another of the same bind pose, perhaps of a coarser grid, has
-// found to be empty, well away from the surface: there v is as `known`. For speed. ERR_MEMORY.
+// For speed: copies from `known`, a TSDF of the same bind pose and of any step, where that found free space well away
+// from the surface; no later frame is integrated there. ERR_MEMORY; nothing is changed then.
 MUST_CHECK enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known);
 
 const struct bind_pose *tsdf_bind_pose(const struct tsdf *v);
 const struct calibration *tsdf_calibration(const struct tsdf *v);
 
-// Once all is gathered: where nothing was seen of a trunk it is as deep as trunks are, not as it is wide. (While it is
-// gathered it is round: a back that is too near would draw the front with it, and with that every frame.)
+// After the last frame: where a trunk was not observed, makes it as deep as trunks are instead of as deep as wide. (Not
+// before: a back too near would pull the front with it, and with the front the registration of every frame.)
 void tsdf_flatten_unseen_trunk(struct tsdf *v);
 
-// Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
+// Reduces noise: `passes` times a binomial filter (1 2 1) along each axis. ERR_MEMORY.
 MUST_CHECK enum status tsdf_smooth(struct tsdf *v, int passes);
 
-// Moves the surface out by what each bone's chart has there, metres, in between where bones meet.
+// Moves the surface outwards by each bone's chart, metres, blended by the skin weights.
 void tsdf_offset(struct tsdf *v, const struct bone_chart out_m[BONE_COUNT]);
 
-// Signed distance, metres, negative inside, and its gradient at a point of the
-// bind pose. *seen: how many frames' readings speak for it; where it is 0 the surface is
-// guessed. False: too far from the bones, or deeper than distances are kept.
+// Signed distance and its gradient (without unit, about 1 long) at a point of the bind pose, trilinear. *seen: the
+// weight, in frames, of the depth samples of this surface; 0: the surface is the cylinders'. False: too far from the
+// bones, or at the truncation.
 bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen);
 
-// The surface as triangles, counter-clockwise from outside; bind-pose axes, metres. The
-// caller frees both arrays. ERR_MEMORY; NOTHING: there is none.
+// The surface as triangles (naive surface nets, Gibson 1998), counter-clockwise seen from outside; bind-pose axes,
+// metres.
 struct surface_mesh {
     struct vec3 *points, *normals; // point_count; normals outwards, unit
     int32_t *corners;              // corner_count, three to a triangle
     int point_count, corner_count;
 };
+// NOTHING: there is no surface. ERR_MEMORY. *out is empty then; else the caller frees it with surface_mesh_free.
 MUST_CHECK enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out);
 void surface_mesh_free(struct surface_mesh *s);

@@ -1,23 +1,24 @@
+// Fusing one depth frame into a TSDF, eight cells at a time (tsdf.h).
 #include "base/parallel.h"
 #include "reenact/avatar/tsdf_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static const float BACK_TRUNCATION_M = 0.04F; // distances are kept so far behind what was seen
-static const float THICKNESS_SLACK = 1.15F;   // parts, against their cylinders' radius
-static const float FREE_SPACE_WEIGHT = 0.5F;  // against a in_band's 1
-static const float FULL_WEIGHT_M = 0.02F; // what is said to lie farther from the surface counts by no more than that
-static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
+// Tuned by hand on the takes of docs/results.md.
+static const float BACK_TRUNCATION_M = 0.04F; // width of the band behind the observed surface
+static const float THICKNESS_SLACK = 1.15F;   // how far a part extends behind its surface, in its cylinder's radii
+static const float FREE_SPACE_WEIGHT = 0.5F;  // of free space and inside, against 1 in the band about the surface
+static const float FULL_WEIGHT_M = 0.02F;     // larger distances have proportionally less weight
+static const float ROOM_SLACK_M = 0.05F;      // background is at least this far behind the actor
 
-enum { LANES = TSDF_LANES, THREADS = 2, CHUNK = 1024, PREFETCH_BLOCKS = 3 };
+enum { LANES = TSDF_LANES, CHUNK = 1024, PREFETCH_BLOCKS = 3 };
 
-// One number of each of a block's cells. What is done with them is the same on every machine, however many of them its
-// instructions take at a time.
+// One number for each cell of a block. The arithmetic is the same on every machine, whatever its vectors' width.
 typedef float lanes __attribute__((vector_size(sizeof(float) * LANES)));
 typedef int32_t lanes_int __attribute__((vector_size(sizeof(int32_t) * LANES)));
 
-// Comparing lanes gives lanes_int, -1 for yes. Functions are given pointers, for not every machine can pass lanes.
+// Comparing lanes gives lanes_int, -1 for true. Functions take pointers: not every ABI can pass vectors of this width.
 #define SELECT(yes, a, b) ((lanes)(((yes) & (lanes_int)(a)) | (~(yes) & (lanes_int)(b))))
 #define LANE_MIN(a, b)    SELECT((a) < (b), a, b)
 #define SPLAT(number)     ((lanes){0} + (number))
@@ -27,16 +28,16 @@ typedef int32_t lanes_int __attribute__((vector_size(sizeof(int32_t) * LANES)));
 struct cell_sorting {
     const struct tsdf_cell *cells;
     int count;
-    int32_t open[BONE_COUNT][BONE_COUNT][BONE_COUNT]; // the last block of cells with such bones; -1: none
+    int32_t open[BONE_COUNT][BONE_COUNT][BONE_COUNT]; // the last block with these bones; -1: none
 };
 
 static void put_cell(struct tsdf_block *b, const struct tsdf_cell *cell)
 {
-    const int first = b->count, last = first ? first : LANES - 1; // the first one fills all
+    const int first = b->count, last = first ? first : LANES - 1; // the first cell fills all lanes
     for (int l = first; l <= last; l++) {
         b->at[l] = cell->at;
         for (int i = 0; i < 3; i++)
-            b->place[i][l] = cell->place[i];
+            b->point[i][l] = cell->point[i];
         for (int i = 0; i < SKIN_BONES; i++)
             b->weight[i][l] = i == 0 || cell->skin.weight[0] < 1 ? cell->skin.weight[i] : 0;
     }
@@ -44,7 +45,7 @@ static void put_cell(struct tsdf_block *b, const struct tsdf_cell *cell)
     b->count++;
 }
 
-// blocks: NULL: they are only counted. How many there are.
+// Groups cells by their bones, in the cells' order. blocks: NULL: they are only counted. Returns their number.
 static int sort_cells(struct cell_sorting *s, struct tsdf_block *blocks)
 {
     int count = 0;
@@ -52,7 +53,7 @@ static int sort_cells(struct cell_sorting *s, struct tsdf_block *blocks)
     for (int c = 0; c < s->count; c++) {
         const uint8_t *bone = s->cells[c].skin.bone;
         int32_t *open = &s->open[bone[0]][bone[1]][bone[2]];
-        // While they are counted, `open` holds how many cells are in the block, for want of it.
+        // While counting there are no blocks: `open` holds the number of cells in the last one.
         if (!blocks) {
             count += *open < 0 || *open == LANES;
             *open = *open < 0 || *open == LANES ? 1 : *open + 1;
@@ -84,27 +85,27 @@ static enum status open_blocks(struct tsdf *v)
 
 // ---------------------------------------------------------------- one frame
 
-// What one frame update of the cells.
+// One frame's update of all cells.
 struct integration {
     struct tsdf *tsdf;
-    float maps[BONE_COUNT][3][4]; // into the depth camera's axes: rows
-    float thick[BONE_COUNT];
-    uint16_t adjacent[BONE_COUNT]; // bit p: adjacent_part part p
-    bool ideal;                    // lens: without lens_project's way round, for speed
+    float maps[BONE_COUNT][3][4];  // depth camera's axes from bind pose, rows
+    float thick[BONE_COUNT];       // radius of the bone's cylinder, metres
+    uint16_t adjacent[BONE_COUNT]; // bit p: part p is adjacent
+    bool ideal;                    // the lens has no distortion: projected here, for speed
     const struct lens *lens;
-    float fx, fy, cx, cy;         // likewise
-    int left, top, width, height; // of the window that samples speak for
+    float fx, fy, cx, cy;         // of the lens
+    int left, top, width, height; // of the window of `samples`, depth pixels
     const struct labelled_sample *samples;
 };
 
-// Into functions for processors of more and of less.
+// Inlined into a function for each instruction set.
 #define INLINE static inline __attribute__((always_inline))
 
-// Where a block's cells are, in the depth camera's axes.
-INLINE void place_cells(const struct integration *a, const struct tsdf_block *b, lanes out[3])
+// Skins a block's cells into the depth camera's axes.
+INLINE void skin_cells(const struct integration *a, const struct tsdf_block *b, lanes out[3])
 {
-    lanes place[3], weight[SKIN_BONES];
-    memcpy(place, b->place, sizeof place);
+    lanes point[3], weight[SKIN_BONES];
+    memcpy(point, b->point, sizeof point);
     memcpy(weight, b->weight, sizeof weight);
     for (int row = 0; row < 3; row++) {
         lanes m[4];
@@ -113,11 +114,11 @@ INLINE void place_cells(const struct integration *a, const struct tsdf_block *b,
         for (int i = 1; i < SKIN_BONES; i++)
             for (int k = 0; k < 4 && b->bone[i] != b->bone[0]; k++)
                 m[k] += weight[i] * a->maps[b->bone[i]][row][k];
-        out[row] = m[0] * place[0] + m[1] * place[1] + m[2] * place[2] + m[3];
+        out[row] = m[0] * point[0] + m[1] * point[1] + m[2] * point[2] + m[3];
     }
 }
 
-// Where these places fall in the picture, pixels; half a pixel on, for rounding.
+// Projects points into the depth image, pixels, plus 0.5 for rounding.
 INLINE void project(const struct integration *a, const lanes p[3], lanes px[2])
 {
     if (a->ideal) {
@@ -133,13 +134,13 @@ INLINE void project(const struct integration *a, const lanes p[3], lanes px[2])
     px[0] += 0.5F, px[1] += 0.5F;
 }
 
-// The samples' samples for these cells.
+// The depth samples that a block's cells project to.
 struct block_samples {
     lanes depth_m, edge_px, half_px;
-    lanes_int valid;         // there is one, and it shows a surface
-    lanes_int room;          // it shows the room
+    lanes_int valid;         // there is one, and it is not mixed
+    lanes_int room;          // it shows the background
     lanes_int own;           // it shows the cells' own part
-    lanes_int adjacent_part; // or one that adjacent_part it
+    lanes_int adjacent_part; // it shows that or an adjacent one
 };
 
 INLINE void sample_depth(const struct integration *a, const struct tsdf_block *b, const lanes p[3],
@@ -169,27 +170,27 @@ INLINE void sample_depth(const struct integration *a, const struct tsdf_block *b
         out->adjacent_part[l] = -(adjacent >> part[l] & 1);
 }
 
-// What one frame update of a block's cells.
+// One frame's update of a block's cells.
 struct block_update {
-    lanes distance, weight; // how far they are before (+) what pixels show, and how surely
-    lanes_int any;          // it update anything of them
-    lanes_int in_band;      // it shows that very surface
+    lanes distance, weight; // signed distance along the viewing ray, positive before the surface
+    lanes_int any;          // there is an update
+    lanes_int in_band;      // the depth sample shows the surface next to the cell
 };
 
 INLINE void evaluate(const struct integration *a, const struct block_samples *w, const lanes *z, int bone,
                      struct block_update *out)
 {
     const lanes before = w->depth_m - *z;
-    // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
+    // Where the sensor saw past the actor, the surface is no farther than the silhouette it saw past.
     const lanes beyond = SELECT(w->room, SPLAT(0.5F - (float)DEPTH_FRAME_RIM_PX),
-                                SPLAT(0.5F + (float)DEPTH_FRAME_RIM_PX)); // half of the rim is still the person
-    const lanes away = (w->edge_px + beyond) * *z / a->fx, aside = LANE_MIN(away, SPLAT(TSDF_TRUNCATION_M));
-    const lanes sure = 0.1F + 0.3F * w->edge_px; // which surface a pixel at an edge shows is a matter of chance
-    // The body goes on behind what is seen of it, no farther than it is thick.
+                                SPLAT(0.5F + (float)DEPTH_FRAME_RIM_PX)); // the rim still shows the actor
+    const lanes away = (w->edge_px + beyond) * *z / a->fx, lateral = LANE_MIN(away, SPLAT(TSDF_TRUNCATION_M));
+    const lanes sure = 0.1F + 0.3F * w->edge_px; // near an edge a pixel may show either surface
+    // The body extends behind the observed surface, no farther than it is thick.
     const lanes wide = w->half_px * *z / a->fx, thick = LANE_MIN(SPLAT(a->thick[bone]), wide);
     const lanes_int behind = ~w->room & (before < -BACK_TRUNCATION_M);
     out->in_band = ~w->room & ~behind & (before < TSDF_TRUNCATION_M);
-    out->distance = SELECT(out->in_band, before, SELECT(behind, -LANE_MIN(aside, SPLAT(BACK_TRUNCATION_M)), aside));
+    out->distance = SELECT(out->in_band, before, SELECT(behind, -LANE_MIN(lateral, SPLAT(BACK_TRUNCATION_M)), lateral));
     out->weight = SELECT(out->in_band, LANE_MIN(SPLAT(1.0F), sure), LANE_MIN(SPLAT(FREE_SPACE_WEIGHT), sure));
     const lanes_int past = w->room & (before > ROOM_SLACK_M);
     const lanes_int within = behind & (before > -THICKNESS_SLACK * thick) & w->own;
@@ -202,7 +203,7 @@ INLINE void add_block(const struct integration *a, const struct tsdf_block *b)
     struct block_samples samples;
     struct block_update update;
     struct tsdf_voxel *points = a->tsdf->voxels;
-    place_cells(a, b, p);
+    skin_cells(a, b, p);
     sample_depth(a, b, p, &samples);
     evaluate(a, &samples, &p[2], b->bone[0], &update);
     int any = 0;
@@ -210,7 +211,7 @@ INLINE void add_block(const struct integration *a, const struct tsdf_block *b)
         any |= update.any[l];
     if (!any)
         return;
-    // What is far from the surface update on which side it is, not how far: limbs are now here, now there.
+    // Far from the surface the sign is certain but the distance is not, since limbs move: less weight.
     const lanes far = SELECT(update.distance < 0, -update.distance, update.distance);
     const lanes vote = FULL_WEIGHT_M / SELECT(far > 1e-6F, far, SPLAT(1e-6F));
     const lanes weight = update.weight * LANE_MIN(SPLAT(1.0F), vote);
@@ -240,7 +241,7 @@ INLINE void add_blocks(const struct integration *a, int chunk)
 
 static void add_chunk(void *context, int chunk) { add_blocks(context, chunk); }
 
-// The same numbers, eight at a time.
+// The same arithmetic, eight lanes to an instruction.
 #ifdef __x86_64__
 __attribute__((target("avx2"))) static void add_chunk_avx2(void *context, int chunk) { add_blocks(context, chunk); }
 #endif
@@ -256,7 +257,7 @@ static adder *find_adder(void)
     return add_chunk;
 }
 
-// Who in_window: all pixels as far about the person as edges are told.
+// Copies the pixels about the actor, as far out as edge distances are known.
 static void copy_depth_window(struct integration *a, const struct depth_frame *s)
 {
     int right = s->right + DEPTH_FRAME_MAX_EDGE_PX, bottom = s->bottom + DEPTH_FRAME_MAX_EDGE_PX;
@@ -288,7 +289,7 @@ enum status tsdf_integrate(struct tsdf *v, const struct depth_frame *depth_frame
             a.adjacent[p] |= (uint16_t)(bones_adjacent((int)bone_part(p), q) << q);
     }
     copy_depth_window(&a, depth_frame);
-    // Each cell is one thread's, so it does not matter how many there are.
-    parallel_for(THREADS, (v->block_count + CHUNK - 1) / CHUNK, find_adder(), &a);
+    // Each cell belongs to one chunk, so the result does not depend on the number of threads.
+    parallel_for(v->threads, (v->block_count + CHUNK - 1) / CHUNK, find_adder(), &a);
     return OK;
 }

@@ -1,35 +1,34 @@
-// What tsdf.c and tsdf_integrate.c share: what is behind tsdf.h. For those alone.
+// The state of a TSDF, shared by tsdf.c and tsdf_integrate.c. For those only.
 #pragma once
 #include "reenact/avatar/tsdf.h"
 
-// Distances are kept up to here, metres.
-#define TSDF_TRUNCATION_M 0.045F
+#define TSDF_TRUNCATION_M 0.045F // distances are clamped to this; 5 voxels
 
-// A point of the grid that is kept.
+// A grid point that is near a bone.
 struct tsdf_cell {
-    int32_t at;     // in the grid
-    float place[3]; // in the bind pose
+    int32_t at;     // its index in the grid
+    float point[3]; // bind-pose axes
     struct skin_weights skin;
 };
 
-// What is known at a point of the grid, side by side, for it is asked for together.
+// The value at a grid point; one struct, since all of it is read together.
 struct tsdf_voxel {
-    float distance, weight; // weight 0: not kept
-    float seen;             // the part of its weight that readings of a surface near it gave
+    float distance, weight; // weight 0: not near a bone, no value
+    float seen;             // the part of the weight that came from depth samples of a surface near it
 };
 
-// A pixel of a depth_frame, likewise.
+// A pixel of a depth frame, likewise.
 struct labelled_sample {
     uint16_t depth;
     uint8_t part, edge, half;
 };
 
-// Cells with the same bones, worked on together.
+// Cells with the same bones, processed together.
 enum { TSDF_LANES = 8 };
 struct tsdf_block {
-    int32_t at[TSDF_LANES]; // those from `count` on are as the first
-    float place[3][TSDF_LANES], weight[SKIN_BONES][TSDF_LANES];
-    uint8_t bone[SKIN_BONES]; // as the first: it has no more
+    int32_t at[TSDF_LANES]; // lanes from `count` on repeat the first
+    float point[3][TSDF_LANES], weight[SKIN_BONES][TSDF_LANES];
+    uint8_t bone[SKIN_BONES]; // unused bones repeat the first, with weight 0
     uint8_t count;
 };
 
@@ -38,14 +37,15 @@ struct tsdf {
     struct calibration calibration;
     struct pose depth_from_color;
     struct vec3 corner;
-    double step; // between neighbouring points of the grid, metres
-    int size[3];
+    double step; // between neighbouring grid points, metres
+    int threads;
+    int size[3]; // index of point (x, y, z): (z * size[1] + y) * size[0] + x
     struct tsdf_cell *cells;
     int cell_count;
-    struct tsdf_cell *active_cells; // copies of those that readings still go into, in their order; NULL: all
+    struct tsdf_cell *active_cells; // copies of those that are still integrated, in their order; NULL: all are
     int active_count;
-    struct tsdf_block *blocks; // of these, or of all; NULL: no frame was added since
+    struct tsdf_block *blocks; // of the active cells; NULL: no frame was integrated since they changed
     int block_count;
     struct tsdf_voxel *voxels;       // of the grid
-    struct labelled_sample *samples; // of the frame that is added
+    struct labelled_sample *samples; // of the frame that is being integrated
 };

@@ -5,15 +5,16 @@
 
 enum { OWNER_SIDE = 1024, MOST_SIDE = 1280 };
 
+// Chosen by hand.
 static const double LEAST_FACING = 0.5, SEED_FACING = 0.8; // cosines between a triangle's normal and its chart's
-static const double INSIDE = 1e-3;                         // of a triangle's area: less is its edge
+static const double INSIDE = 1e-3; // barycentric coordinate: a texel centre with less is on the edge, in no triangle
 
-// A part of the surface, and the plane that it is laid on: texels are numbered across and along.
+// A part of the surface, and the plane that it is projected to; texels count along the first two axes.
 struct uv_chart {
     struct vec3 across, along, up; // unit
     int left, top, width, height;  // of its texels, the margin included
-    int x, y;                      // where it comes to lie in the picture
-    int32_t first, count;          // of its triangles in `order`
+    int x, y;                      // of its top-left texel in the image
+    int32_t first, count;          // its triangles in `order`
 };
 
 struct unwrapper {
@@ -21,13 +22,13 @@ struct unwrapper {
     const int32_t *corners;
     int triangles;
     double texel_m;
-    struct vec3 *facing;                // of each triangle
-    int32_t (*neighbor)[3];             // as unfolded has it
+    struct vec3 *facing;                // of each triangle: its normal
+    int32_t (*neighbor)[3];             // as in uv_mesh
     int32_t *chart_of;                  // of each triangle; -1: none yet
     int32_t *order;                     // triangles, chart by chart
-    int32_t (*texel_owner)[OWNER_SIDE]; // the last chart that took this texel, wrapped round; -1: none
+    int32_t (*texel_owner)[OWNER_SIDE]; // the last chart that claimed this texel, coordinates modulo the side; -1: none
     struct uv_chart *charts;
-    int32_t chart_count, placed; // placed: triangles that lie in a chart
+    int32_t chart_count, placed; // placed: triangles that are in a chart
 };
 
 // ---------------------------------------------------------------- neighbours
@@ -78,7 +79,7 @@ static void project_uv(const struct unwrapper *c, const struct uv_chart *s, int3
     at[1] = v3_dot(p, s->along) / c->texel_m;
 }
 
-// Takes the texels whose centres lie in the triangle; false: the chart has one of them already, and none is taken.
+// Claims the texels whose centres lie in the triangle. False: the chart has one of them already; none is claimed.
 static bool claim_texels(struct unwrapper *c, const struct uv_chart *s, int32_t number, int32_t triangle)
 {
     double q[3][2], low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
@@ -90,7 +91,7 @@ static bool claim_texels(struct unwrapper *c, const struct uv_chart *s, int32_t 
     double area = (q[1][0] - q[0][0]) * (q[2][1] - q[0][1]) - (q[1][1] - q[0][1]) * (q[2][0] - q[0][0]);
     if (area == 0)
         return true;
-    for (int taking = 0; taking < 2; taking++)
+    for (int claiming = 0; claiming < 2; claiming++) // test all, then claim all
         for (int y = (int)ceil(low[1]); y <= (int)floor(high[1]); y++)
             for (int x = (int)ceil(low[0]); x <= (int)floor(high[0]); x++) {
                 double u = ((q[1][0] - x) * (q[2][1] - y) - (q[1][1] - y) * (q[2][0] - x)) / area;
@@ -98,20 +99,20 @@ static bool claim_texels(struct unwrapper *c, const struct uv_chart *s, int32_t 
                 if (u < INSIDE || v < INSIDE || 1 - u - v < INSIDE)
                     continue;
                 int32_t *at = &c->texel_owner[y & (OWNER_SIDE - 1)][x & (OWNER_SIDE - 1)];
-                if (*at == number && !taking)
+                if (*at == number && !claiming)
                     return false;
                 *at = number;
             }
     return true;
 }
 
-// From one triangle on, over all that hang together with it and face much the same way.
+// Grows a chart from one triangle over its neighbours that face much the same way.
 static void grow_chart(struct unwrapper *c, int32_t seed, struct vec3 up)
 {
     int32_t number = c->chart_count++;
     struct uv_chart *s = &c->charts[number];
-    struct vec3 aside = fabs(up.y) < 0.7 ? v3(0, 1, 0) : v3(1, 0, 0);
-    *s = (struct uv_chart){.up = up, .across = v3_unit(v3_cross(aside, up)), .first = c->placed};
+    struct vec3 reference = fabs(up.y) < 0.7 ? v3(0, 1, 0) : v3(1, 0, 0);
+    *s = (struct uv_chart){.up = up, .across = v3_unit(v3_cross(reference, up)), .first = c->placed};
     s->along = v3_cross(up, s->across);
     c->chart_of[seed] = number;
     c->order[c->placed++] = seed;
@@ -128,7 +129,7 @@ static void grow_chart(struct unwrapper *c, int32_t seed, struct vec3 up)
     s->count = c->placed - s->first;
 }
 
-// First what faces front, back and aside, which makes few large charts; then what is left.
+// First what faces one of the main directions, which makes few large charts; then what is left.
 static void cut_charts(struct unwrapper *c)
 {
     const struct vec3 main[] = {v3(0, 0, -1), v3(0, 0, 1), v3(1, 0, 0), v3(-1, 0, 0), v3(0, -1, 0), v3(0, 1, 0)};
@@ -153,9 +154,9 @@ static void cut_charts(struct unwrapper *c)
     }
 }
 
-// ---------------------------------------------------------------- side by side
+// ---------------------------------------------------------------- packing
 
-// In rows, the highest charts first. ERR_INPUT: too large.
+// In rows, the highest charts first, in an image about square. ERR_INPUT: too large.
 static enum status pack_charts(struct unwrapper *c, struct uv_mesh *out)
 {
     int highest = 0, row_height = 0, x = 0, y = 0;
@@ -163,7 +164,7 @@ static enum status pack_charts(struct unwrapper *c, struct uv_mesh *out)
     for (int32_t i = 0; i < c->chart_count; i++) {
         struct uv_chart *s = &c->charts[i];
         if (s->width > OWNER_SIDE || s->height > OWNER_SIDE)
-            return fail(ERR_INPUT, "the person is too large to be laid out flat");
+            return fail(ERR_INPUT, "the person is too large for the texture atlas");
         area += (double)s->width * s->height;
         highest = s->height > highest ? s->height : highest;
         out->width = s->width > out->width ? s->width : out->width;
@@ -184,10 +185,10 @@ static enum status pack_charts(struct unwrapper *c, struct uv_mesh *out)
     out->height = y + row_height;
     return out->width <= MOST_SIDE && out->height <= MOST_SIDE
                ? OK
-               : fail(ERR_INPUT, "the person is too large to be laid out flat");
+               : fail(ERR_INPUT, "the person is too large for the texture atlas");
 }
 
-// number: of each of the surface's points, in the chart at hand; made here.
+// number: of each of the surface's points: its index in the current chart; scratch, -1 at first.
 static void write_points(const struct unwrapper *c, struct uv_mesh *out, int32_t *number)
 {
     for (int32_t i = 0; i < c->chart_count; i++) {

@@ -1,6 +1,7 @@
-// How much brighter a frame has the person than the take's frames have in the mean: lamps are near or far, a camera
-// exposes now longer, now shorter. The sides that the frame saw tell; those that it did not see, in colours gathered
-// from all frames, are then drawn as bright. Pure; deterministic.
+// Estimates a frame's exposure gain against the avatar's mean colours: lamps are nearer or farther, and the camera's
+// automatic exposure varies. It is measured where the frame saw the actor; what it did not see is drawn from the
+// avatar's colours multiplied by it. Method: a one-parameter weighted least-squares fit, iterated, with Geman-McClure
+// weights against outliers and a prior at gain 1. Pure; deterministic.
 #pragma once
 #include "reenact/frame/frame_layer.h"
 
@@ -8,9 +9,9 @@ struct exposure_input {
     const struct avatar *avatar;
     const struct depth_frame *depth_frame;
     const struct lens *color; // the frame's
-    const uint8_t *rgb;       // likewise
+    const uint8_t *rgb;       // the frame's colours, gamma-encoded
 };
 
-// f: what the frame knows of the mesh's points, their light as it was for all frames. The ratio of the colours' roots,
-// 1 where too little is seen to say, and never far from it.
+// f: its points' positions, visibility and irradiance, the last before any gain. Returns the gain of gamma-encoded
+// colours (square roots of linear ones), in [1/1.4, 1.4]; near 1 where too little is seen.
 float exposure_estimate(const struct exposure_input *in, const struct frame_layer *f);

@@ -1,24 +1,24 @@
 #include "reenact/frame/frame_layer.h"
 
 #include "reenact/frame/exposure.h"
-#include "reenact/skeleton/joint_inpainting.h"
 #include "reenact/frame/triangle_visibility.h"
 #include "reenact/avatar/deformation.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: for which more than INNER_PX is enough
+enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: edges are searched no farther, since more than INNER_PX suffices
 
-static const double NEAR_PLANE_M = 0.05;                   // nearer or behind, a camera sees nothing
-static const double MIN_COSINE = 0.15, FULL_COSINE = 0.45; // cosines between which what it sees begins to count
+static const double NEAR_PLANE_M = 0.05;                   // points nearer or behind are outside
+static const double MIN_COSINE = 0.15, FULL_COSINE = 0.45; // visibility rises between these cosines; chosen by hand
 
 struct frame_layer_loader {
     struct take *take;
+    const struct take_skeletons *skeletons;
     const struct avatar *avatar;
     struct depth_frame depth_frame;
     struct deformation *deformation;
-    uint8_t *rgb; // the frame's colours, nobody else's among them
+    uint8_t *rgb; // the frame's cleaned colours
 };
 
 void frame_layer_free(struct frame_layer *f)
@@ -40,17 +40,19 @@ size_t frame_layer_bytes(const struct frame_layer *f)
            sizeof *f->triangle_visible * (size_t)f->triangle_count;
 }
 
-enum status frame_layer_loader_open(struct frame_layer_loader **out, struct take *take, const struct source_rays *rays,
+enum status frame_layer_loader_open(struct frame_layer_loader **out, const struct frame_source *source,
                                     const struct avatar *avatar)
 {
     struct frame_layer_loader *l = *out = calloc(1, sizeof *l);
     if (!l)
         return fail(ERR_MEMORY, "out of memory");
-    l->take = take;
+    l->take = source->take;
+    l->skeletons = source->skeletons;
     l->avatar = avatar;
-    const struct calibration *c = take_calibration(take);
+    const struct calibration *c = take_calibration(l->take);
     l->rgb = malloc(3 * (size_t)c->color.width * (size_t)c->color.height);
-    enum status status = l->rgb ? depth_frame_open(&l->depth_frame, take, rays) : fail(ERR_MEMORY, "out of memory");
+    enum status status =
+        l->rgb ? depth_frame_open(&l->depth_frame, l->take, source->rays) : fail(ERR_MEMORY, "out of memory");
     l->depth_frame.max_edge_distance = EDGE_PX;
     if (status == OK)
         status = deformation_open(&l->deformation, &avatar->bind_pose, &avatar->surface, c);
@@ -71,7 +73,7 @@ void frame_layer_loader_close(struct frame_layer_loader **out)
     *out = NULL;
 }
 
-// Room for a picture of that size, zeroed.
+// Allocates an image of that size, zeroed.
 static enum status alloc_image(struct frame_layer_image *p, int width, int height, int bytes_per_pixel)
 {
     p->width = width, p->height = height;
@@ -79,8 +81,8 @@ static enum status alloc_image(struct frame_layer_image *p, int width, int heigh
     return p->pixels ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-// A side no smaller than that and no power of two: where no graphics chip draws, Mesa compiles a program once more for
-// a texture with such a side, and one frame of some would then take ten times as long to draw as the others.
+// The smallest side no smaller than that which is no power of two: Mesa's software renderer compiles a program again
+// for a texture with a power-of-two side, and drawing such a frame would take ten times as long as others.
 static int avoid_power_of_two(int side)
 {
     while (!(side & (side - 1)))
@@ -93,7 +95,7 @@ static void set_window(float window[4], int left, int top, const struct frame_la
     window[0] = (float)left, window[1] = (float)top, window[2] = (float)p->width, window[3] = (float)p->height;
 }
 
-// The person's pixels and at least one more on every side, which is nobody's.
+// Crops depth to the actor's bounds and at least one more pixel on every side, which stays 0.
 static enum status crop_depth(const struct depth_frame *s, struct frame_layer *out)
 {
     struct frame_layer_image *p = &out->depth;
@@ -107,15 +109,15 @@ static enum status crop_depth(const struct depth_frame *s, struct frame_layer *o
             uint8_t *texel = p->pixels + 4 * ((size_t)(y - top) * (size_t)p->width + (size_t)(x - left));
             int inner = s->part[at] < PART_COUNT ? s->edge_distance[at] : 0;
             inner = inner > INNER_PX ? INNER_PX : inner;
-            const int far_mm = inner ? depth_frame_median_mm(s, at) : s->depth[at];
-            texel[0] = (uint8_t)(far_mm >> 8);
-            texel[1] = (uint8_t)(far_mm & 255);
+            const int depth_mm = inner ? depth_frame_median_mm(s, at) : s->depth[at];
+            texel[0] = (uint8_t)(depth_mm >> 8);
+            texel[1] = (uint8_t)(depth_mm & 255);
             texel[2] = (uint8_t)(255 * inner / INNER_PX);
         }
     return status;
 }
 
-// From `first` to `last`, or one more where there is one of `all`, for the side's sake.
+// The range first..last of a side of `all` pixels, enlarged for avoid_power_of_two where there is space.
 static void crop_side(int first, int last, int all, int *start, int *length)
 {
     *length = avoid_power_of_two(last + 1 - first);
@@ -167,7 +169,7 @@ static void project_to_window(const struct lens *lens, double largest_r2, struct
     out[1] = (float)((px.y + 0.5 - (double)window[1]) / (double)window[3]);
 }
 
-// posture: the frame's own, colour camera's axes.
+// transforms: the frame's pose with corrections, colour camera's axes.
 static enum status fill_points(const struct frame_layer_loader *l, const struct bone_transforms *transforms,
                                struct frame_layer *out)
 {
@@ -190,8 +192,8 @@ static enum status fill_points(const struct frame_layer_loader *l, const struct 
         const struct vec3 w = quat_rotate(world_from_color, n), d = pose_apply(depth_from_color, p);
         store_vec3(out->shift[i], shift);
         store_vec3(to->normal, n);
-        to->irradiance = sqrtf(
-            sh_irradiance_at(&l->avatar->vertex_colors.light, (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
+        to->irradiance = sqrtf(sh_irradiance_at(&l->avatar->vertex_colors.irradiance,
+                                                (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
         if (!out->has_images || p.z < NEAR_PLANE_M || d.z < NEAR_PLANE_M)
             continue;
         project_to_window(&c->color, color_r2, p, out->windows[0], to->color_uv);
@@ -221,7 +223,7 @@ static enum status fill_triangle_visibility(const struct frame_layer_loader *l, 
     return OK;
 }
 
-// Lays the avatar on what the sight shows and bends it.
+// Registers the avatar to the depth frame and deforms it.
 static void fit_avatar(struct frame_layer_loader *l, const struct bone_transforms *joints, struct frame_layer *out)
 {
     const struct avatar *k = l->avatar;
@@ -229,26 +231,32 @@ static void fit_avatar(struct frame_layer_loader *l, const struct bone_transform
     out->corrections = articulated_icp(k->tsdf, &l->depth_frame, &from, NULL);
     struct bone_transforms fitted = bone_corrections_apply(joints, &out->corrections);
     const struct deformation_model model = {k->tsdf, &k->surface, k->skins};
-    const struct deformation_colors colors = {&k->vertex_colors, l->rgb, take_calibration(l->take),
-                                              take_entry(l->take, out->frame)->world_from_camera.rotation};
+    const struct deformation_colors colors = {.albedo = (const float(*)[3])k->vertex_colors.color,
+                                              .filled = k->vertex_colors.filled,
+                                              .irradiance = &k->vertex_colors.irradiance,
+                                              .rgb = l->rgb,
+                                              .calibration = take_calibration(l->take),
+                                              .world_from_color =
+                                                  take_entry(l->take, out->frame)->world_from_camera.rotation};
     deformation_fit(l->deformation, &model, &l->depth_frame, &fitted, out->has_images ? &colors : NULL);
 }
 
-// Reads the frame and fits the avatar, which is in `joints`, to it. NOTHING: it does not show the person.
+// Reads the frame's row, once, and fits the avatar, which is in `joints`, to it. NOTHING: it does not show the actor.
 static enum status read_frame(struct frame_layer_loader *l, const struct bone_transforms *joints,
                               struct frame_layer *out)
 {
+    const struct take_entry *e = take_entry(l->take, out->frame);
     struct take_images images;
-    enum status status = depth_frame_read(&l->depth_frame, l->take, out->frame);
+    if (!e->has_depth || !e->has_skeleton)
+        return NOTHING;
+    enum status status = take_read(l->take, out->frame, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
         return status;
-    status = take_read(l->take, out->frame, TAKE_COLOR, &images);
-    if (status < 0)
-        return status;
-    out->has_images = status == OK && images.color && l->depth_frame.left <= l->depth_frame.right;
+    depth_frame_label(&l->depth_frame, &images, take_skeletons_at(l->skeletons, out->frame));
+    out->has_images = images.color && l->depth_frame.left <= l->depth_frame.right;
     if (out->has_images)
         status = depth_frame_clean_colors(&l->depth_frame, take_calibration(l->take), images.color, l->rgb);
-    if (status < 0)
+    if (status != OK)
         return status;
     fit_avatar(l, joints, out);
     return out->has_images ? OK : NOTHING;
@@ -268,7 +276,7 @@ enum status frame_layer_loader_load(struct frame_layer_loader *l, int64_t frame,
     *out =
         (struct frame_layer){.frame = frame, .exposure_gain = 1, .corrections = avatar_corrections(l->avatar, frame)};
     deformation_clear(l->deformation);
-    enum status status = inpaint_bone_transforms(&l->avatar->bind_pose, l->take, frame, &joints);
+    enum status status = bone_transforms_of(&l->avatar->bind_pose, take_skeletons_at(l->skeletons, frame), &joints);
     const bool posed = status == OK;
     if (posed)
         status = read_frame(l, &joints, out);

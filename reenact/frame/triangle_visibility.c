@@ -1,18 +1,18 @@
 #include "reenact/frame/triangle_visibility.h"
 
-static const double DEPTH_TOLERANCE_M = 0.09; // from there on depth_agreement.glsl lets nothing of the frame through
-static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for what is lost where shaders round
+static const double DEPTH_TOLERANCE_M = 0.09;        // from here on depth_agreement.glsl rejects the frame's colour
+static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for the shader's rounding
 
-// A triangle in the frame's depth: its corners in texels, and how far away it is there.
+// A triangle projected into the depth image: corners in texels, depth as a plane over them.
 struct depth_triangle {
     double at[3][2];
-    double depth_m, slope[2]; // at its first corner, and what a texel adds
+    double depth_m, slope[2]; // at its first corner, and the change for one texel
 };
 
-// False: it is seen from its edge, so that nothing can be said of its inside.
+// False: it is seen edge-on, and nothing can be said of its inside.
 static bool project_triangle(const struct frame_layer *f, const int32_t *corners, struct depth_triangle *out)
 {
-    double edges[2][3]; // from its first corner to the others: texels, metres
+    double edges[2][3]; // from its first corner to the others: x, y in texels, depth in metres
     for (int k = 0; k < 3; k++) {
         const struct frame_layer_point *p = &f->points[corners[k]];
         out->at[k][0] = (double)p->depth_uv[0] * f->depth.width;
@@ -33,7 +33,7 @@ static bool project_triangle(const struct frame_layer *f, const int32_t *corners
     return true;
 }
 
-// Whether some of a texel's square may be the triangle's: it lies beyond none of the edges.
+// Whether the triangle may overlap a texel's square, which lies outside none of its edges.
 static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
 {
     bool all = true;
@@ -47,7 +47,7 @@ static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
     return all;
 }
 
-// Whether a texel may bear out some of the triangle.
+// Whether a texel's depth may agree with some of the triangle.
 static bool texel_agrees(const struct frame_layer_image *depth, const struct depth_triangle *l, int x, int y)
 {
     const uint8_t *texel = depth->pixels + 4 * ((size_t)y * (size_t)depth->width + (size_t)x);
@@ -69,7 +69,7 @@ static bool may_be_visible(const struct frame_layer *f, const int32_t *corners)
     if (!project_triangle(f, corners, &l))
         return true;
     for (int a = 0; a < 2; a++) {
-        // Beyond the picture a texture goes on as its rim is, which bears out nothing.
+        // Outside the image the texture is clamped to its border, which agrees with nothing.
         const double last = (a ? f->depth.height : f->depth.width) - 1;
         low[a] = (int)floor(fmax(fmin(l.at[0][a], fmin(l.at[1][a], l.at[2][a])) - SLACK_PX, 0));
         high[a] = (int)floor(fmin(fmax(l.at[0][a], fmax(l.at[1][a], l.at[2][a])) + SLACK_PX, last));

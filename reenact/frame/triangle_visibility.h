@@ -1,8 +1,9 @@
-// Which of the avatar's triangles may have some of the shown frame's own colours. The others, what it did not see,
-// saw from the side, or saw something else before, are drawn without looking into it. Pure; deterministic.
+// Which of the avatar's triangles may take colours of the shown frame: a conservative test of the shader's depth
+// agreement over each triangle's footprint in the depth image. The others, which the frame did not see, saw at a
+// grazing angle or saw occluded, are drawn without sampling the frame. Pure; deterministic.
 #pragma once
 #include "reenact/frame/frame_layer.h"
 
-// out: of each of the mesh's triangles. f: its depth, and what it knows of the mesh's points. Never says no of a
-// triangle of which avatar.frag would take the frame's colour for some pixel.
+// out: one flag for each of the mesh's triangles. f: its depth image and points are used. Conservative: never false for
+// a triangle of which avatar.frag would take the frame's colour for some pixel.
 void triangle_visibility_find(const struct uv_mesh *mesh, const struct frame_layer *f, bool *out);

@@ -5,17 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 0, SURFACE_MM = 60, SHADOW_SLACK_PX = 2 };
-enum { NOISE_STEPS = 2 };     // by more of depth_step_mm noise does not part two readings
-enum { BACKGROUND_MM = 100 }; // so far behind the person it is the room for sure
+enum { UNASSIGNED = 0 }; // of a pixel of the actor before depth_frame_relabel: any value below PART_COUNT
 
-static const double PROJECTOR_BASELINE_M = 0.08; // of sensors that project a pattern, at most
+// Chosen by hand.
+enum { SURFACE_MM = 60, SHADOW_SLACK_PX = 2 };
+enum { NOISE_STEPS = 2 };     // noise does not separate two depth samples by more of depth_step_mm
+enum { BACKGROUND_MM = 100 }; // so far behind the actor a sample is certainly background
+
+static const double PROJECTOR_BASELINE_M = 0.08; // between lens and projector of structured-light sensors, at most
 
 enum status depth_frame_open(struct depth_frame *out, const struct take *take, const struct source_rays *rays)
 {
     const struct lens *lens = &take_calibration(take)->depth;
     *out = (struct depth_frame){.width = lens->width,
                                 .height = lens->height,
+                                .fx = lens->fx,
                                 .rays = rays,
                                 .body = take_body(take),
                                 .max_edge_distance = DEPTH_FRAME_MAX_EDGE_PX};
@@ -39,7 +43,7 @@ void depth_frame_close(struct depth_frame *s)
     *s = (struct depth_frame){0};
 }
 
-// Of the person's pixels within the bounds so far.
+// Bounds of the actor's pixels within the current bounds.
 static void find_bounds(struct depth_frame *s)
 {
     int top = s->top, bottom = s->bottom, left = s->left, right = s->right;
@@ -52,8 +56,7 @@ static void find_bounds(struct depth_frame *s)
             }
 }
 
-// The middle one of the person's readings in and about one of his pixels. He has none on the picture's rim
-// (part_pixel_on_surface).
+// The window never leaves the image: no pixel of the image's border is the actor's (part_pixel_on_surface).
 int depth_frame_median_mm(const struct depth_frame *s, int i)
 {
     int samples[9], count = 0;
@@ -69,13 +72,14 @@ int depth_frame_median_mm(const struct depth_frame *s, int i)
     return (samples[(count - 1) / 2] + samples[count / 2]) / 2;
 }
 
-// Of two pixels beside each other. What no noise does is an edge; less is one if it is there without noise, too.
+// Whether two neighbouring pixels lie on one surface. A step larger than any noise is an edge; a smaller one is an edge
+// only if the medians confirm it.
 static bool same_surface(const struct depth_frame *s, int a, int b)
 {
-    bool person = s->part[a] < PART_COUNT;
-    if (person != (s->part[b] < PART_COUNT))
+    const bool is_actor = s->part[a] < PART_COUNT;
+    if (is_actor != (s->part[b] < PART_COUNT))
         return false;
-    if (!person)
+    if (!is_actor)
         return true;
     const int step_mm = depth_step_mm(s->depth[a]), most_mm = step_mm > SURFACE_MM ? step_mm : SURFACE_MM;
     const int apart_mm = abs(s->depth[a] - s->depth[b]);
@@ -83,7 +87,7 @@ static bool same_surface(const struct depth_frame *s, int a, int b)
                                    abs(depth_frame_median_mm(s, a) - depth_frame_median_mm(s, b)) <= most_mm);
 }
 
-// One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
+// Distance transform step: at most the neighbour's distance and one; 0 for both pixels between two surfaces.
 static inline void relax_edge(struct depth_frame *s, int i, int from)
 {
     if (same_surface(s, i, from)) {
@@ -94,7 +98,8 @@ static inline void relax_edge(struct depth_frame *s, int i, int from)
     }
 }
 
-// A distance in two sweeps, there and back. Farther from the person than is told apart there is nothing to find.
+// City-block distance transform in two passes (Rosenfeld and Pfaltz 1966), no farther from the actor's bounds than the
+// distance that is distinguished.
 static void find_edge_distances(struct depth_frame *s)
 {
     const int w = s->width, h = s->height, most = s->max_edge_distance;
@@ -119,7 +124,7 @@ static void find_edge_distances(struct depth_frame *s)
         }
 }
 
-// Runs of one surface along a line of pixels `step` apart.
+// Lowers half_width to half the length of each run of one surface along a line of pixels `step` apart.
 static void find_runs(struct depth_frame *s, int first, int step, int count)
 {
     for (int from = 0, to; from < count; from = to) {
@@ -141,13 +146,13 @@ static void find_widths(struct depth_frame *s)
         find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
 }
 
-// Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has
-// no reading there is as far away as the room beyond it.
+// The sensor's projector stands beside its lens, so the actor shadows a strip of the background along one side. Pixels
+// without a depth sample there take the depth of the background beyond.
 static void fill_projector_shadow(struct depth_frame *s, double fx)
 {
     for (int y = s->top; y <= s->bottom; y++) {
         const int row = y * s->width;
-        for (int x = 0, last = -1; x < s->width; x++) { // last: the one before that has a reading
+        for (int x = 0, last = -1; x < s->width; x++) { // last: the last pixel with a depth sample
             if (!s->depth[row + x])
                 continue;
             const int from = last;
@@ -157,13 +162,45 @@ static void fill_projector_shadow(struct depth_frame *s, double fx)
                 continue;
             const bool background_first = s->part[row + from] == DEPTH_FRAME_BACKGROUND;
             const uint16_t background = s->depth[row + (background_first ? from : x)];
-            const uint16_t person = s->depth[row + (background_first ? x : from)];
-            const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / person - 1.0 / background);
+            const uint16_t actor = s->depth[row + (background_first ? x : from)];
+            const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / actor - 1.0 / background);
             for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + SHADOW_SLACK_PX; i++)
                 if (s->part[i] == DEPTH_FRAME_BACKGROUND)
                     s->depth[i] = background;
         }
     }
+}
+
+// Labels every pixel of the actor UNASSIGNED, until depth_frame_relabel, or DEPTH_FRAME_MIXED, all others background.
+static void find_actor_pixels(struct depth_frame *s, const struct take_images *images)
+{
+    const int count = s->width * s->height;
+    memset(s->part, DEPTH_FRAME_BACKGROUND, (size_t)count);
+    const uint8_t *mask = images->mask, *end = mask ? mask + count : NULL;
+    for (int i = 0; i < count; i++) {
+        if (mask && !mask[i]) { // most of an image: on to the next pixel of the mask
+            const uint8_t *next = memchr(mask + i, 1, (size_t)(end - mask - i));
+            if (!next)
+                break;
+            i = (int)(next - mask);
+        }
+        s->part[i] =
+            part_pixel_on_surface(images->depth, mask, s->width, s->height, i) ? UNASSIGNED : DEPTH_FRAME_MIXED;
+    }
+}
+
+void depth_frame_label(struct depth_frame *s, const struct take_images *images, const struct skeleton *joints)
+{
+    memcpy(s->depth, images->depth, sizeof(uint16_t) * (size_t)s->width * (size_t)s->height);
+    s->has_mask = images->mask != NULL;
+    find_actor_pixels(s, images);
+    s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
+    find_bounds(s);
+    depth_frame_relabel(s, joints);
+    find_bounds(s);
+    fill_projector_shadow(s, s->fx);
+    find_edge_distances(s);
+    find_widths(s);
 }
 
 enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame)
@@ -175,28 +212,8 @@ enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t f
     enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
         return status;
-    int count = s->width * s->height;
-    memcpy(s->depth, images.depth, sizeof(uint16_t) * (size_t)count);
-    s->has_mask = images.mask != NULL;
-    memset(s->part, DEPTH_FRAME_BACKGROUND, (size_t)count);
-    const uint8_t *mask = images.mask, *end = mask ? mask + count : NULL;
-    for (int i = 0; i < count; i++) {
-        if (mask && !mask[i]) { // most of a picture: on to the next pixel of the person
-            const uint8_t *next = memchr(mask + i, 1, (size_t)(end - mask - i));
-            if (!next)
-                break;
-            i = (int)(next - mask);
-        }
-        s->part[i] = part_pixel_on_surface(images.depth, mask, s->width, s->height, i) ? PERSON : DEPTH_FRAME_MIXED;
-    }
-    s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
-    find_bounds(s);
     const struct skeleton joints = inpaint_skeleton(take, frame);
-    depth_frame_relabel(s, &joints);
-    find_bounds(s);
-    fill_projector_shadow(s, take_calibration(take)->depth.fx);
-    find_edge_distances(s);
-    find_widths(s);
+    depth_frame_label(s, &images, &joints);
     return OK;
 }
 
@@ -213,7 +230,7 @@ void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton)
     struct part_capsules bones = part_capsules_of(skeleton, s->body);
     double outside = part_max_distance_m(s->has_mask);
     const uint8_t unlabelled =
-        s->has_mask ? DEPTH_FRAME_MIXED : DEPTH_FRAME_BACKGROUND; // the mask knows better than the joints
+        s->has_mask ? DEPTH_FRAME_MIXED : DEPTH_FRAME_BACKGROUND; // a mask is trusted more than the joints
     for (int y = s->top; y <= s->bottom; y++)
         for (int x = s->left; x <= s->right; x++) {
             int i = y * s->width + x;
@@ -224,14 +241,14 @@ void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton)
         }
 }
 
-enum { INTERIOR_PX = 2 }; // JPEG halves colour, which carries it over two pixels
+enum { INTERIOR_PX = 2 }; // JPEG subsamples chroma, which spreads colour over two pixels
 
-// A place well within a surface; x < 0: none.
+// A pixel well within a surface; x < 0: none.
 struct interior_pixel {
     int16_t x, y;
 };
 
-// Where it stands nearer to pixel (x, y), the other.
+// Replaces *from by `other` where that is nearer to pixel (x, y), by city-block distance.
 static inline void keep_nearer(struct interior_pixel *from, struct interior_pixel other, int x, int y)
 {
     if (other.x < 0)
@@ -240,7 +257,7 @@ static inline void keep_nearer(struct interior_pixel *from, struct interior_pixe
         *from = other;
 }
 
-// The person's box and a pixel about it, for who looks at places between pixels.
+// The actor's bounds and one pixel on each side, for bilinear sampling.
 struct actor_box {
     int left, top, w, h;
 };
@@ -253,7 +270,7 @@ static struct actor_box padded_actor_box(const struct depth_frame *s)
     return (struct actor_box){left, top, right - left + 1, bottom - top + 1};
 }
 
-// Of each pixel of the box the nearest place well within a surface, in two sweeps, there and back.
+// For each pixel of the box the nearest pixel well within a surface, in two passes.
 static void find_interior_pixels(const struct depth_frame *s, const struct actor_box *box, struct interior_pixel *from)
 {
     const int w = box->w, h = box->h;

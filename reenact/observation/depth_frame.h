@@ -1,56 +1,72 @@
-// One recorded frame's depth picture, sorted: which pixel shows which part of the
-// person, and which shows the room. Pure; the take is only read.
+// One recorded frame's depth image, labelled: which body part each pixel shows, how far it is from the nearest depth
+// edge, and how wide the surface about it is. Pixels are labelled by the nearest part's capsule (part_label.h); edges
+// and widths come from two-pass distance transforms. Method: our own. Pure and deterministic; the take is only read.
+// One depth_frame, one thread.
+//
+// Memory: 5 bytes a depth pixel, allocated by depth_frame_open.
 #pragma once
 #include "reenact/observation/part_label.h"
+#include "reenact/skeleton/take_skeletons.h"
 
 enum {
-    DEPTH_FRAME_BACKGROUND = PART_COUNT, // not the person; or no reading at all
-    DEPTH_FRAME_MIXED,                   // the person's, but half in the air: at an edge, or between two surfaces
+    DEPTH_FRAME_BACKGROUND = PART_COUNT, // not the actor, or no depth sample
+    DEPTH_FRAME_MIXED, // the actor's, but at an edge: between two surfaces, or farther from every part
 };
 
 enum { DEPTH_FRAME_MAX_EDGE_PX = 100 };
-enum { DEPTH_FRAME_INWARD_PX = 3 }; // how far depth_frame_step_inside looks
-#define DEPTH_FRAME_RIM_PX 0.6      // the person goes on so far beyond the outermost pixels, which have no reading
+enum { DEPTH_FRAME_INWARD_PX = 3 }; // how far depth_frame_step_inside searches
+#define DEPTH_FRAME_RIM_PX 0.6      // the silhouette lies so far beyond the outermost labelled pixels
+
+// What the frames of one take are read with. All borrowed.
+struct frame_source {
+    struct take *take;
+    const struct take_skeletons *skeletons;
+    const struct source_rays *rays;
+};
 
 struct depth_frame {
     int width, height;
+    double fx; // of the depth lens, pixels
     const struct source_rays *rays;
     const struct body *body;
-    uint16_t *depth;        // millimetres; where the person keeps the sensor's light off the room, the room's
+    uint16_t *depth;        // millimetres; the background's where the actor blocks the projector
     uint8_t *part;          // of each pixel: a part, or one of the above
-    uint8_t *edge_distance; // of each pixel: how far the nearest edge between two surfaces is, pixels, at most
+    uint8_t *edge_distance; // of each pixel: to the nearest edge between two surfaces, pixels (city block), at most
                             // max_edge_distance
-    uint8_t
-        *half_width; // of the person's: half of how wide the surface about each is, in the narrower of two directions
-    int max_edge_distance; // how far an edge is looked for: at first DEPTH_FRAME_MAX_EDGE_PX; whoever needs less sets
-                           // less
+    uint8_t *half_width;    // of each of the actor's pixels: half the width of the surface about it, pixels, along the
+                            // narrower of the image's two axes
+    int max_edge_distance;  // of the search for edges; DEPTH_FRAME_MAX_EDGE_PX unless the caller sets less
     bool has_mask;
-    int left, top, right, bottom; // of the person's pixels; right < left: there are none
+    int left, top, right, bottom; // bounds of the actor's pixels, inclusive; right < left: there are none
 };
 
-// rays and take must outlive it. ERR_MEMORY.
+// rays and take must outlive it. ERR_MEMORY: *out is then zeroed.
 MUST_CHECK enum status depth_frame_open(struct depth_frame *out, const struct take *take,
                                         const struct source_rays *rays);
-void depth_frame_close(struct depth_frame *s);
+void depth_frame_close(struct depth_frame *s); // zeroed is fine; leaves it zeroed
 
-// Reads frame `frame` and sorts it by its own skeleton. NOTHING: it lacks depth or
-// skeleton. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+// Labels a frame. images: its depth (not NULL) and mask (NULL: none), from take_read. joints: its skeleton, inpainted
+// (take_skeletons_at), colour camera's axes.
+void depth_frame_label(struct depth_frame *s, const struct take_images *images, const struct skeleton *joints);
+
+// take_read and depth_frame_label for a caller that needs one frame of a take. NOTHING: it lacks depth or skeleton.
+// ERR_CORRUPT, ERR_IO, ERR_MEMORY. Unless OK, *s is unchanged.
 MUST_CHECK enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame);
 
-// From the room's pixel i to the person's beside it, `step` on, and through what is half in the air: the first pixel
-// that shows a part, at most DEPTH_FRAME_INWARD_PX from i. -1: there is none, or the room is not well behind it.
+// From background pixel i to the actor's pixel next to it in direction `step` (an index offset), across mixed pixels:
+// the first that shows a part, at most DEPTH_FRAME_INWARD_PX from i. -1: there is none, or the background is not
+// clearly behind it.
 int depth_frame_step_inside(const struct depth_frame *s, int i, int step);
 
-// The middle one of the person's readings in and about one of his pixels, without what noise does to one of them;
-// millimetres.
+// Median of the actor's depth samples in the 3 x 3 window about pixel i, which is one of the actor's; millimetres.
 int depth_frame_median_mm(const struct depth_frame *s, int i);
 
-// Which part a person's pixel shows, anew, by better joints (colour camera's axes).
+// Assigns the actor's pixels to parts again, by better joints (colour camera's axes).
 void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton);
 
-// The frame's colours with nobody else's among them: what lies at an edge or off the
-// person takes the colour of the nearest place well within a surface, within a
-// pixel of the person's box. Both are RGB of the colour picture, and may be the same.
-// Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
+// Replaces colours that may be mixed with another surface's: a pixel of the actor's bounds (and one more on each side)
+// that is at an edge or not the actor's takes the colour of the nearest pixel well within a surface. rgb and out are
+// whole colour images and may be the same. Where depth is not registered to colour, a copy. ERR_MEMORY: *out is then a
+// copy.
 MUST_CHECK enum status depth_frame_clean_colors(const struct depth_frame *s, const struct calibration *calibration,
                                                 const uint8_t *rgb, uint8_t *out);

@@ -3,29 +3,29 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PIXEL_BYTES = 5 }; // depth, part, edge, half
+enum { PIXEL_BYTES = 5 }; // depth 2, part, edge_distance and half_width 1 each
 
 struct cached_window {
-    uint8_t *bytes; // of a window of the picture: its depth, then its part, edge and half; NULL: not kept
+    uint8_t *bytes; // planes of the window: depth, part, edge_distance, half_width; NULL: not kept
     int left, top, width, height;
-    struct depth_frame bounds; // bounds and mask alone
+    struct depth_frame bounds; // only the actor's bounds and has_mask are used
 };
 
 struct depth_frame_cache {
-    struct take *take;
+    struct frame_source source;
     int64_t *frames;
     struct cached_window *windows; // of each frame
     int count;
     size_t bytes, max_bytes;
 };
 
-enum status depth_frame_cache_open(struct depth_frame_cache **out, struct take *take, const int64_t *frames, int count,
-                                   size_t max_bytes)
+enum status depth_frame_cache_open(struct depth_frame_cache **out, const struct frame_source *source,
+                                   const int64_t *frames, int count, size_t max_bytes)
 {
     struct depth_frame_cache *s = *out = calloc(1, sizeof *s);
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
-    s->take = take;
+    s->source = *source;
     s->count = count;
     s->max_bytes = max_bytes;
     s->frames = malloc(sizeof *s->frames * (size_t)count);
@@ -54,7 +54,7 @@ void depth_frame_cache_close(struct depth_frame_cache **out)
 static int at_least(int value, int least) { return value > least ? value : least; }
 static int at_most(int value, int most) { return value < most ? value : most; }
 
-// The window that is kept: as far about the person as edges are told.
+// The window that is kept: the actor's bounds, and as far about them as edge distances are measured.
 static void set_window(struct cached_window *k, const struct depth_frame *s)
 {
     k->left = at_least(s->left - DEPTH_FRAME_MAX_EDGE_PX, 0);
@@ -74,7 +74,7 @@ static void store_window(struct depth_frame_cache *all, int i, const struct dept
         return;
     k->bytes = malloc(PIXEL_BYTES * pixels);
     if (!k->bytes)
-        return; // read anew instead
+        return; // it is read from the take each time instead
     all->bytes += PIXEL_BYTES * pixels;
     k->bounds = *s;
     uint8_t *part = k->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
@@ -107,15 +107,33 @@ static void restore_window(const struct cached_window *k, struct depth_frame *s)
     }
 }
 
-enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into)
+static void copy_colors(const struct depth_frame_cache *s, const struct take_images *images, uint8_t *rgb)
+{
+    const struct lens *lens = &take_calibration(s->source.take)->color;
+    memcpy(rgb, images->color, 3 * (size_t)lens->width * (size_t)lens->height);
+}
+
+enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into, uint8_t *rgb)
 {
     assert(i >= 0 && i < s->count);
-    if (s->windows[i].bytes) {
+    const bool is_kept = s->windows[i].bytes != NULL;
+    const struct take_entry *e = take_entry(s->source.take, s->frames[i]);
+    if (!e->has_depth || !e->has_skeleton)
+        return NOTHING;
+    struct take_images images;
+    const unsigned want = (is_kept ? 0u : TAKE_DEPTH | TAKE_MASK) | (rgb ? TAKE_COLOR : 0u);
+    enum status status = take_read(s->source.take, s->frames[i], want, &images);
+    if (status != OK)
+        return status;
+    if (is_kept) {
         restore_window(&s->windows[i], into);
-        return OK;
-    }
-    enum status status = depth_frame_read(into, s->take, s->frames[i]);
-    if (status == OK)
+    } else {
+        depth_frame_label(into, &images, take_skeletons_at(s->source.skeletons, s->frames[i]));
         store_window(s, i, into);
-    return status;
+    }
+    if (rgb && !images.color)
+        return NOTHING;
+    if (rgb)
+        copy_colors(s, &images, rgb);
+    return OK;
 }

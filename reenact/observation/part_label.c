@@ -47,13 +47,13 @@ int part_nearest(const struct part_capsules *b, struct vec3 p, double outside_m)
         struct vec3 d = v3_sub(p, b->from[i]), from_middle = v3_sub(p, b->middle[i]);
         double away = best + b->bounding_radius[i];
         if (v3_dot(from_middle, from_middle) > away * away)
-            continue; // a ball about the part is farther than the nearest
+            continue; // the bounding ball is farther than the nearest part
         double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
         t = t < 0 ? 0 : t > 1 ? 1 : t;
         d = v3_sub(d, v3_scale(b->along[i], t));
         double away2 = v3_dot(d, d), reach = best + b->radius[i];
         if (!(reach > 0) || away2 > reach * reach)
-            continue; // without a root
+            continue; // farther than the nearest part, found without a square root
         double gap = sqrt(away2) - b->radius[i];
         if (gap < best)
             best = gap, nearest = (int)b->part[i];

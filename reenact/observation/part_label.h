@@ -1,45 +1,42 @@
-// Which body part a depth pixel belongs to: the one whose cylinder (with round
-// ends) it lies nearest to. Pure.
+// Labels depth pixels with body parts: a point belongs to the part whose capsule (the part's cylinder of [D14] 4.1 with
+// hemispherical ends) it is nearest to. Also the rays of a take's depth pixels. Pure; deterministic.
 #pragma once
+#include "base/depth_noise.h"
 #include "capture/recording/recording.h"
 
-// The known parts of one skeleton. Metres, the skeleton's axes.
+// Capsules of one skeleton's known parts. Metres, the skeleton's axes.
 struct part_capsules {
     int count;
     enum part part[PART_COUNT];
     struct vec3 from[PART_COUNT], along[PART_COUNT];
     double along2[PART_COUNT], radius[PART_COUNT];
     struct vec3 middle[PART_COUNT];
-    double bounding_radius[PART_COUNT]; // from the middle to the farthest of the part
+    double bounding_radius[PART_COUNT]; // of the ball about `middle` that holds the capsule
 };
 struct part_capsules part_capsules_of(const struct skeleton *skeleton, const struct body *body);
 
 enum { PART_LABEL_PERSON = 1 << 15 };
 
-// Bit p: within shared_m of the nearest part, p is as near; and PART_LABEL_PERSON.
-// 0: farther than outside_m outside every part.
+// Bit p: part p is at most shared_m farther than the nearest part; and PART_LABEL_PERSON. 0: p is more than outside_m
+// outside every part.
 uint16_t part_label(const struct part_capsules *bones, struct vec3 p, double shared_m, double outside_m);
 
-// The nearest part alone, the lowest of several; -1: farther than outside_m from every part.
+// The nearest part, the lowest on a tie; -1: p is more than outside_m outside every part.
 int part_nearest(const struct part_capsules *bones, struct vec3 p, double outside_m);
 
-// How far outside all parts a pixel may lie and still be this person: the mask
-// knows best, but where there is none, not far.
+// How far outside all parts a pixel may lie and still be the actor's: farther with a mask, which excludes other things,
+// than without. Chosen by hand.
 double part_max_distance_m(bool has_mask);
 
-// How far one reading may lie from its neighbour on the same surface because depth comes in steps: they grow with the
-// square of the depth (45 mm at 4 m for a Kinect), and noise makes two or three of them.
-static inline int depth_step_mm(int depth_mm) { return (int)((int64_t)depth_mm * depth_mm / 160000); }
-
-// True where the pixel is the person's (mask NULL: is there) and at least two of
-// its four neighbours lie on one surface with it. At the edges of things depth
-// pictures hold readings that hang between the person and what is behind.
+// True: the pixel is in the mask (NULL: any with a depth sample), not on the image's border, and at least two of its
+// four neighbours lie on one surface with it. At depth edges, samples can lie between the actor and the background.
 bool part_pixel_on_surface(const uint16_t *depth, const uint8_t *mask, int width, int height, int i);
 
-// Every depth pixel's direction, made once for a take.
+// The ray of every depth pixel, made once for a take: 8 bytes a pixel. Immutable, so any number of threads may read it.
 struct source_rays;
-MUST_CHECK enum status source_rays_open(struct source_rays **out, const struct calibration *calibration);
-void source_rays_close(struct source_rays **r);
+MUST_CHECK enum status source_rays_open(struct source_rays **out,
+                                        const struct calibration *calibration); // ERR_MEMORY: *out is NULL
+void source_rays_close(struct source_rays **r);                                 // NULL is fine; sets *r = NULL
 int source_rays_count(const struct source_rays *r);
-// The point that depth pixel `i` saw at `depth_mm` > 0, in the COLOUR camera's axes, metres.
+// The point of depth pixel `i` at `depth_mm` > 0, in the COLOUR camera's axes, metres.
 struct vec3 source_rays_point(const struct source_rays *r, int i, uint16_t depth_mm);

@@ -1,9 +1,10 @@
 #include "reenact/observation/source_texture.h"
+#include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Neighbouring parts share the pixels between them, as far as this.
+// Neighbouring parts share the pixels between them up to this distance. Chosen by hand.
 static const double SHARED_M = 0.03;
 
 void source_image_free(struct source_image *image)
@@ -13,9 +14,9 @@ void source_image_free(struct source_image *image)
     *image = (struct source_image){.frame = -1};
 }
 
-// ---------------------------------------------------------------- whose pixel is it
+// ---------------------------------------------------------------- labels
 
-// Marks the colour pixels that a depth pixel covers.
+// Labels the colour pixels that a depth pixel covers.
 static void label_footprint(struct source_image *image, struct pixel at, double half, uint16_t parts)
 {
     int x0 = (int)ceil(at.x - half), x1 = (int)floor(at.x + half);
@@ -47,14 +48,14 @@ static void label_pixels(struct source_image *image, const struct take *take, co
     }
 }
 
-// Takes the person's outermost pixels away: their colours are half the background's.
+// Removes the labels of the actor's outermost pixels, whose colours are mixed with the background's.
 static enum status erode_labels(struct source_image *image)
 {
     int w = image->width, h = image->height;
     uint16_t *rows = malloc(sizeof(uint16_t) * 2 * (size_t)w);
     if (!rows)
         return fail(ERR_MEMORY, "out of memory");
-    uint16_t *above = rows, *here = rows + w; // as they were before shaving
+    uint16_t *above = rows, *here = rows + w; // labels before erosion
     memset(above, 0, sizeof(uint16_t) * (size_t)w);
     for (int y = 0; y < h; y++) {
         uint16_t *row = image->parts + (size_t)y * w;
@@ -115,7 +116,7 @@ enum status source_image_load(struct source_image *image, struct take *take, int
 
 // ---------------------------------------------------------------- a part's patch
 
-// The pixels around a part in its frame; false when it is not in the picture.
+// The window about a part and the part's area in it, pixels. False: the part is outside the image.
 static bool part_window(const struct take *take, int64_t frame, enum part p, struct source_patch *w, double *area)
 {
     const struct lens *lens = &take_calibration(take)->color;
@@ -141,11 +142,11 @@ static bool part_window(const struct take *take, int64_t frame, enum part p, str
     *w = (struct source_patch){.left = (int)x0, .top = (int)y0};
     w->width = (int)x1 - w->left + 1;
     w->height = (int)y1 - w->top + 1;
-    *area = thick * hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
+    *area = thick * portable_hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
     return true;
 }
 
-// For each pixel of the window the row of the nearest good pixel in its column; -1: none.
+// For each pixel of the window the row of the nearest usable pixel in its column; -1: none.
 static void nearest_in_columns(const struct source_image *image, const struct source_patch *w, uint16_t bit,
                                int16_t *row)
 {
@@ -168,25 +169,33 @@ static void nearest_in_columns(const struct source_image *image, const struct so
     }
 }
 
-// Exact nearest good pixel; the leftmost, then the upper one on a tie.
+// The exact nearest usable pixel of the window to (x, y); the leftmost, then the upper one on a tie. row: as
+// nearest_in_columns fills it.
+static void find_nearest(const struct source_patch *w, const int16_t *row, const int at[2], int nearest[2])
+{
+    const int x = at[0], y = at[1];
+    long best = -1;
+    nearest[0] = nearest[1] = 0;
+    for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
+        for (int side = -1; side <= 1; side += 2) {
+            int cx = x + side * d;
+            int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
+            long distance = (long)d * d + (long)(cy - y) * (cy - y);
+            if (cy >= 0 && (best < 0 || distance < best)) {
+                best = distance;
+                nearest[0] = cx;
+                nearest[1] = cy;
+            }
+        }
+}
+
 static void fill(const struct source_image *image, struct source_patch *w, const int16_t *row)
 {
     for (int y = 0; y < w->height; y++)
         for (int x = 0; x < w->width; x++) {
-            long best = -1;
-            int bx = 0, by = 0;
-            for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
-                for (int side = -1; side <= 1; side += 2) {
-                    int cx = x + side * d;
-                    int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
-                    long distance = (long)d * d + (long)(cy - y) * (cy - y);
-                    if (cy >= 0 && (best < 0 || distance < best)) {
-                        best = distance;
-                        bx = cx;
-                        by = cy;
-                    }
-                }
-            size_t from = ((size_t)(w->top + by) * image->width + w->left + bx) * 3;
+            int nearest[2];
+            find_nearest(w, row, (const int[2]){x, y}, nearest);
+            size_t from = ((size_t)(w->top + nearest[1]) * image->width + w->left + nearest[0]) * 3;
             memcpy(w->rgb + ((size_t)y * w->width + x) * 3, image->rgb + from, 3);
         }
 }
@@ -201,11 +210,11 @@ enum status source_patch_make(const struct source_image *image, const struct tak
     if (!part_window(take, image->frame, p, &w, &area))
         return NOTHING;
     uint16_t bit = (uint16_t)(1 << p);
-    long good = 0;
+    long usable = 0;
     for (int y = 0; y < w.height; y++)
         for (int x = 0; x < w.width; x++)
-            good += (image->parts[(size_t)(w.top + y) * image->width + w.left + x] & bit) != 0;
-    if (good < 12 || good < area * 0.25)
+            usable += (image->parts[(size_t)(w.top + y) * image->width + w.left + x] & bit) != 0;
+    if (usable < 12 || usable < area * 0.25) // chosen by hand
         return NOTHING;
     int16_t *row = malloc(sizeof(int16_t) * (size_t)w.width * (size_t)w.height);
     w.rgb = malloc(3 * (size_t)w.width * (size_t)w.height);

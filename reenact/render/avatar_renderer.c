@@ -1,3 +1,4 @@
+// Draws the avatar: atlas upload, mesh of the visible vertices, draw calls per layer.
 #include "reenact/render/avatar_renderer.h"
 
 #include "reenact/render/shaders.h"
@@ -8,14 +9,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { VERTEX = 16 };
+enum { VERTEX = 16 }; // floats of a vertex, as avatar.vert takes them
 
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_SILHOUETTE_PX = 0.5F;
+static const float NEAREST_M = (float)VIEW_NEAREST_M, HALF_SILHOUETTE_PX = 0.5F;
 
-enum uniform { VIEW_LENS, VIEW_RANGE, KIND, VIEWER_FROM_FRAME, UNIFORMS };
+enum uniform { VIEW_LENS, VIEW_RANGE, FRAME_PARAMS, VIEWER_FROM_FRAME, UNIFORMS };
 
-// The same mesh each time.
-enum program { AVATAR, FUSED, SOURCE, AVATAR_IN_ROOM, FUSED_IN_ROOM, PROGRAMS };
+// All draw the same mesh.
+enum program { AVATAR, FUSED, SOURCE, AVATAR_OCCLUDED, FUSED_OCCLUDED, PROGRAMS };
 struct program_plan {
     const char *fragment;
     const char *samplers[4];
@@ -26,55 +27,47 @@ static const struct program_plan plans[PROGRAMS] = {
     [AVATAR] = {"avatar.frag", {"atlas", "frame_color", "frame_depth"}, 3, NULL},
     [FUSED] = {"avatar_fused.frag", {"atlas"}, 1, NULL},
     [SOURCE] = {"avatar_source.frag", {"atlas_when", "frame_depth"}, 2, NULL},
-    [AVATAR_IN_ROOM] = {"avatar.frag", {"atlas", "frame_color", "frame_depth", "room"}, 4, "IN_ROOM"},
-    [FUSED_IN_ROOM] = {"avatar_fused.frag", {"atlas", "room"}, 2, "IN_ROOM"},
+    [AVATAR_OCCLUDED] = {"avatar.frag", {"atlas", "frame_color", "frame_depth", "room"}, 4, "ROOM_OCCLUSION"},
+    [FUSED_OCCLUDED] = {"avatar_fused.frag", {"atlas", "room"}, 2, "ROOM_OCCLUSION"},
 };
 static const char *const uniform_names[UNIFORMS] = {
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
-    [KIND] = "kind",
+    [FRAME_PARAMS] = "frame_params",
     [VIEWER_FROM_FRAME] = "viewer_from_frame",
 };
 
-// What comes to the GPU bit by bit.
+// Uploaded in steps.
 struct atlas_textures {
     struct gpu_texture *color, *seen_time;
-    int color_rows, seen_time_rows; // atlas_textures
+    int color_rows, seen_time_rows; // uploaded so far
 };
 
-// What comes to it for each picture: the points that the picture shows.
+// Uploaded for each image: its visible points.
 struct shown_mesh {
-    struct gpu_mesh *mesh; // NULL: no avatar was given
+    struct gpu_mesh *mesh; // NULL: no avatar was set
     float (*vertices)[VERTEX];
     uint16_t *corners;
-    int32_t *number; // of a point, then of its double, among the vertices; -1: it is not there yet
+    int32_t *number; // [2 * points]: vertex of a point, then of its double (silhouette_edges.h); -1: none yet
     int vertex_count;
 };
 
 struct avatar_renderer {
     struct gpu *gpu;
     struct take *take;
-    struct lens view; // the tablet's
+    struct lens view; // viewer camera's
     struct avatar avatar;
     struct gpu_program *programs[PROGRAMS];
     struct atlas_textures atlas_textures;
     struct shown_mesh shown;
     struct silhouette_edges *silhouette;
     struct frame_layer_cache *frames;
-    int warmed_up; // ways in which he is drawn
+    int warmed_up; // combinations of program and state drawn so far
 };
-
-void lens_uniform(const struct lens *l, float out[12])
-{
-    const double values[12] = {l->fx,    l->fy,    l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, lens_max_radius2(l),
-                               l->width, l->height};
-    for (int i = 0; i < 12; i++)
-        out[i] = (float)values[i];
-}
 
 // ---------------------------------------------------------------- opening
 
-static void set(struct avatar_renderer *p, enum uniform uniform, const float *vec4s, int count)
+static void set_uniform(struct avatar_renderer *p, enum uniform uniform, const float *vec4s, int count)
 {
     for (int i = 0; i < PROGRAMS; i++)
         gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
@@ -108,16 +101,18 @@ static enum status open_shown_mesh(struct avatar_renderer *p)
     m->corners = malloc(sizeof *m->corners * (size_t)most);
     if (!m->vertices || !m->number || !m->corners)
         return fail(ERR_MEMORY, "out of memory");
-    return gpu_mesh_open(&m->mesh, p->gpu, NULL, VERTEX, 2 * points, NULL, most);
+    return gpu_mesh_open(&m->mesh, p->gpu, &(struct gpu_mesh_data){NULL, VERTEX, 2 * points, NULL, most});
 }
 
 static enum status open_atlas_textures(struct avatar_renderer *p)
 {
     const struct uv_mesh *m = &p->avatar.atlas.mesh;
     struct atlas_textures *b = &p->atlas_textures;
-    enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
+    enum status status = gpu_texture_open(
+        &b->color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, m->width, m->height, GPU_LINEAR}, NULL);
     if (status == OK)
-        status = gpu_texture_open(&b->seen_time, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
+        status = gpu_texture_open(&b->seen_time, p->gpu,
+                                  &(struct gpu_texture_layout){GPU_RGBA8, m->width, m->height, GPU_NEAREST}, NULL);
     if (status == OK)
         status = silhouette_edges_open(&p->silhouette, &p->avatar);
     return status == OK ? open_shown_mesh(p) : status;
@@ -151,8 +146,8 @@ int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *p, int64_
     return frame_layer_cache_nearest(p->frames, frame, within_ns);
 }
 
-// Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.
-static int affordable(size_t *bytes, int wanted, size_t piece)
+// How many of `wanted` pieces, `piece` bytes each, fit into *bytes; subtracts them.
+static int take_from_budget(size_t *bytes, int wanted, size_t piece)
 {
     size_t most = *bytes / piece;
     int count = (size_t)wanted < most ? wanted : (int)most;
@@ -164,7 +159,7 @@ static void upload_rows(struct gpu_texture *t, const uint8_t *pixels, const stru
                         size_t *bytes)
 {
     size_t row = (size_t)each * (size_t)m->width;
-    int count = affordable(bytes, m->height - *rows, row);
+    int count = take_from_budget(bytes, m->height - *rows, row);
     if (count)
         gpu_texture_write_rows(t, *rows, count, pixels + row * (size_t)*rows);
     *rows += count;
@@ -186,7 +181,7 @@ void avatar_renderer_set_lens(struct avatar_renderer *p, const struct lens *view
     float lens[12];
     lens_uniform(view, lens);
     p->view = *view;
-    set(p, VIEW_LENS, lens, 3);
+    set_uniform(p, VIEW_LENS, lens, 3);
 }
 
 static enum status open_programs(struct avatar_renderer *p, const struct lens *view)
@@ -204,21 +199,21 @@ static enum status open_programs(struct avatar_renderer *p, const struct lens *v
         if (status != OK)
             return status;
     }
-    const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
+    const float range[4] = {NEAREST_M, VIEW_FARTHEST_M, 0, 0};
     avatar_renderer_set_lens(p, view);
-    set(p, VIEW_RANGE, range, 1);
+    set_uniform(p, VIEW_RANGE, range, 1);
     return OK;
 }
 
-enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, struct take *take,
-                                 const struct source_rays *rays, const struct lens *view, size_t max_bytes)
+enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, const struct frame_source *source,
+                                 const struct lens *view, size_t max_bytes)
 {
     struct avatar_renderer *p = *out = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
-    p->take = take;
-    enum status status = frame_layer_cache_open(&p->frames, gpu, take, rays, max_bytes);
+    p->take = source->take;
+    enum status status = frame_layer_cache_open(&p->frames, gpu, source, max_bytes);
     if (status == OK)
         status = open_programs(p, view);
     if (status != OK)
@@ -241,7 +236,7 @@ void avatar_renderer_close(struct avatar_renderer **out)
 
 // ---------------------------------------------------------------- drawing
 
-// How many parts there are to draw; the others are marked as absent.
+// Returns the number of parts before the camera; parts with unknown joints are marked absent.
 static int find_absent(const struct avatar_renderer *p, const struct avatar_view *view, bool absent[PART_COUNT])
 {
     int present = 0;
@@ -259,7 +254,7 @@ static int find_absent(const struct avatar_renderer *p, const struct avatar_view
     return present;
 }
 
-// The vertex of a point or, from point_count on, of a point's double.
+// The vertex of point i or, from point_count on, of a point's double (opacity 0).
 static void put_vertex(const struct avatar_renderer *p, const struct gpu_frame_layer *now,
                        const struct silhouette_corners *from, int i, float v[VERTEX])
 {
@@ -270,14 +265,14 @@ static void put_vertex(const struct avatar_renderer *p, const struct gpu_frame_l
     const float u = m->at[point][0] / (float)m->width, t = m->at[point][1] / (float)m->height;
     const float opaque = i < m->point_count;
     const float values[][4] = {{at->x, at->y, at->z, opaque},                               // point
-                               {u, t, k->color_uv[0], k->color_uv[1]},                      // places
-                               {k->depth_uv[0], k->depth_uv[1], k->depth_m, k->visibility}, // there
-                               {k->normal[0], k->normal[1], k->normal[2], k->irradiance}};  // facing
-    _Static_assert(sizeof values == VERTEX * sizeof *v, "as the shader's inputs");
+                               {u, t, k->color_uv[0], k->color_uv[1]},                      // vertex_uv
+                               {k->depth_uv[0], k->depth_uv[1], k->depth_m, k->visibility}, // vertex_sample
+                               {k->normal[0], k->normal[1], k->normal[2], k->irradiance}};  // normal_and_light
+    _Static_assert(sizeof values == VERTEX * sizeof *v, "avatar.vert's inputs");
     memcpy(v, values, sizeof values);
 }
 
-// Only the points that are drawn, in the order in which they are wanted.
+// Uploads only the points that are drawn, in the order of first use.
 static void upload_shown_mesh(struct avatar_renderer *p, const struct gpu_frame_layer *now,
                               const struct silhouette_corners *from)
 {
@@ -297,7 +292,8 @@ static void upload_shown_mesh(struct avatar_renderer *p, const struct gpu_frame_
     gpu_mesh_write_indices(m->mesh, 0, m->corners, count);
 }
 
-// What he is drawn of, in this order: triangles that may have the shown frame's own colours, the others, the ribbon.
+// Drawn in this order: triangles the shown frame sees (its own colours), the others (fused colours), the silhouette
+// ribbon.
 enum layer { OWN, OTHERS, RIBBON, LAYERS };
 
 static void draw_layer(struct avatar_renderer *p, enum layer layer, const struct gpu_job *of)
@@ -306,13 +302,13 @@ static void draw_layer(struct avatar_renderer *p, enum layer layer, const struct
     struct gpu_job job = *of;
     job.mesh = p->shown.mesh;
     job.textures[0] = p->atlas_textures.color;
-    job.program = p->programs[room ? AVATAR_IN_ROOM : AVATAR];
-    job.closed = layer != RIBBON; // its triangles run either way
+    job.program = p->programs[room ? AVATAR_OCCLUDED : AVATAR];
+    job.closed = layer != RIBBON; // the ribbon's triangles have either winding
     job.depth_test = true;
     job.blend = layer == RIBBON;
-    job.no_depth_write = layer == RIBBON; // where two of it cross, the depth's last bit would decide which is seen
+    job.no_depth_write = layer == RIBBON; // where two ribbons cross, the depth's last bit would decide which is seen
     if (layer != OWN) {
-        job.program = p->programs[room ? FUSED_IN_ROOM : FUSED];
+        job.program = p->programs[room ? FUSED_OCCLUDED : FUSED];
         job.textures[1] = room;
     }
     gpu_draw(&job);
@@ -334,13 +330,15 @@ static void draw_colors(struct avatar_renderer *p, const struct avatar_view *vie
 enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct gpu_target *actor, const struct gpu_texture *room,
                                     bool *done)
 {
-    enum { SIDE = 3 }; // of pictures as shown frames' are: their sides are no powers of two (frame_layer.c)
+    enum { SIDE = 3 }; // as of frame layers: no power of two (frame_layer.c)
     const float nothing[3 * VERTEX] = {0};
     const uint16_t corners[3] = {0, 1, 2};
     struct gpu_texture *color = NULL, *depth = NULL;
-    enum status status = gpu_texture_open(&color, p->gpu, GPU_RGB8, SIDE, SIDE, GPU_LINEAR, NULL);
+    enum status status =
+        gpu_texture_open(&color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, SIDE, SIDE, GPU_LINEAR}, NULL);
     if (status == OK)
-        status = gpu_texture_open(&depth, p->gpu, GPU_RGBA8, SIDE, SIDE, GPU_NEAREST, NULL);
+        status =
+            gpu_texture_open(&depth, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, SIDE, SIDE, GPU_NEAREST}, NULL);
     if (status == OK) {
         const struct gpu_job job = {.target = actor,
                                     .textures = {NULL, color, depth, p->warmed_up < LAYERS ? NULL : room},
@@ -379,20 +377,21 @@ enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_
     for (int b = 0; b < BONE_COUNT; b++)
         viewer_from_bone[b] = affine_from_pose(pose_multiply(viewer_from_world, shown.bone[b]));
     const struct silhouette_corners corners =
-        silhouette_edges_find(p->silhouette, viewer_from_bone, now->shift, now->own, absent);
+        silhouette_edges_find(p->silhouette, viewer_from_bone, now->shift, now->triangle_visible, absent);
     if (corners.front == 0)
         return OK;
     upload_shown_mesh(p, now, &corners);
-    const struct affine_map turn = affine_from_pose(pose_multiply(viewer_from_world, e->world_from_camera));
-    set(p, VIEWER_FROM_FRAME, turn.row[0], 3);
+    const struct affine_map viewer_from_frame =
+        affine_from_pose(pose_multiply(viewer_from_world, e->world_from_camera));
+    set_uniform(p, VIEWER_FROM_FRAME, viewer_from_frame.row[0], 3);
     const float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
-    set(p, KIND, (const float[4]){time_s, HALF_SILHOUETTE_PX, 0, 0}, 1);
+    set_uniform(p, FRAME_PARAMS, (const float[4]){time_s, HALF_SILHOUETTE_PX, 0, 0}, 1);
     const struct gpu_box box = *within =
         screen_bounds(&p->view, (const double[]){(double)corners.low[0], (double)corners.low[1]},
                       (const double[]){(double)corners.high[0], (double)corners.high[1]});
     draw_colors(p, view, now, &corners, box);
     if (view->source) {
-        gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){time_s, 0, 0, 0}, 1);
+        gpu_program_set(p->programs[SOURCE], FRAME_PARAMS, (const float[4]){time_s, 0, 0, 0}, 1);
         gpu_draw(&(struct gpu_job){.target = view->source,
                                    .program = p->programs[SOURCE],
                                    .mesh = p->shown.mesh,

@@ -1,60 +1,60 @@
-// Draws the person's avatar (avatar.h) in one go: its colours lie on the GPU once
-// and for all; when another frame is shown come that one's colours and depth; with
-// each picture, the points and triangles that are seen in it. The avatar may come
-// later; it is then brought to the GPU a little with each picture. One thread.
+// Draws the avatar (avatar.h) with one skinned mesh. Skinning (LBS) and silhouette
+// selection run on the CPU, per image (silhouette_edges.h); texturing on the GPU. The
+// atlas is uploaded once, in steps; the shown frame's colour and depth when that frame
+// changes (frame_layer_cache.h); the visible vertices and triangles with each image.
+// The avatar may be set after opening. One thread: that of the GPU context.
 #pragma once
 #include "platform/gpu.h"
 #include "reenact/frame/frame_layer.h"
 
 struct avatar_renderer;
 
-// gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
-// max_bytes: of shown frames (frame_layer_cache.h). ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, struct take *take,
-                                            const struct source_rays *rays, const struct lens *view, size_t max_bytes);
+// gpu and what source points to must outlive it. view: the viewer camera's lens, copied.
+// max_bytes: of frame layers kept on the GPU (frame_layer_cache.h).
+// ERR_DEVICE, ERR_MEMORY; *out is then NULL.
+MUST_CHECK enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu,
+                                            const struct frame_source *source, const struct lens *view,
+                                            size_t max_bytes);
 void avatar_renderer_close(struct avatar_renderer **p);
 
-// From here on this one. Its contents go over and *avatar is zeroed, on failure
-// too. ERR_INPUT: too large to be drawn; ERR_DEVICE, ERR_MEMORY.
+// Replaces the avatar. Takes over its contents and zeroes *avatar, also on failure; after
+// a failure there is no avatar. ERR_INPUT: more vertices than 16-bit indices address;
+// ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status avatar_renderer_set_avatar(struct avatar_renderer *p, struct avatar *avatar);
 bool avatar_renderer_has_avatar(const struct avatar_renderer *p);
 
-// Brings at most `bytes` more of it to the GPU. True: all is there, and it can be drawn.
+// Uploads at most `bytes` more of the atlas. True: all is uploaded, the avatar can be drawn.
 bool avatar_renderer_upload_step(struct avatar_renderer *p, size_t bytes);
 
-// Draws nothing, in one more of the ways in which a picture may be drawn, into `actor` and with `room` as those of
-// avatar_view: where no graphics chip draws, a program is compiled when it is first drawn with, and not the same for
-// each way. True: they all were. Of a avatar that was brought. ERR_DEVICE.
+// Draws an empty triangle with the next combination of program and state that an image may use, into `actor` and with
+// `room` as in avatar_view: software rasterisers compile a program when it is first drawn with, once per state. *done:
+// all combinations were drawn. The avatar must be uploaded. ERR_DEVICE.
 MUST_CHECK enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct gpu_target *actor,
                                                const struct gpu_texture *room, bool *done);
 
-// The one that was given, which nothing changes any more; NULL: none.
+// The avatar, constant until it is replaced; NULL: none.
 const struct avatar *avatar_renderer_avatar(const struct avatar_renderer *p);
 
-// A frame that will be shown, loaded by somebody else from that very avatar. Its contents go over and *loaded is
-// zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+// Adds a frame layer that was loaded elsewhere from this same avatar. Takes over its contents and zeroes *loaded, also
+// on failure. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status avatar_renderer_add_frame(struct avatar_renderer *p, struct frame_layer *loaded);
-// Of the frames that need not be loaded to be shown, the nearest to that one, at most that far from it in time; -1.
+// The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
 int64_t avatar_renderer_nearest_resident(const struct avatar_renderer *p, int64_t frame, int64_t within_ns);
 
-// From here on for another tablet camera.
+// Replaces the viewer camera's lens.
 void avatar_renderer_set_lens(struct avatar_renderer *p, const struct lens *view);
 
 struct avatar_view {
-    int64_t frame;            // shown, the nearest in time or near it
-    struct skeleton skeleton; // in the world, perhaps between two frames
+    int64_t frame;            // whose layer is drawn: nearest in time, or a resident one near it
+    struct skeleton skeleton; // world axes, possibly interpolated between two frames
     struct pose world_from_viewer;
     struct gpu_target *actor;
-    struct gpu_target *source; // NULL: not wanted
-    // How far away the room is that may lie before the person, all over the picture, as depth that the same lens has;
-    // the outline is smooth where it hides the person. NULL: there is none. Of the source it hides what the target's
-    // own depth says.
+    struct gpu_target *source; // encoding of renderer_read_source; NULL: not wanted
+    // Depth of the occluder mesh, drawn with the same lens; hides the actor with smooth edges. NULL: none. In `source`
+    // the target's own depth hides instead.
     const struct gpu_texture *room;
 };
-// *parts: how many were drawn; those of unknown joints are not. *within: nothing was drawn outside. NOTHING: none, or
-// the skeleton has no trunk. As take_read; ERR_DEVICE.
+// *parts: number of body parts drawn (parts with unknown joints are omitted). *within: bounding box of what was drawn.
+// NOTHING: no part, or the skeleton has no trunk. Errors of take_read; ERR_DEVICE.
 MUST_CHECK enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_view *view, int *parts,
                                             struct gpu_box *within);
-
-// A lens as the shaders take it, three vec4s.
-void lens_uniform(const struct lens *lens, float out[12]);

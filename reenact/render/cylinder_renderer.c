@@ -1,16 +1,15 @@
+// Draws body cylinders: source frame for each part, meshes by size on screen.
 #include "reenact/render/cylinder_renderer.h"
 
 #include "reenact/skeleton/body_cylinders.h"
-#include "reenact/render/avatar_renderer.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/texture_cache.h"
 
 #include <stdlib.h>
 
-enum { SIDES = 4, ALONG = 24 };
+enum { SIDES = 4, ALONG = 24 }; // meshes of 8, 16, 32, 64 sides; rings along a cylinder
 
-static const double NEAREST_M = 0.05, FARTHEST_M = 60;
-static const double SILHOUETTE_ERROR_PX = 0.1;
+static const double SILHOUETTE_ERROR_PX = 0.1; // chosen by hand: below what antialiasing shows
 
 enum uniform { VIEWER_FROM_PART, SOURCE_FROM_PART, VIEW_LENS, VIEW_RANGE, SOURCE_LENS, SOURCE_WINDOW, CODE, UNIFORMS };
 static const char *const uniform_names[] = {
@@ -30,7 +29,7 @@ struct cylinder_renderer {
     struct texture_cache *textures;
     struct gpu_program *program;
     struct gpu_mesh *open[SIDES];                // the paper's cylinder
-    struct gpu_mesh *rounded[PART_COUNT][SIDES]; // made when first wanted
+    struct gpu_mesh *rounded[PART_COUNT][SIDES]; // made when first needed
     double view_fx;                              // the viewer's focal length, pixels
 };
 
@@ -61,7 +60,7 @@ static enum status open_program(struct cylinder_renderer *c)
     enum status status = gpu_program_open(&c->program, c->gpu, &text);
     if (status != OK)
         return status;
-    const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
+    const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, 0, 0};
     float lens[12];
     lens_uniform(&take_calibration(c->take)->color, lens);
     gpu_program_set(c->program, SOURCE_LENS, lens, 3);
@@ -134,13 +133,14 @@ static enum status mesh_for(struct cylinder_renderer *c, bool plain, enum part p
     enum status status = cylinder_mesh_make(shape, take_body(c->take)->radius_rate[part], sides, ALONG, &mesh);
     if (status != OK)
         return status;
-    status = gpu_mesh_open(kept, c->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count);
+    status = gpu_mesh_open(
+        kept, c->gpu, &(struct gpu_mesh_data){mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count});
     cylinder_mesh_free(&mesh);
     *out = *kept;
     return status;
 }
 
-// The frame a part takes its colours from, and its texture. NOTHING: there is none.
+// A part's source frame and its texture. NOTHING: there is none.
 static enum status texture_for(struct cylinder_renderer *c, const struct cylinder_view *view,
                                struct frame_selection chosen, enum part part, int64_t *frame,
                                struct source_texture *texture)
@@ -155,13 +155,14 @@ static enum status texture_for(struct cylinder_renderer *c, const struct cylinde
         status = texture_cache_part(c->textures, chosen.frame, part, texture);
         if (status != NOTHING)
             return status;
-        frame_selector_exclude(c->selector, chosen.frame, part); // its pictures do not confirm what the joints promise
+        frame_selector_exclude(c->selector, chosen.frame,
+                               part); // its image does not show the part, though its joints do
         status = frame_selector_find_part(c->selector, view->in_viewer, part, &chosen);
     }
     return status;
 }
 
-// One part as a cylinder with another frame's colours. NOTHING: not drawn.
+// Draws one part, textured from its source frame. NOTHING: not drawn.
 static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_view *view,
                              struct frame_selection chosen, enum part part)
 {
@@ -175,14 +176,14 @@ static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_
         return NOTHING;
     double radius = body->radius_rate[part] * here.length;
     double nearest_z = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
-    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
+    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < VIEW_NEAREST_M)
         return NOTHING; // behind the camera
     enum status status = texture_for(c, view, chosen, part, &frame, &texture);
     if (status != OK)
         return status;
     if (!bone_frame_viewer_aligned(&take_entry(c->take, frame)->skeleton, part, eye, &there))
         return NOTHING;
-    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, NEAREST_M), &mesh);
+    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, VIEW_NEAREST_M), &mesh);
     if (status != OK)
         return status;
     struct affine_map viewer_from_part = cylinder_affine(&here, radius);

@@ -1,9 +1,10 @@
+// Cache of frame layers on the GPU.
 #include "reenact/render/frame_layer_cache.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Of those shown last none goes, for one may step back to them.
+// The frames used last are not evicted: stepping back shows them again. Chosen by hand.
 enum { PROTECTED_FRAMES = 16 };
 
 struct cached_layer {
@@ -14,24 +15,22 @@ struct cached_layer {
 
 struct frame_layer_cache {
     struct gpu *gpu;
-    struct take *take;
-    const struct source_rays *rays;
-    struct frame_layer_loader *loader; // of the avatar; NULL before the first frame
+    struct frame_source source;
+    struct frame_layer_loader *loader; // for the avatar; NULL before the first frame
     struct cached_layer *layers;
     int count, capacity;
     size_t bytes, max_bytes;
-    int64_t now;
+    int64_t now; // counts uses
 };
 
-enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, struct take *take,
-                                   const struct source_rays *rays, size_t max_bytes)
+enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, const struct frame_source *source,
+                                   size_t max_bytes)
 {
     struct frame_layer_cache *f = *out = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
     f->gpu = gpu;
-    f->take = take;
-    f->rays = rays;
+    f->source = *source;
     f->max_bytes = max_bytes;
     return OK;
 }
@@ -43,7 +42,7 @@ static void drop(struct frame_layer_cache *f, int i)
     gpu_texture_close(&f->layers[i].shown.depth);
     free(f->layers[i].shown.shift);
     free(f->layers[i].shown.points);
-    free(f->layers[i].shown.own);
+    free(f->layers[i].shown.triangle_visible);
     f->layers[i] = f->layers[--f->count];
 }
 
@@ -65,10 +64,10 @@ void frame_layer_cache_close(struct frame_layer_cache **out)
     *out = NULL;
 }
 
-// From the kept frame before it to the one after it, round the take.
+// Frames from the resident frame before layer i to the one after it, cyclically over the take.
 static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 {
-    const int64_t frames = take_frame_count(f->take);
+    const int64_t frames = take_frame_count(f->source.take);
     int64_t before = frames, after = frames;
     for (int k = 0; k < f->count; k++) {
         const int64_t on = (f->layers[k].frame - f->layers[i].frame + frames) % frames;
@@ -80,16 +79,16 @@ static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
     return before + after;
 }
 
-// The one to let go: of those not shown or given lately, the one that others are nearest to, so that those kept lie
-// all along the take; else the oldest.
+// The layer to evict: among those not used recently, the one with the smallest neighbour gap, so that residents spread
+// over the take; if all were used recently, the least recently used.
 static int eviction_candidate(const struct frame_layer_cache *f)
 {
-    const int64_t longest = 2 * take_frame_count(f->take);
+    const int64_t longest = 2 * take_frame_count(f->source.take);
     int least = 0;
     int64_t least_worth = INT64_MAX;
     for (int i = 0; i < f->count; i++) {
-        const bool lately = f->layers[i].used > f->now - PROTECTED_FRAMES;
-        const int64_t worth = lately ? longest + f->layers[i].used : neighbor_gap(f, i);
+        const bool recent = f->layers[i].used > f->now - PROTECTED_FRAMES;
+        const int64_t worth = recent ? longest + f->layers[i].used : neighbor_gap(f, i);
         if (worth < least_worth)
             least_worth = worth, least = i;
     }
@@ -114,7 +113,7 @@ static enum status evict_until_fits(struct frame_layer_cache *f, size_t bytes)
 static enum status upload(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format, enum gpu_filter filter,
                           const struct frame_layer_image *p)
 {
-    return gpu_texture_open(out, gpu, format, p->width, p->height, filter, p->pixels);
+    return gpu_texture_open(out, gpu, &(struct gpu_texture_layout){format, p->width, p->height, filter}, p->pixels);
 }
 
 static enum status insert(struct frame_layer_cache *f, struct frame_layer *loaded)
@@ -130,7 +129,7 @@ static enum status insert(struct frame_layer_cache *f, struct frame_layer *loade
     s->corrections = loaded->corrections;
     s->shift = loaded->shift;
     s->points = loaded->points;
-    s->own = loaded->triangle_visible;
+    s->triangle_visible = loaded->triangle_visible;
     loaded->shift = NULL;
     loaded->points = NULL;
     loaded->triangle_visible = NULL;
@@ -154,10 +153,10 @@ bool frame_layer_cache_has(const struct frame_layer_cache *f, int64_t frame) { r
 
 int64_t frame_layer_cache_nearest(const struct frame_layer_cache *f, int64_t frame, int64_t within_ns)
 {
-    const int64_t at_ns = take_entry(f->take, frame)->time_ns;
+    const int64_t at_ns = take_entry(f->source.take, frame)->time_ns;
     int64_t best = -1, best_ns = within_ns;
     for (int i = 0; i < f->count; i++) {
-        const int64_t away_ns = llabs(take_entry(f->take, f->layers[i].frame)->time_ns - at_ns);
+        const int64_t away_ns = llabs(take_entry(f->source.take, f->layers[i].frame)->time_ns - at_ns);
         const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && f->layers[i].frame < best);
         if (away_ns <= within_ns && nearer)
             best = f->layers[i].frame, best_ns = away_ns;
@@ -175,7 +174,7 @@ enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_laye
 static enum status load(struct frame_layer_cache *f, const struct avatar *avatar, int64_t frame)
 {
     struct frame_layer loaded;
-    enum status status = f->loader ? OK : frame_layer_loader_open(&f->loader, f->take, f->rays, avatar);
+    enum status status = f->loader ? OK : frame_layer_loader_open(&f->loader, &f->source, avatar);
     if (status == OK)
         status = frame_layer_loader_load(f->loader, frame, &loaded);
     return status == OK ? frame_layer_cache_add(f, &loaded) : status;

@@ -1,14 +1,16 @@
+// Predicted errors of the levels of detail.
 #include "reenact/render/lod_error.h"
 
-// Half a step of the avatar's grid, and how far it lies beside the readings once it is laid on them.
+// Half a voxel of the TSDF, and 4 mm of residual distance to the depth samples after articulated ICP; chosen by hand.
+// docs/notes/retrieval-and-drawing.md compares the predictions with measured silhouette errors.
 static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
 
-double lod_cylinder_error_m(const struct avatar *l)
+double lod_cylinder_error_m(const struct avatar *a)
 {
     double sum = 0;
-    for (int i = 0; i < l->surface.point_count; i++)
-        sum += fabs(bind_pose_distance(&l->bind_pose, l->surface.points[i]));
-    return l->surface.point_count ? sum / l->surface.point_count : 0;
+    for (int i = 0; i < a->surface.point_count; i++)
+        sum += fabs(bind_pose_distance(&a->bind_pose, a->surface.points[i]));
+    return a->surface.point_count ? sum / a->surface.point_count : 0;
 }
 
 double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer)

@@ -1,23 +1,25 @@
+// Draws the occluder mesh's depth and the occlusion shadow.
 #include "reenact/render/occlusion_shadow.h"
+#include "base/portable_math.h"
 
-#include "reenact/render/avatar_renderer.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/screen_bounds.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// PATCH: quads a side, so that the lens bends the shadow, too
+// The floor patch: quads per side, so that lens distortion applies to the shadow, too.
 enum { PATCH = 16, PATCH_POINTS = (PATCH + 1) * (PATCH + 1), PATCH_CORNERS = 6 * PATCH * PATCH };
-enum { ROUND = 12 };
+enum { ROUND = 12 }; // points about the shadow's rim, for its bounds
 static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
-static const float ROOM_BACK_M = 0.06F;  // what the actor touches is not to cut into him
-static const float FLOOR_BACK_M = 0.15F; // nor the floor into his feet
-static const float DARK = 0.6F;          // of the light that comes from above, the bind_pose comes from elsewhere
-static const double SHADOW_M = 0.8;      // beyond the joints
-static const double FOOT_M = 0.14, FOOT_RADIUS_M = 0.07, ANKLE_M = 0.03; // its length, and how far the ankle is above
+// All chosen by hand.
+static const float ROOM_BACK_M = 0.06F;  // depth bias of the room: what the actor touches does not cut into the body
+static const float FLOOR_BACK_M = 0.15F; // depth bias of the floor, for the feet
+static const float DARKNESS = 0.6F;      // share of the light that comes from above; the rest is not blocked
+static const double SHADOW_M = 0.8;      // reach of the shadow beyond the joints
+static const double FOOT_M = 0.14, FOOT_RADIUS_M = 0.07; // a foot's length and radius
+static const double ANKLE_M = 0.03;                      // height of the foot joint above the sole's bone
 
 enum uniform { VIEWER_FROM_ROOM, VIEWER_FROM_FLOOR, WORLD_FROM_FLOOR, VIEW_LENS, VIEW_RANGE, BONES, SHADOW, UNIFORMS };
 static const char *const uniform_names[UNIFORMS] = {
@@ -33,12 +35,12 @@ static const char *const uniform_names[UNIFORMS] = {
 struct occlusion_shadow {
     struct gpu *gpu;
     struct gpu_program *program;
-    struct lens view; // the tablet's
+    struct lens view; // viewer camera's
     struct occluder_mesh room;
-    // The room's points, then the floor's patch. The patch's corners come last and stay; what is drawn of the room's
-    // ends where they begin.
+    // Vertices: the room's points, then the floor patch's. Indices: the patch's come last and are constant; the room's
+    // that are drawn end where the patch's begin.
     struct gpu_mesh *mesh;
-    uint16_t *before; // the room's corners that are drawn
+    uint16_t *occluding; // the room's corners that are drawn
 };
 
 _Static_assert(OCCLUDER_MAX_POINTS + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
@@ -64,14 +66,14 @@ static void put_patch_corners(int first, uint16_t *corners)
         }
 }
 
-// Of the room that is there.
+// Opens the GPU mesh for a->room.
 static enum status open_mesh(struct occlusion_shadow *a)
 {
     const int of_room = a->room.point_count, count = of_room + PATCH_POINTS;
     float(*points)[4] = malloc(sizeof *points * (size_t)count);
     uint16_t patch[PATCH_CORNERS];
-    a->before = malloc(sizeof *a->before * (size_t)(a->room.corner_count + 1));
-    if (!points || !a->before) {
+    a->occluding = malloc(sizeof *a->occluding * (size_t)(a->room.corner_count + 1));
+    if (!points || !a->occluding) {
         free(points);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -81,8 +83,8 @@ static enum status open_mesh(struct occlusion_shadow *a)
     }
     put_patch(points + of_room);
     put_patch_corners(of_room, patch);
-    enum status status =
-        gpu_mesh_open(&a->mesh, a->gpu, points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS);
+    enum status status = gpu_mesh_open(
+        &a->mesh, a->gpu, &(struct gpu_mesh_data){points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS});
     if (status == OK)
         gpu_mesh_write_indices(a->mesh, a->room.corner_count, patch, PATCH_CORNERS);
     free(points);
@@ -92,8 +94,8 @@ static enum status open_mesh(struct occlusion_shadow *a)
 static void close_mesh(struct occlusion_shadow *a)
 {
     gpu_mesh_close(&a->mesh);
-    free(a->before);
-    a->before = NULL;
+    free(a->occluding);
+    a->occluding = NULL;
     occluder_mesh_free(&a->room);
 }
 
@@ -103,7 +105,7 @@ enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu
     if (!a)
         return fail(ERR_MEMORY, "out of memory");
     a->gpu = gpu;
-    const struct gpu_program_source text = {.name = "around",
+    const struct gpu_program_source text = {.name = "occlusion_shadow",
                                             .vertex = shader_find("occlusion_shadow.vert"),
                                             .fragment = shader_find("occlusion_shadow.frag"),
                                             .uniforms = uniform_names,
@@ -130,7 +132,7 @@ void occlusion_shadow_close(struct occlusion_shadow **a)
 
 void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *view)
 {
-    const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
+    const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
     a->view = *view;
     lens_uniform(view, lens);
@@ -143,7 +145,7 @@ enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occlude
     struct occlusion_shadow next = *a;
     next.room = *room;
     next.mesh = NULL;
-    next.before = NULL;
+    next.occluding = NULL;
     *room = (struct occluder_mesh){0};
     enum status status = open_mesh(&next);
     close_mesh(status == OK ? a : &next);
@@ -152,29 +154,29 @@ enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occlude
     return status;
 }
 
-// Of the room what may lie before what it may hide; how many corners.
+// Writes the indices of the triangles that may occlude `hidden`; returns the number of corners.
 static int put_room(struct occlusion_shadow *a, const struct affine_map *viewer_from_room,
                     const struct occlusion_frustum *hidden)
 {
-    const int count = occluder_mesh_cull(&a->room, viewer_from_room, hidden, a->before);
+    const int count = occluder_mesh_cull(&a->room, viewer_from_room, hidden, a->occluding);
     gpu_program_set(a->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
     if (count)
-        gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->before, count);
+        gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->occluding, count);
     return count;
 }
 
-// Of a target that is finer than the picture, or coarser, what may hide `hidden` or shows it.
+// The screen bounds of `hidden` in a target of another resolution than the image's.
 static struct gpu_box box_in(const struct occlusion_shadow *a, const struct gpu_target *target,
                              const struct occlusion_frustum *hidden)
 {
-    const double finer = (double)gpu_target_width(target) / a->view.width;
+    const double scale = (double)gpu_target_width(target) / a->view.width;
     const struct gpu_box box = screen_bounds(&a->view, hidden->low, hidden->high);
-    const int left = (int)floor(finer * box.left), right = (int)ceil(finer * (box.left + box.width));
-    const int top = (int)floor(finer * box.top), bottom = (int)ceil(finer * (box.top + box.height));
+    const int left = (int)floor(scale * box.left), right = (int)ceil(scale * (box.left + box.width));
+    const int top = (int)floor(scale * box.top), bottom = (int)ceil(scale * (box.top + box.height));
     return (struct gpu_box){left, top, right - left, bottom - top};
 }
 
-// The last of the room's corners and the first of the patch's.
+// Draws the last `of_room` of the room's corners and the first `of_patch` of the patch's.
 static void draw_corners(struct occlusion_shadow *a, struct gpu_target *target, int of_room, int of_patch,
                          const struct occlusion_frustum *hidden)
 {
@@ -216,7 +218,7 @@ static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double 
     }
 }
 
-// Feet, which joints do not tell of, point to where the hips face.
+// Feet, which have no joints of their own, point to where the hips face.
 static void put_feet(float (*bones)[4], const struct skeleton *s)
 {
     static const enum joint feet[2] = {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT};
@@ -230,22 +232,30 @@ static void put_feet(float (*bones)[4], const struct skeleton *s)
     }
 }
 
-void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target,
-                           const struct occlusion_shadow_view *view)
+// The known parts' bones, and their bounds on the floor, of which low > high if there is none.
+static void put_parts(float (*bones)[4], const struct occlusion_shadow_view *view, struct vec3 *low, struct vec3 *high)
 {
     const struct skeleton *skeleton = view->skeleton;
-    float bones[2 * PART_COUNT + 4][4] = {{0}};
-    struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
+    *low = v3(INFINITY, INFINITY, 0), *high = v3(-INFINITY, -INFINITY, 0);
     for (int p = 0; p < PART_COUNT; p++) {
         struct vec3 ends[2] = {skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]};
         if (!part_is_known(view->body, skeleton, (enum part)p))
             continue;
         put_bone(&bones[2 * p], ends[0], ends[1], view->body->radius_rate[p] * v3_distance(ends[0], ends[1]));
         for (int e = 0; e < 2; e++) {
-            low = v3(fmin(low.x, ends[e].x), fmin(low.y, ends[e].y), 0);
-            high = v3(fmax(high.x, ends[e].x), fmax(high.y, ends[e].y), 0);
+            *low = v3(fmin(low->x, ends[e].x), fmin(low->y, ends[e].y), 0);
+            *high = v3(fmax(high->x, ends[e].x), fmax(high->y, ends[e].y), 0);
         }
     }
+}
+
+void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target,
+                           const struct occlusion_shadow_view *view)
+{
+    const struct skeleton *skeleton = view->skeleton;
+    float bones[2 * PART_COUNT + 4][4] = {{0}};
+    struct vec3 low, high;
+    put_parts(bones, view, &low, &high);
     if (!(low.x <= high.x))
         return;
     put_feet(&bones[(size_t)2 * PART_COUNT], skeleton);
@@ -253,16 +263,16 @@ void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target
     struct vec3 middle = v3_mix(low, high, 0.5);
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
     struct occlusion_frustum hidden = {0};
-    for (int i = 0; i < ROUND; i++) { // it fades out within a circle
-        const double turn = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
-        const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
+    for (int i = 0; i < ROUND; i++) { // a polygon about the circle at which the shadow ends
+        const double angle = 2 * PI * i / ROUND, r = reach / portable_cos(PI / ROUND);
+        const struct vec3 rim = v3(middle.x + r * portable_cos(angle), middle.y + r * portable_sin(angle), 0);
         occlusion_frustum_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
     const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
     struct affine_map world = {
         {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
     struct affine_map map = affine_from_pose(viewer_from_world), viewer = affine_multiply(&map, &world);
-    const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
+    const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARKNESS};
     gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
     gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
     gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);

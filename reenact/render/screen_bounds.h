@@ -1,8 +1,8 @@
-// The pixels of a tablet camera's picture that something may fall on.
+// Bounding box in pixels of what lies within a frustum, lens distortion included. Pure.
 #pragma once
 #include "platform/gpu.h"
 #include "base/lens.h"
 
-// low, high: between which all of it lies, x and y where z is 1, camera axes; infinite: some of it is beside the
-// camera. With some pixels about it, for a smooth outline. Width 0: all of the picture.
+// low, high: bounds of x / z and y / z, camera axes; infinite: unbounded on that side. The box has a margin of 2 pixels
+// for smooth silhouettes. Width 0: the whole image.
 struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const double high[2]);

@@ -1,3 +1,4 @@
+// Shader texts by name; what several programs share.
 #include "reenact/render/shaders.h"
 
 #include <string.h>
@@ -9,4 +10,19 @@ const char *shader_find(const char *name)
             return shader_texts[i].text;
     assert(!"no such shader");
     return NULL;
+}
+
+void lens_uniform(const struct lens *l, float out[12])
+{
+    const double values[12] = {l->fx,    l->fy,    l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, lens_max_radius2(l),
+                               l->width, l->height};
+    for (int i = 0; i < 12; i++)
+        out[i] = (float)values[i];
+}
+
+enum status fullscreen_mesh_open(struct gpu_mesh **out, struct gpu *gpu)
+{
+    static const float corners[] = {-1, -1, 3, -1, -1, 3};
+    static const uint16_t order[] = {0, 1, 2};
+    return gpu_mesh_open(out, gpu, &(struct gpu_mesh_data){corners, 2, 3, order, 3});
 }

@@ -1,6 +1,8 @@
-// The texts of shaders/, embedded at build time.
+// The texts of shaders/, embedded at build time, and what several programs share: the depth range, the lens as a
+// uniform, the mesh for fullscreen.vert. Threads and errors as in platform/gpu.h.
 #pragma once
-#include "base/status.h"
+#include "base/lens.h"
+#include "platform/gpu.h"
 
 struct shader_text {
     const char *name; // file name: "actor.vert"
@@ -9,4 +11,15 @@ struct shader_text {
 extern const struct shader_text shader_texts[];
 extern const int shader_text_count;
 
-const char *shader_find(const char *name); // asserts that it is there
+const char *shader_find(const char *name); // by file name; asserts that it exists
+
+// A lens as the shaders take it (lens.glsl), three vec4s: (fx, fy, cx, cy), (k1, k2, p1, p2), (k3, largest r2, width,
+// height).
+void lens_uniform(const struct lens *lens, float out[12]);
+
+// Nearest and farthest z drawn, metres: one depth range for all that is drawn into one target.
+#define VIEW_NEAREST_M  0.05
+#define VIEW_FARTHEST_M 60
+
+// One triangle over the whole target. ERR_DEVICE.
+MUST_CHECK enum status fullscreen_mesh_open(struct gpu_mesh **out, struct gpu *gpu);

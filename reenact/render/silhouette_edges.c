@@ -1,17 +1,18 @@
+// Skinning, front faces and silhouette ribbon of the avatar's mesh.
 #include "reenact/render/silhouette_edges.h"
 
 #include <stdlib.h>
 
-typedef float four __attribute__((vector_size(16))); // three of them, side by side
+typedef float float4 __attribute__((vector_size(16))); // x, y, z in one SIMD register
 
 enum { RIBBON = 6 }; // corners for each edge
 
-static const float BESIDE_M = 0.05F;
+static const float NEAR_PLANE_M = 0.05F; // with points nearer than this the bounds are infinite
 
 struct silhouette_edges {
     const struct avatar *avatar;
-    struct point3f *bind_points, *placed; // of each point; the last in camera axes
-    uint8_t *front;                       // of each triangle: is it drawn, and does it face the viewer?
+    struct point3f *bind_points, *placed; // [point]: bind pose axes, camera axes
+    uint8_t *front;                       // [triangle]: drawn and facing the viewer
     uint16_t *corners;
 };
 
@@ -59,37 +60,37 @@ static struct point3f shifted(struct point3f p, const float shift[3])
     return (struct point3f){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
 }
 
-static struct point3f between(struct point3f a, struct point3f b)
+static struct point3f difference(struct point3f a, struct point3f b)
 {
     return (struct point3f){b.x - a.x, b.y - a.y, b.z - a.z};
 }
 
-// Of a part's map, what x, y, z and 1 of the bind pose add to x, y and z in camera axes.
-struct columns {
-    four of[4];
+// A bone's affine map by columns: what x, y, z and 1 of the bind pose add to x, y and z in camera axes.
+struct map_columns {
+    float4 column[4];
 };
 
-static struct columns columns_of(const struct affine_map *map)
+static struct map_columns columns_of(const struct affine_map *map)
 {
-    struct columns columns;
+    struct map_columns columns;
     for (int c = 0; c < 4; c++)
-        columns.of[c] = (four){map->row[0][c], map->row[1][c], map->row[2][c], 0};
+        columns.column[c] = (float4){map->row[0][c], map->row[1][c], map->row[2][c], 0};
     return columns;
 }
 
-static struct point3f skinned(const struct skin_weights *skin, const struct columns *maps, struct point3f p)
+static struct point3f skinned(const struct skin_weights *skin, const struct map_columns *maps, struct point3f p)
 {
-    four at = {0};
+    float4 at = {0};
     for (int k = 0; k < SKIN_BONES; k++) {
         if (!(skin->weight[k] > 0))
             continue;
-        const four *of = maps[skin->bone[k]].of;
-        at += skin->weight[k] * (of[0] * p.x + of[1] * p.y + of[2] * p.z + of[3]);
+        const float4 *column = maps[skin->bone[k]].column;
+        at += skin->weight[k] * (column[0] * p.x + column[1] * p.y + column[2] * p.z + column[3]);
     }
     return (struct point3f){at[0], at[1], at[2]};
 }
 
-// Those that are own, or those that are not.
+// Front-facing triangles that are own (wanted), or those that are not.
 static int put_front(const struct silhouette_edges *s, const bool *own, bool wanted, uint16_t *out)
 {
     const struct uv_mesh *m = &s->avatar->atlas.mesh;
@@ -102,17 +103,17 @@ static int put_front(const struct silhouette_edges *s, const bool *own, bool wan
     return count;
 }
 
-// Whether a triangle that faces away bends back from its neighbour, which faces the viewer. If it comes forward
-// instead, the edge between them lies in a fold that the surface itself hides.
+// Whether the back-facing triangle `away` lies behind the plane of its front-facing neighbour. If it lies before it,
+// the edge between them is in a fold that the surface itself hides.
 static bool bends_back(const struct silhouette_edges *s, int front, int away)
 {
     const int32_t *c = s->avatar->atlas.mesh.corners + 3 * (size_t)front,
                   *o = s->avatar->atlas.mesh.corners + 3 * (size_t)away;
-    const struct point3f a = s->placed[c[0]], u = between(a, s->placed[c[1]]), v = between(a, s->placed[c[2]]);
+    const struct point3f a = s->placed[c[0]], u = difference(a, s->placed[c[1]]), v = difference(a, s->placed[c[2]]);
     const struct point3f n = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
-    float out = 0; // two of its corners are on the edge
+    float out = 0; // the two corners on the edge add 0
     for (int k = 0; k < 3; k++) {
-        const struct point3f to = between(a, s->placed[o[k]]);
+        const struct point3f to = difference(a, s->placed[o[k]]);
         out += n.x * to.x + n.y * to.y + n.z * to.z;
     }
     return out < 0;
@@ -134,12 +135,12 @@ static int put_ribbon(const struct silhouette_edges *s, uint16_t *out)
     return count;
 }
 
-// Triangles more than half of which goes with absent parts are not drawn.
+// Drops triangles with more than half of their skin weight on absent parts.
 static void cull_absent(struct silhouette_edges *s, const bool *absent)
 {
     const struct uv_mesh *m = &s->avatar->atlas.mesh;
     for (int t = 0; t < m->corner_count / 3; t++) {
-        float sum = 0; // of three corners
+        float sum = 0; // over three corners
         for (int i = 0; i < 3 * SKIN_BONES; i++) {
             const struct skin_weights *skin = &s->avatar->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
             sum += absent[bone_part(skin->bone[i % SKIN_BONES])] ? skin->weight[i % SKIN_BONES] : 0;
@@ -162,7 +163,7 @@ static void find_bounds(const struct silhouette_edges *s, struct silhouette_corn
             out->high[a] = fmaxf(out->high[a], at[a]);
         }
     }
-    if (nearest < BESIDE_M)
+    if (nearest < NEAR_PLANE_M)
         out->low[0] = -INFINITY;
 }
 
@@ -170,7 +171,7 @@ struct silhouette_corners silhouette_edges_find(struct silhouette_edges *s, cons
                                                 float (*shift)[3], const bool *own, const bool *absent)
 {
     const struct uv_mesh *m = &s->avatar->atlas.mesh;
-    struct columns maps[BONE_COUNT];
+    struct map_columns maps[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         maps[b] = columns_of(&viewer_from_bone[b]);
     for (int i = 0; i < m->point_count; i++)

@@ -1,3 +1,4 @@
+// LRU cache of source textures and of decoded images.
 #include "reenact/render/texture_cache.h"
 
 #include <stdlib.h>
@@ -20,10 +21,10 @@ struct texture_cache {
     struct cached_texture *entries;
     int count, capacity;
     size_t max_bytes;
-    int64_t now;
-    struct source_image images[IMAGES]; // decoded lately
+    int64_t now;                        // counts uses
+    struct source_image images[IMAGES]; // least recently used first out, too
     int64_t image_used[IMAGES];
-    size_t bytes; // held now
+    size_t bytes; // of the entries
 };
 
 enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, struct take *take, size_t max_bytes)
@@ -105,7 +106,7 @@ static bool find(struct texture_cache *c, int64_t frame, int part, struct source
 static enum status insert(struct texture_cache *c, int64_t frame, int part, const struct source_patch *patch,
                           struct source_texture *out)
 {
-    size_t bytes = (size_t)patch->width * (size_t)patch->height * 4; // what a GPU keeps of RGB
+    size_t bytes = (size_t)patch->width * (size_t)patch->height * 4; // GPUs pad RGB to four bytes
     enum status status = evict_until_fits(c, bytes);
     if (status != OK)
         return status;
@@ -115,7 +116,9 @@ static enum status insert(struct texture_cache *c, int64_t frame, int part, cons
         .bytes = bytes,
         .used = ++c->now,
         .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
-    status = gpu_texture_open(&e.texture, c->gpu, GPU_RGB8, patch->width, patch->height, GPU_LINEAR, patch->rgb);
+    status =
+        gpu_texture_open(&e.texture, c->gpu,
+                         &(struct gpu_texture_layout){GPU_RGB8, patch->width, patch->height, GPU_LINEAR}, patch->rgb);
     if (status != OK)
         return status;
     c->bytes += bytes;

@@ -1,10 +1,11 @@
+// YUV to RGB conversion on the GPU (camera.frag).
 #include "reenact/render/yuv_to_rgb.h"
 
 #include "reenact/render/shaders.h"
 
 #include <stdlib.h>
 
-// The shader knows them by number.
+// camera.frag has these numbers.
 static_assert(DMABUF_YUYV == 0 && DMABUF_UYVY == 1 && DMABUF_NV12 == 2 && DMABUF_RGBX == 3 && DMABUF_BGRX == 4,
               "camera.frag");
 
@@ -13,7 +14,7 @@ enum { ARRANGEMENT, COEFFICIENTS, UNIFORMS };
 struct yuv_to_rgb {
     struct gpu *gpu;
     struct gpu_program *program;
-    struct gpu_mesh *fullscreen; // one triangle over everything
+    struct gpu_mesh *fullscreen; // one triangle over the whole target
     struct gpu_target *target;
     int width, height;
 };
@@ -32,8 +33,6 @@ int yuv_planes(enum dmabuf_layout layout, int width, int height, struct yuv_plan
 
 enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
 {
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const char *const uniforms[] = {[ARRANGEMENT] = "arrangement", [COEFFICIENTS] = "coefficients"};
     static const char *const samplers[] = {"first_plane", "chroma_plane"};
     const struct gpu_program_source text = {.name = "camera",
@@ -48,7 +47,7 @@ enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
     r->gpu = gpu;
-    enum status status = gpu_mesh_open(&r->fullscreen, gpu, corners, 2, 3, order, 3);
+    enum status status = fullscreen_mesh_open(&r->fullscreen, gpu);
     if (status == OK)
         status = gpu_program_open(&r->program, gpu, &text);
     if (status != OK) {
@@ -70,19 +69,19 @@ void yuv_to_rgb_close(struct yuv_to_rgb **r)
     *r = NULL;
 }
 
-enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *what,
+enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *image,
                             const struct gpu_texture *const planes[2])
 {
-    if (!r->target || r->width != what->width || r->height != what->height) {
+    if (!r->target || r->width != image->width || r->height != image->height) {
         gpu_target_close(&r->target);
-        r->width = what->width;
-        r->height = what->height;
-        enum status status = gpu_target_open(&r->target, r->gpu, what->width, what->height);
+        r->width = image->width;
+        r->height = image->height;
+        enum status status = gpu_target_open(&r->target, r->gpu, image->width, image->height);
         if (status != OK)
             return status;
     }
-    const struct yuv_coefficients k = yuv_coefficients_of(what->encoding);
-    const float arrangement[4] = {(float)what->layout, 0, 0, 0};
+    const struct yuv_coefficients k = yuv_coefficients_of(image->encoding);
+    const float arrangement[4] = {(float)image->layout, 0, 0, 0};
     const float coefficients[8] = {
         (float)k.y, (float)k.r_cr, (float)k.g_cb, (float)k.g_cr, (float)k.b_cb, (float)k.y_zero, 0, 0};
     gpu_program_set(r->program, ARRANGEMENT, arrangement, 1);

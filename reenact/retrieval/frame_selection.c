@@ -1,3 +1,4 @@
+// Costs of frames for the whole body and for parts; their bounds for the pose index.
 #include "reenact/retrieval/frame_selection.h"
 
 #include "base/memory.h"
@@ -5,42 +6,41 @@
 
 #include <stdlib.h>
 
-// What a part looked like in one frame, as far as joints tell. One line of the caches: so many are looked at in a
-// search, each somewhere else, that fetching them takes longer than comparing them.
+// How a frame shows a part, as far as joints determine it. One cache line: a search reads many at scattered addresses,
+// and fetching them takes longer than comparing them.
 struct part_view {
     _Alignas(CACHE_LINE_BYTES) bool known;
     bool excluded;
-    bool body_aligned;         // eye and around are in bodily axes; else the twist is unknown and they are facing ones
-    uint8_t neighbors_known;   // bit i: around[i] means something
+    bool body_aligned;         // the axes below are body-aligned; else the axial rotation is unknown: viewer-aligned
+    uint8_t neighbors_known;   // bit i: neighbors[i] is known
     float distance_m;          // from the camera
-    float fixed_cost_m;        // cost of what is hidden and of what is guessed of it, whatever it is compared with
-    float camera_direction[3]; // unit, to the camera, in the part's bodily axes
-    float neighbors[3][3];     // the joints of neighbor_joints, in the part's bodily axes, metres
+    float fixed_cost_m;        // of occlusion and uncertainty, whatever the query
+    float camera_direction[3]; // unit, to the camera, in the part's axes
+    float neighbors[3][3];     // the joints of neighbor_joints, in the part's axes, metres
 };
-static_assert(sizeof(struct part_view) == CACHE_LINE_BYTES, "a line of the caches");
+static_assert(sizeof(struct part_view) == CACHE_LINE_BYTES, "a cache line");
 
-// One of each array for a frame that was added; they are looked at in different
-// searches, so they lie apart.
+// Arrays by frame added; apart from each other, as different searches read them.
 struct frame_selector {
     int64_t count, capacity;
     int64_t *frames;
-    struct skeleton *skeletons;                             // camera axes
-    struct part_view *views[PART_COUNT];                    // [slot] of parts; all of them in what views[0] points to
-    struct pose_index *body_index, *part_index[PART_COUNT]; // which need not be looked at
+    struct skeleton *skeletons;          // camera axes
+    struct part_view *views[PART_COUNT]; // [slot of the part's index]; one allocation, at views[0]
+    struct pose_index *body_index, *part_index[PART_COUNT];
 };
 
-// What bounds are counted in: a joint up to 4 m from the neck, a metre of a part's cost.
+// Quanta of the bounds: coordinates reach 4 m from the neck, 1 m of a part's cost.
 static const double BODY_UNIT_M = 1.0 / 2048, PART_UNIT_M = 1.0 / 8192;
 
-// The neck is where skeletons are laid on each other. The others begin with
-// those that differ most from pose to pose, so that most are told apart soon.
+// All but the neck, where skeletons are made to coincide. First those that differ most
+// between poses, so that bounds grow early.
 static const enum joint body_joints[] = {
     JOINT_LEFT_HAND,      JOINT_RIGHT_HAND, JOINT_LEFT_FOOT,  JOINT_RIGHT_FOOT, JOINT_LEFT_ELBOW,
     JOINT_RIGHT_ELBOW,    JOINT_LEFT_KNEE,  JOINT_RIGHT_KNEE, JOINT_HEAD,       JOINT_LEFT_SHOULDER,
     JOINT_RIGHT_SHOULDER, JOINT_WAIST,      JOINT_LEFT_HIP,   JOINT_RIGHT_HIP,  JOINT_TORSO,
 };
 
-// The neighbours whose place about a part changes how its surface lies.
+// Joints whose position relative to a part deforms its surface. Chosen by hand.
 static const enum joint neighbor_joints[PART_COUNT][3] = {
     [PART_HEAD] = {JOINT_TORSO, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER},
     [PART_UPPER_TORSO] = {JOINT_WAIST, JOINT_LEFT_ELBOW, JOINT_RIGHT_ELBOW},
@@ -55,9 +55,9 @@ static const enum joint neighbor_joints[PART_COUNT][3] = {
     [PART_RIGHT_SHIN] = {JOINT_RIGHT_HIP, JOINT_WAIST, JOINT_LEFT_HIP},
 };
 
-// Costs are metres. That the body is bent alike about the part counts most: cloth,
-// light and what lies over what follow it. The side comes next: a chord of one
-// brings about a radius of unseen surface in.
+// Weights of a part's cost, chosen by hand. An equal pose about the part counts most: cloth, shading and
+// occlusion follow it. The viewing direction comes next: a chord of 1 shows about a radius of surface
+// that was not seen.
 static const double VIEWPOINT_M = 0.25;  // a chord of 1 between the two directions to the camera
 static const double NEIGHBOR_M = 1.5;    // a metre of mean difference of the joints around
 static const double OCCLUDED_M = 0.5;    // the whole bone hidden
@@ -72,11 +72,11 @@ static enum status check_finite(const struct skeleton *s)
     return OK;
 }
 
-// Does the line from the camera (origin) to `p` pass within `radius` of bone a-b before it?
+// Whether the segment from the camera (origin) to `p` passes within `radius` of bone a-b, before p.
 static bool occludes(struct vec3 p, struct vec3 a, struct vec3 b, double radius)
 {
-    // Closest approach of the segments 0..p and a..b, by a few alternating projections:
-    // the distance is convex, and a centimetre is all that is asked.
+    // Closest approach of the segments 0..p and a..b, by alternating projections: the
+    // distance is convex, and accuracy of a centimetre suffices.
     double s = 1, t = 0.5;
     struct vec3 ab = v3_sub(b, a);
     double pp = v3_dot(p, p), bb = v3_dot(ab, ab);
@@ -91,30 +91,36 @@ static bool occludes(struct vec3 p, struct vec3 a, struct vec3 b, double radius)
     return s < 1 && v3_distance(v3_scale(p, s), v3_mix(a, b, t)) < radius;
 }
 
+// Whether a part that shares no joint with part p lies between the camera and `at`.
+static bool is_occluded(const struct skeleton *s, const struct body *body, enum part p, struct vec3 at)
+{
+    struct part_ends ends = part_ends[p];
+    for (int o = 0; o < PART_COUNT; o++) {
+        struct part_ends other = part_ends[o];
+        bool joined = other.from == ends.from || other.from == ends.to || other.to == ends.from || other.to == ends.to;
+        if (o == (int)p || joined || !part_is_known(body, s, (enum part)o))
+            continue;
+        struct vec3 a = s->joint[other.from], b = s->joint[other.to];
+        if (occludes(at, a, b, body->radius_rate[o] * v3_distance(a, b)))
+            return true;
+    }
+    return false;
+}
+
+// Share of the part that other parts hide from the camera, at four points along it.
 static double occluded_share(const struct skeleton *s, const struct body *body, enum part p)
 {
     enum { SAMPLES = 4 };
     struct part_ends ends = part_ends[p];
-    double own = body->radius_rate[p] * v3_distance(s->joint[ends.from], s->joint[ends.to]);
+    double radius = body->radius_rate[p] * v3_distance(s->joint[ends.from], s->joint[ends.to]);
     int hidden = 0;
     for (int i = 0; i < SAMPLES; i++) {
         struct vec3 at = v3_mix(s->joint[ends.from], s->joint[ends.to], (i + 0.5) / SAMPLES);
         double far = v3_length(at);
-        if (!(far > own))
+        if (!(far > radius))
             continue;
-        at = v3_scale(at, 1 - own / far); // the side that faces the camera
-        for (int o = 0; o < PART_COUNT; o++) {
-            struct part_ends other = part_ends[o];
-            bool joined =
-                other.from == ends.from || other.from == ends.to || other.to == ends.from || other.to == ends.to;
-            if (o == (int)p || joined || !part_is_known(body, s, (enum part)o))
-                continue;
-            struct vec3 a = s->joint[other.from], b = s->joint[other.to];
-            if (occludes(at, a, b, body->radius_rate[o] * v3_distance(a, b))) {
-                hidden++;
-                break;
-            }
-        }
+        at = v3_scale(at, 1 - radius / far); // on the side that faces the camera
+        hidden += is_occluded(s, body, p, at);
     }
     return (double)hidden / SAMPLES;
 }
@@ -143,15 +149,15 @@ static struct part_view part_view_of(const struct skeleton *s, const struct body
             view.neighbors_known |= (uint8_t)(1 << i);
         }
     }
-    double guess = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
+    double uncertain = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
     double hidden = body ? occluded_share(s, body, p) : 0;
-    view.fixed_cost_m = (float)(OCCLUDED_M * hidden + UNCERTAIN_M * guess);
+    view.fixed_cost_m = (float)(OCCLUDED_M * hidden + UNCERTAIN_M * uncertain);
     return view;
 }
 
 // ---------------------------------------------------------------- bounds
 
-// Its cost is at least 16 / (joints known in the one looked for) times the sum of distances.
+// The cost is at least 16 / (joints known in the query) times the sum of distances.
 static struct pose_index_point body_point(const struct skeleton *s)
 {
     struct pose_index_point point = {.known = 0};
@@ -167,7 +173,7 @@ static struct pose_index_point body_point(const struct skeleton *s)
 
 enum { PART_POSITIONS = 4 };
 
-// Bodily and facing axes have nothing to do with each other: of the rarer, facing ones nothing is known.
+// Body-aligned and viewer-aligned axes are not comparable: for the rarer, viewer-aligned ones no position is known.
 static struct pose_index_point part_point(const struct part_view *view)
 {
     struct pose_index_point point = {.fixed_cost_m = (double)view->fixed_cost_m};
@@ -180,7 +186,7 @@ static struct pose_index_point part_point(const struct part_view *view)
     return point;
 }
 
-// ---------------------------------------------------------------- candidates
+// ---------------------------------------------------------------- frames
 
 static enum status open_arrays(struct frame_selector *s)
 {
@@ -258,7 +264,7 @@ enum status frame_selector_pack(struct frame_selector *s)
 
 void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p)
 {
-    int64_t low = 0, high = s->count; // the first whose frame is not before `frame`
+    int64_t low = 0, high = s->count; // binary search
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
         if (s->frames[middle] < frame)
@@ -283,10 +289,10 @@ static enum status fill_selection(const struct frame_selector *s, const struct p
 
 struct body_target {
     const struct skeleton *skeletons, *skeleton;
-    int needed; // joints that have to be known in both
+    int needed; // joints that must be known in both
 };
 
-// Equation 5 for one pair; negative when they cannot be compared.
+// [D14] eq. 5 for one pair; negative: not comparable.
 static double body_cost(const void *context, int64_t number)
 {
     const struct body_target *target = context;
@@ -334,7 +340,7 @@ static double part_cost(const void *context, int64_t slot)
     const struct part_view *k = &target->view, *n = &target->views[slot];
     if (!n->known || n->excluded)
         return -1;
-    // Between known and unknown twist the side is anybody's guess: a right angle off.
+    // Between known and unknown axial rotation, a right angle is assumed (a chord of 1.4).
     double cost = VIEWPOINT_M * (k->body_aligned == n->body_aligned
                                      ? v3_distance(load_vec3(k->camera_direction), load_vec3(n->camera_direction))
                                      : 1.4);
@@ -347,7 +353,7 @@ static double part_cost(const void *context, int64_t slot)
         }
     if (joints)
         cost += NEIGHBOR_M * sum / joints;
-    // No sharper than needed is no merit.
+    // More resolution than the viewer needs is no advantage.
     if (n->distance_m > k->distance_m)
         cost += RESOLUTION_M * ((double)n->distance_m / (double)k->distance_m - 1);
     return cost + (double)n->fixed_cost_m;

@@ -1,17 +1,16 @@
-// Which recorded frame shows the actor, or one part of it, most like it is to be
-// seen now. Pure: no clock, file or GPU; the exact best of all frames, the lowest
-// index on a tie; the same answer on every machine (only + - * / sqrt decide).
-// One thread at a time.
+// Frame selection: which recorded frame's texture fits this instant and viewpoint best, for
+// the whole body or one part. Exact (the minimum over all frames, the lowest index on a tie)
+// by branch and bound (pose_index.h); the same answer on every machine (only + - * / sqrt
+// decide). Pure; one thread at a time.
 //
-// Whole body: equation 5 of the 2014 paper. Skeletons are compared in camera
-// axes (the viewer's for the one to be shown, its own for each recorded one)
-// with their necks laid on each other:
+// Whole body: [D14] eq. 5. Skeletons are compared in camera axes (the viewer's for the one
+// to be shown, its own for each recorded one), translated so that their necks coincide:
 //     cost_n = 16 / J * sum over the J joints known in both |s_k,i - s_n,i|
 // so that unknown joints are left out and the sum stays comparable.
 //
-// One part: every frame is judged by the side of that part it shows (the
-// direction to the camera in the part's own axes), by how the joints around it
-// lie about it, by what the body itself hid, and by how sharp it is.
+// One part, a sum of four costs in metres: difference of the viewing direction in the part's
+// axes; mean difference of neighbouring joints in the part's axes; share of the part occluded
+// by the body, and uncertainty of its joints; distance from the camera beyond the viewer's.
 #pragma once
 #include "reenact/skeleton/bone_frame.h"
 
@@ -22,19 +21,20 @@ struct frame_selection {
     double cost_m;
 };
 
-// Room for `capacity` frames.
+// For at most `capacity` frames, about 1.7 KiB of memory each. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status frame_selector_open(struct frame_selector **out, int64_t capacity);
 void frame_selector_close(struct frame_selector **s);
 
-// Adds frame number `frame` (rising) with its skeleton in its camera's axes. Not once it is settled.
-// ERR_INPUT: a known joint is not finite; nothing is added.
+// Adds frame number `frame` (rising) with its skeleton in its camera's axes. body: for
+// occlusion by the body; NULL: none. Not after packing. ERR_INPUT: a known joint is not
+// finite; nothing is added.
 MUST_CHECK enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
                                           const struct body *body);
 
-// After the last frame of a take, once: parts are found faster from now on, alike. ERR_MEMORY: it can only be closed.
+// After the last frame of a take, once: the same answers for parts, faster. ERR_MEMORY: it can only be closed.
 MUST_CHECK enum status frame_selector_pack(struct frame_selector *s);
 
-// Never to be chosen again for this part: its pictures do not show it.
+// Excludes the frame for this part: its image does not show it.
 void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p);
 
 // in_viewer: the skeleton to be shown, in the viewer camera's axes.
@@ -47,7 +47,7 @@ MUST_CHECK enum status frame_selector_find_body(const struct frame_selector *s, 
 MUST_CHECK enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer,
                                                 enum part p, struct frame_selection *out);
 
-// All of them, in less time than one after the other; frame -1 where frame_selector_find_part has nothing. NOTHING: all
-// are so. ERR_INPUT as above.
+// All parts, in less time than one after the other; frame -1 where frame_selector_find_part answers NOTHING. NOTHING:
+// for all parts. ERR_INPUT as above.
 MUST_CHECK enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
                                                  struct frame_selection out[PART_COUNT]);

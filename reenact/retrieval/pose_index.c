@@ -1,13 +1,7 @@
+// Opening, adding points, closing.
 #include "reenact/retrieval/pose_index_packed.h"
 
 #include <stdlib.h>
-#include <string.h>
-
-void *pose_index_alloc_zeroed(size_t bytes)
-{
-    void *zeros = alloc_cache_aligned(bytes);
-    return zeros ? memset(zeros, 0, bytes) : NULL;
-}
 
 enum status pose_index_open(struct pose_index **out, int positions, double unit_m, int64_t capacity)
 {
@@ -19,7 +13,7 @@ enum status pose_index_open(struct pose_index **out, int positions, double unit_
         return fail(ERR_MEMORY, "out of memory");
     *n = (struct pose_index){.positions = positions, .unit_m = unit_m, .capacity = capacity};
     n->max_distance = (int16_t)(MAX_SUM / (positions + 1));
-    // One more than needed, so that none is empty.
+    // One more than needed, so that no allocation is empty.
     size_t blocks = (size_t)blocks_of(capacity) + 1, groups = (size_t)groups_of((int64_t)blocks) + 1;
     n->points = pose_index_alloc_zeroed(blocks * (size_t)positions * sizeof *n->points);
     n->heads = pose_index_alloc_zeroed(blocks * sizeof *n->heads);
@@ -32,18 +26,6 @@ enum status pose_index_open(struct pose_index **out, int positions, double unit_
     }
     *out = n;
     return OK;
-}
-
-void pose_index_free_points(struct pose_index *n)
-{
-    free(n->points);
-    free(n->heads);
-    free(n->boxes);
-    free(n->min_fixed_cost);
-    n->points = NULL;
-    n->heads = NULL;
-    n->boxes = NULL;
-    n->min_fixed_cost = NULL;
 }
 
 void pose_index_close(struct pose_index **n)
@@ -79,8 +61,11 @@ void pose_index_add(struct pose_index *n, const struct pose_index_point *point)
         struct point_lanes *at = &n->points[block * n->positions + p];
         struct box_lanes *box = &n->boxes[group * n->positions + p];
         bool is_known = point->known >> p & 1;
+        int16_t units[3] = {0};
+        if (is_known)
+            quantize_position(point->position[p], n->unit_m, units);
         for (int axis = 0; axis < 3; axis++) {
-            int16_t u = is_known ? quantize((&point->position[p].x)[axis], n->unit_m) : 0;
+            int16_t u = units[axis];
             int16_t low = is_known ? u : -UNBOUNDED, high = is_known ? u : MAX_COORDINATE;
             int16_t *box_low = &box->low[axis][lane_of_block], *box_high = &box->high[axis][lane_of_block];
             at->at[axis][lane] = u;

@@ -1,24 +1,24 @@
-// A search in an index, and what both ways through it have in common: that through
-// points in order (pose_index_query.c) and that through settled ones (pose_index_query_packed.c).
+// State and lower bounds of a search, shared by the search through points in the order of
+// adding (pose_index_query.c) and through packed ones (pose_index_query_packed.c).
 #pragma once
 #include "reenact/retrieval/pose_index_layout.h"
 
 #include <string.h>
 
-// What has to become part of a function that the compiler makes for several processors.
+// For functions that must be inlined into one compiled for several processors.
 #define KERNEL inline __attribute__((always_inline))
 
-// Twice as wide where the processor can; all is in whole numbers, so the answer is the same. The choice is made
-// before the thread sanitizer is ready for it.
+// AVX2 where the processor has it; all is integer arithmetic, so the answer is the same. Not with the thread sanitizer:
+// the choice is made before that is initialised.
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
 #define FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default")))
 #else
 #define FOR_EACH_PROCESSOR
 #endif
 
-// What is looked for, in units.
+// The query's positions in units.
 struct quantized_query {
-    int count; // of known positions
+    int count; // of known positions, listed in `position`
     int position[POSE_INDEX_MAX_POSITIONS];
     int16_t at[POSE_INDEX_MAX_POSITIONS][3]; // [position]
 };
@@ -29,12 +29,12 @@ struct index_search {
     double scale;
     pose_index_cost *cost;
     const void *context;
-    int64_t best; // its slot; -1: none yet
+    int64_t best; // slot of the best point so far; -1: none
     double best_m;
-    int16_t limit; // the mark: bounds above this cannot lead to a better point, nor to a tie
+    int16_t limit; // upper bound of the search: bounds above this cannot lead to a better point, nor to a tie
 };
 
-// All of them in indexes of settled points.
+// Of packed indexes only.
 void pose_index_query_packed(struct index_search *searches, int count);
 
 static inline void evaluate(struct index_search *s, int64_t slot)
@@ -47,14 +47,14 @@ static inline void evaluate(struct index_search *s, int64_t slot)
         return;
     s->best = slot;
     s->best_m = cost;
-    // Rounding puts each coordinate's difference off by less than a unit, so a
-    // position's bound by less than 0.86 + 0.36 + 0.36 of it.
+    // Rounding errs by less than one unit in each coordinate's difference, so by less
+    // than 0.86 + 0.36 + 0.36 units in a position's bound.
     double limit = cost / s->scale / s->n->unit_m + 1.6 * s->target.count + 1;
     s->limit = limit < MAX_SUM ? (int16_t)limit : MAX_SUM;
 }
 
-// What is going to be looked at is on its way before: takes are more than the near caches hold.
-static KERNEL void fetch(const void *from, size_t bytes)
+// Prefetches what will be used soon: takes are larger than the near caches.
+static KERNEL void prefetch(const void *from, size_t bytes)
 {
     for (size_t i = 0; i < bytes; i += CACHE_LINE_BYTES)
         __builtin_prefetch((const char *)from + i);
@@ -62,9 +62,9 @@ static KERNEL void fetch(const void *from, size_t bytes)
 
 // ---------------------------------------------------------------- bounds
 
-// Whole-number lower bound of the length of (x, y, z), all >= 0: their product
-// with the unit vector (0.860, 0.360, 0.360), the largest first. On average it
-// is 4 % short, at most 14 %.
+// Integer lower bound of the length of (x, y, z), all >= 0: the dot product with the
+// unit vector (0.860, 0.360, 0.360), the largest component first. 4 % short on average,
+// at most 14 %.
 static inline int16_t length_at_least(int16_t x, int16_t y, int16_t z)
 {
     int16_t larger = x > y ? x : y, largest = larger > z ? larger : z;
@@ -85,7 +85,7 @@ static inline int16_t interval_distance(int16_t low, int16_t high, int16_t at)
     return most > 0 ? most : 0;
 }
 
-// How far `at` is from sixteen boxes, at least, but no more than `most`.
+// Adds lower bounds of the distances of `at` from sixteen boxes, clamped to `most`.
 static KERNEL void add_boxes(const struct box_lanes *b, const int16_t at[3], int16_t most, int16_t *restrict sums)
 {
     for (int i = 0; i < LANES; i++) {
@@ -96,18 +96,23 @@ static KERNEL void add_boxes(const struct box_lanes *b, const int16_t at[3], int
     }
 }
 
-// Likewise from `count` points, those of one axis in a row.
-static KERNEL void add_points(const int16_t *x, const int16_t *y, const int16_t *z, int count, const int16_t at[3],
-                              int16_t most, int16_t *restrict sums)
+// Coordinates of points, structure of arrays.
+struct point_axes {
+    const int16_t *x, *y, *z;
+};
+
+// Likewise of the distances of `at` from `count` points.
+static KERNEL void add_points(struct point_axes p, int count, const int16_t at[3], int16_t most, int16_t *restrict sums)
 {
     for (int i = 0; i < count; i++) {
-        int16_t d =
-            length_at_least(abs_difference(x[i], at[0]), abs_difference(y[i], at[1]), abs_difference(z[i], at[2]));
+        int16_t d = length_at_least(abs_difference(p.x[i], at[0]), abs_difference(p.y[i], at[1]),
+                                    abs_difference(p.z[i], at[2]));
         sums[i] = (int16_t)(sums[i] + (d < most ? d : most));
     }
 }
 
-// The bounds of `count` boxes into n->bounds; which is the least, -1: none. boxes: [sixteen boxes][position].
+// Writes the lower bounds of `count` boxes into n->bounds; returns the box with the least, -1: none. boxes: [sixteen
+// boxes][position].
 static KERNEL int64_t bound_all(struct index_search *s, const struct box_lanes *boxes, const int16_t *fixed_cost,
                                 int64_t count)
 {
@@ -115,7 +120,7 @@ static KERNEL int64_t bound_all(struct index_search *s, const struct box_lanes *
     const struct quantized_query *w = &s->target;
     int64_t promising = -1;
     int16_t least = MAX_SUM;
-    lanes leasts, where = {0}; // lane by lane, and in which sixteen modulo 2^15
+    lanes leasts, where = {0}; // minimum of each lane, and the number of its sixteen modulo 2^15
     for (int i = 0; i < LANES; i++)
         leasts[i] = MAX_SUM;
     for (int64_t g = 0; g < groups_of(count); g++) {
@@ -138,7 +143,7 @@ static KERNEL int64_t bound_all(struct index_search *s, const struct box_lanes *
 
 // ---------------------------------------------------------------- bits
 
-// Bit i: sums[i] is at most `limit`; count: eight or sixteen. A branch for each would be guessed wrong too often.
+// Bit i: sums[i] <= limit; count: 8 or 16. Without branches, which would be mispredicted too often.
 static KERNEL uint32_t bits_within(const int16_t *sums, int count, int16_t limit)
 {
     uint8_t is[LANES];
@@ -157,7 +162,7 @@ static KERNEL uint32_t bits_within(const int16_t *sums, int count, int16_t limit
 // Only the lowest `count` bits.
 static inline uint32_t lowest(uint32_t bits, int64_t count) { return count < 32 ? bits & ((1u << count) - 1) : bits; }
 
-// Of the sixteen boxes from `first` on, those whose bounds are low enough, as bits.
+// Bits of those of the sixteen boxes from `first` on whose bounds are within the limit.
 static KERNEL uint32_t boxes_within_limit(const struct index_search *s, int64_t first, int64_t count)
 {
     return lowest(bits_within(s->n->bounds[first / LANES], LANES, s->limit), count - first);

@@ -1,27 +1,28 @@
+// Order of points by recursive halving (k-d tree leaves).
 #include "reenact/retrieval/pose_index_packed.h"
 
 enum {
-    CANDIDATES = 5, // the widest dimensions: to try more than three gains little
-    SAMPLE = 256,   // of a range's points tell how wide it is
+    CANDIDATES = 5, // widest dimensions tried at each split; more than three gain little
+    SAMPLE = 256,   // points of a range from which its extents are estimated; chosen by hand
     DIMENSIONS_MOST = 3 * POSE_INDEX_MAX_POSITIONS + 1,
 };
 
-// A point's coordinate in one dimension (position and axis; the last is its own cost), units.
+// A point's coordinate in one dimension (3 * position + axis; the last is the fixed cost), units.
 static int16_t key_of(const struct pose_index *n, int64_t point, int dimension)
 {
     return dimension < 3 * n->positions ? pose_index_coordinate(n, point, dimension) : pose_index_fixed_cost(n, point);
 }
 
-// ---------------------------------------------------------------- halving
+// ---------------------------------------------------------------- selection
 
-// Whether point a comes before b: no two are alike.
+// Whether point a comes before b: a total order.
 static bool precedes(const struct pose_index *n, int dimension, int64_t a, int64_t b)
 {
     int16_t at_a = key_of(n, a, dimension), at_b = key_of(n, b, dimension);
     return at_a < at_b || (at_a == at_b && a < b);
 }
 
-// Hoare's selection: no point before `middle` comes after one from there on.
+// Quickselect (Hoare 1961): afterwards no point before `middle` comes after one from there on.
 static void partition(const struct pose_index *n, int dimension, int64_t *points, int64_t count, int64_t middle)
 {
     int64_t low = 0, high = count - 1;
@@ -47,7 +48,7 @@ static void partition(const struct pose_index *n, int dimension, int64_t *points
     }
 }
 
-// ---------------------------------------------------------------- across which dimension
+// ---------------------------------------------------------------- split dimension
 
 // The sum of squared differences from the mean, of each dimension.
 static void squares_of(const struct pose_index *n, const int64_t *points, int64_t count, double *squares)
@@ -64,8 +65,8 @@ static void squares_of(const struct pose_index *n, const int64_t *points, int64_
     }
 }
 
-// How far apart points of a range are, as costs count it: each position's root mean square distance from the mean, and
-// that of own costs, times how many there are.
+// Spread of a range in terms of costs: the sum over positions of the root mean square distance from the mean, and that
+// of the fixed costs, times the number of points.
 static double extent(const struct pose_index *n, const int64_t *points, int64_t count)
 {
     double squares[DIMENSIONS_MOST], sum = 0;
@@ -75,8 +76,8 @@ static double extent(const struct pose_index *n, const int64_t *points, int64_t 
     return sum + sqrt(squares[3 * n->positions] * (double)count);
 }
 
-// Across which of the widest dimensions points fall into the smallest parts, if the first of them are `half` / `count`
-// of all.
+// Which of the widest dimensions to split across, so that the two parts, of `half` and `count` - `half` points, have
+// the least total spread; estimated on a sample.
 static int best_dimension(const struct pose_index *n, const int64_t *points, int64_t count, int64_t half)
 {
     int64_t sample[SAMPLE], many = count < SAMPLE ? count : SAMPLE, first = half * many / count;

@@ -1,3 +1,4 @@
+// Packs a pose index: k-d order, 8-bit coordinates.
 #include "reenact/retrieval/pose_index_packed.h"
 
 #include <stdlib.h>
@@ -5,7 +6,7 @@
 
 // ---------------------------------------------------------------- records
 
-// Known in all of them.
+// Positions known in all of these points.
 static uint32_t known_in(const struct pose_index *n, const int64_t *points, int count)
 {
     uint32_t known = UINT32_MAX;
@@ -22,26 +23,26 @@ static int16_t min_fixed_cost(const struct pose_index *n, const int64_t *points,
     return least;
 }
 
-// Where some points are along one axis of one position; anywhere, if one of them is unknown.
+// Range of points along one axis of one position; unbounded if the position is unknown in one of them.
 struct interval {
     int16_t low, high;
 };
 
 static struct interval interval_of(const struct pose_index *n, int dimension, const int64_t *points, int count)
 {
-    struct interval span = {MAX_COORDINATE, -UNBOUNDED};
+    struct interval range = {MAX_COORDINATE, -UNBOUNDED};
     if (!(known_in(n, points, count) >> dimension / 3 & 1))
         return (struct interval){-UNBOUNDED, MAX_COORDINATE};
     for (int i = 0; i < count; i++) {
         int16_t at = pose_index_coordinate(n, points[i], dimension);
-        span.low = at < span.low ? at : span.low;
-        span.high = at > span.high ? at : span.high;
+        range.low = at < range.low ? at : range.low;
+        range.high = at > range.high ? at : range.high;
     }
-    return span;
+    return range;
 }
 
-// The intervals of all dimensions; the least shift with which 256 steps reach across each whose position is known,
-// rounded up as a box's high end is.
+// Writes the intervals of all dimensions; returns the least shift with which 256 steps cover each dimension of a known
+// position, with the high end rounded up.
 static int measure(const struct pose_index *n, uint32_t known, const int64_t *points, int count,
                    struct interval *intervals)
 {
@@ -68,7 +69,8 @@ static uint8_t fixed_cost_steps(const struct packed_index *s, int16_t fixed_cost
     return (uint8_t)(fixed_cost >> s->fixed_cost_shift);
 }
 
-// Returns its shift. What is not known in every point is not looked at. A block is filled up with its first point.
+// Returns the block's shift. Positions not known in every point are never read. An incomplete block is padded with its
+// first point.
 static int pack_block(const struct pose_index *n, struct packed_index *s, int64_t block, const int64_t *points,
                       int count)
 {
@@ -91,9 +93,9 @@ static void pack_box(const struct pose_index *n, struct packed_group *g, int lan
 {
     struct packed_boxes *positions = packed_group_boxes(n, g);
     for (int d = 0; d < 3 * n->positions; d++) {
-        struct interval span = interval_of(n, d, points, count);
-        positions[d / 3].low[d % 3][lane] = steps(span.low, g->from[d], g->shift);
-        positions[d / 3].high[d % 3][lane] = steps(span.high + (1 << g->shift) - 1, g->from[d], g->shift);
+        struct interval range = interval_of(n, d, points, count);
+        positions[d / 3].low[d % 3][lane] = steps(range.low, g->from[d], g->shift);
+        positions[d / 3].high[d % 3][lane] = steps(range.high + (1 << g->shift) - 1, g->from[d], g->shift);
     }
 }
 
@@ -108,7 +110,7 @@ static void pack_wide_box(const struct pose_index *n, struct packed_index *s, in
     }
 }
 
-// A group is filled up with its first block.
+// An incomplete group is padded with its first block.
 static void pack_group(const struct pose_index *n, struct packed_index *s, int64_t group, const int64_t *points,
                        int count)
 {
@@ -142,7 +144,7 @@ static struct packed_index *packed_index_open(const struct pose_index *n)
            wide = (size_t)groups_of((int64_t)groups);
     s->block_bytes = whole_lines(sizeof(struct packed_block) + from + positions * sizeof(struct packed_points));
     s->group_bytes = whole_lines(sizeof(struct packed_group) + from + positions * sizeof(struct packed_boxes));
-    // One more than needed, so that none is empty, and what is read past a record's end is there.
+    // One more than needed, so that no allocation is empty and reads past a record's end are valid.
     s->blocks = pose_index_alloc_zeroed((blocks + 1) * s->block_bytes);
     s->groups = pose_index_alloc_zeroed((groups + 1) * s->group_bytes);
     s->wide_boxes = pose_index_alloc_zeroed((wide + 1) * positions * sizeof *s->wide_boxes);
@@ -152,19 +154,7 @@ static struct packed_index *packed_index_open(const struct pose_index *n)
     return s;
 }
 
-void packed_index_close(struct packed_index **s)
-{
-    if (!*s)
-        return;
-    free((*s)->blocks);
-    free((*s)->groups);
-    free((*s)->wide_boxes);
-    free((*s)->wide_fixed_cost);
-    free(*s);
-    *s = NULL;
-}
-
-// Item points[i] of `items` comes to be the i-th, by way of `copy`.
+// Permutes `items`: item points[i] becomes the i-th. copy: scratch of the same size.
 static void rearrange(char *items, char *copy, size_t bytes, const int64_t *points, int64_t count)
 {
     if (bytes == 0)

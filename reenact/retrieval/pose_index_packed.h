@@ -1,45 +1,41 @@
-// What pose_index_pack makes of an index: alike points side by side, in eight bits
-// a coordinate. A search touches some points of nearly every group, and to have
-// them come from memory takes longer than to compare them, so the smaller they
-// are the better. For pose_index_kdtree.c, pose_index_pack.c and pose_index_query_packed.c,
-// and pose_index.c, which frees it.
+// Memory layout of a packed pose index: k-d tree leaves, eight bits a coordinate. A search
+// touches some points of nearly every group and is limited by memory latency, so smaller
+// records are faster. For pose_index*.c only.
 //
-// A block is sixteen points, a group sixteen blocks. A coordinate counts steps
-// of 1 << shift units from where its record begins, and stands for all units of
-// its step: a box reaches from its low to its high step, both in units; a point
-// lies somewhere in its step. A record has one shift. Own costs are counted in
-// steps of 1 << fixed_cost_shift units, rounded down.
+// A block is sixteen points, a group sixteen blocks. A coordinate is a number of steps of
+// 1 << shift units from the record's origin and stands for all units of its step: a box
+// reaches from its low to its high step; a point lies anywhere in its step. A record has
+// one shift. Fixed costs are in steps of 1 << fixed_cost_shift units, rounded down.
 #pragma once
 #include "reenact/retrieval/pose_index_layout.h"
 
 enum { STEPS = 256 };
 
 struct packed_group {
-    uint8_t fixed_cost[LANES]; // the blocks' least
-    uint8_t shifts[LANES];     // the blocks'
-    uint16_t known;            // positions known in every point
-    uint16_t shift;            // the boxes'
-    int16_t from[];            // [position][axis]; then struct packed_boxes [position]
+    uint8_t fixed_cost[LANES]; // least of each block
+    uint8_t shifts[LANES];     // of the blocks' points
+    uint16_t known;            // bit i: position i is known in every point
+    uint16_t shift;            // of the boxes
+    int16_t from[];            // origin [position][axis]; then struct packed_boxes [position]
 };
 struct packed_boxes {
     uint8_t low[3][LANES], high[3][LANES];
 };
 struct packed_block {
-    uint8_t fixed_cost[LANES]; // the points'
-    int16_t from[];            // [position][axis]; then struct packed_points [position]
+    uint8_t fixed_cost[LANES]; // of the points
+    int16_t from[];            // origin [position][axis]; then struct packed_points [position]
 };
 struct packed_points {
     uint8_t at[3][LANES];
 };
 
 struct packed_index {
-    size_t group_bytes, block_bytes; // of a record, whole lines
+    size_t group_bytes, block_bytes; // of a record, whole cache lines
     unsigned char *groups, *blocks;  // records
     int fixed_cost_shift;
-    // The boxes of whole groups, sixteen side by side, in units.
-    struct box_lanes *wide_boxes; // [sixteen groups][position]
-    lanes *wide_fixed_cost;       // [sixteen groups], the groups'
-    const char *payload;          // what pose_index_pack was told
+    struct box_lanes *wide_boxes; // [sixteen groups][position]: boxes of whole groups, units
+    lanes *wide_fixed_cost;       // [sixteen groups]: least of each group
+    const char *payload;          // as given to pose_index_pack
     size_t payload_bytes;
 };
 
@@ -65,8 +61,8 @@ static inline struct packed_points *packed_block_points(const struct pose_index 
     return (struct packed_points *)(uintptr_t)(b->from + 3 * n->positions);
 }
 
-// Of a point that is not yet settled: its coordinate in a dimension (position and axis), units, lower than any other
-// where it is unknown; and its own cost.
+// Of a point before packing: its coordinate in a dimension (3 * position + axis), units, lower than any other where the
+// position is unknown in its block; and its fixed cost.
 static inline int16_t pose_index_coordinate(const struct pose_index *n, int64_t point, int dimension)
 {
     int64_t block = point / BLOCK;
@@ -80,8 +76,8 @@ static inline int16_t pose_index_fixed_cost(const struct pose_index *n, int64_t 
     return n->heads[point / BLOCK].fixed_cost[point % BLOCK];
 }
 
-// Puts points that are alike side by side: halves, again and again, until a half is a block, as the leaves of a k-d
-// tree, but halves end where groups and blocks do.
+// Reorders points into the leaves of a k-d tree: recursive halving down to blocks, with halves rounded to whole groups
+// and blocks.
 void pose_index_order_kdtree(const struct pose_index *n, int64_t *points, int64_t count);
 
 void packed_index_close(struct packed_index **s);

@@ -1,18 +1,19 @@
+// Search through points in the order of adding; queries.
 #include "reenact/retrieval/pose_index_bounds.h"
 
-// ---------------------------------------------------------------- in the order in which they came
+// ---------------------------------------------------------------- unpacked search
 
-enum { BLOCK_BATCH = 32 }; // looked at together: what they lie in comes while others are found
+enum { BLOCK_BATCH = 32 }; // blocks per batch: their prefetches complete while others are found
 
 struct search_queue {
-    int block_count; // to be looked at
-    uint32_t blocks[BLOCK_BATCH];
-    int point_count; // to be asked
-    uint32_t slots[BLOCK_BATCH * BLOCK];
-    int16_t sums[BLOCK_BATCH * BLOCK]; // their bounds
+    int block_count;
+    uint32_t blocks[BLOCK_BATCH]; // to be bounded
+    int point_count;
+    uint32_t slots[BLOCK_BATCH * BLOCK]; // to be evaluated
+    int16_t sums[BLOCK_BATCH * BLOCK];   // their bounds
 };
 
-// Those points of the waiting blocks whose bounds are low enough wait to be asked.
+// Bounds the points of the queued blocks and queues those within the limit.
 static KERNEL void bound_queued(const struct index_search *s, struct search_queue *q)
 {
     const struct pose_index *n = s->n;
@@ -26,7 +27,8 @@ static KERNEL void bound_queued(const struct index_search *s, struct search_queu
             int position = w->position[k];
             const struct point_lanes *p = &n->points[block * n->positions + position];
             if (known >> position & 1)
-                add_points(p->at[0], p->at[1], p->at[2], BLOCK, w->at[position], n->max_distance, sums);
+                add_points((struct point_axes){p->at[0], p->at[1], p->at[2]}, BLOCK, w->at[position], n->max_distance,
+                           sums);
         }
         uint32_t bits = lowest(bits_within(sums, BLOCK, s->limit), n->count - block * BLOCK);
         for (; bits; bits &= bits - 1) {
@@ -38,7 +40,7 @@ static KERNEL void bound_queued(const struct index_search *s, struct search_queu
     q->block_count = 0;
 }
 
-// That with the least bound comes first: mostly, none of the others need be asked then.
+// Evaluates the point with the least bound first: mostly, none of the others needs evaluation then.
 static KERNEL void evaluate_points(struct index_search *s, struct search_queue *q)
 {
     int least = 0;
@@ -52,7 +54,7 @@ static KERNEL void evaluate_points(struct index_search *s, struct search_queue *
     q->point_count = 0;
 }
 
-// Blocks from `first` on, as bits, wait to be looked at.
+// Queues the blocks `first` + i, bit i.
 static KERNEL void enqueue_blocks(struct index_search *s, struct search_queue *q, int64_t first, uint32_t bits)
 {
     const struct pose_index *n = s->n;
@@ -63,12 +65,12 @@ static KERNEL void enqueue_blocks(struct index_search *s, struct search_queue *q
         }
         int64_t block = first + __builtin_ctz(bits);
         q->blocks[q->block_count++] = (uint32_t)block;
-        fetch(&n->points[block * n->positions], (size_t)n->positions * sizeof *n->points);
-        fetch(&n->heads[block], sizeof *n->heads);
+        prefetch(&n->points[block * n->positions], (size_t)n->positions * sizeof *n->points);
+        prefetch(&n->heads[block], sizeof *n->heads);
     }
 }
 
-// The promising block sets the mark for all.
+// The block with the least bound is evaluated first: it sets the limit for all.
 FOR_EACH_PROCESSOR
 static void search_unpacked(struct index_search *s)
 {
@@ -81,14 +83,14 @@ static void search_unpacked(struct index_search *s)
     enqueue_blocks(s, &q, promising, 1);
     bound_queued(s, &q);
     evaluate_points(s, &q);
-    n->bounds[promising / LANES][promising % LANES] = MAX_SUM; // once is enough
+    n->bounds[promising / LANES][promising % LANES] = MAX_SUM; // not again
     for (int64_t b = 0; b < blocks; b += LANES)
         enqueue_blocks(s, &q, b, boxes_within_limit(s, b, blocks));
     bound_queued(s, &q);
     evaluate_points(s, &q);
 }
 
-// ---------------------------------------------------------------- finding
+// ---------------------------------------------------------------- queries
 
 static struct quantized_query quantize_query(const struct pose_index *n, const struct pose_index_point *point)
 {
@@ -96,9 +98,7 @@ static struct quantized_query quantize_query(const struct pose_index *n, const s
     for (int p = 0; p < n->positions; p++) {
         if (!(point->known >> p & 1))
             continue;
-        const double *position = &point->position[p].x;
-        for (int axis = 0; axis < 3; axis++)
-            w.at[p][axis] = quantize(position[axis], n->unit_m);
+        quantize_position(point->position[p], n->unit_m, w.at[p]);
         w.position[w.count++] = p;
     }
     return w;

@@ -1,50 +1,51 @@
+// Search through packed points: groups, their blocks, their points, each level queued and prefetched.
 #include "reenact/retrieval/pose_index_bounds.h"
 #include "reenact/retrieval/pose_index_packed.h"
 
 enum {
-    FIRST_BLOCKS = 3, // of the promising group, from which the first mark comes: with fewer, more groups are near
-    // That wait at once:
+    FIRST_BLOCKS = 3, // of the promising group, which set the first limit: with fewer, more groups are within it
+    // Sizes of the queues, chosen by hand:
     GROUP_BATCH = 128,
     BLOCK_BATCH = 64,
     POINT_BATCH = 256,
 };
 
-// How far a search has come. What waits to be looked at comes from memory while other searches work.
+// State of a search. What is queued is prefetched while other searches work.
 struct search_state {
     struct index_search *s;
     int64_t promising; // the group with the least bound; -1: none
-    uint32_t visited;  // at which of its blocks, as bits
-    int group_count;   // that may hold the nearest
-    uint32_t groups[GROUP_BATCH];
+    uint32_t visited;  // bits of its blocks already queued
+    int group_count;
+    uint32_t groups[GROUP_BATCH]; // that may hold the nearest point
     lanes block_bounds[GROUP_BATCH];
-    uint16_t done[GROUP_BATCH]; // which of their blocks need not be looked at any more, as bits
-    int block_count;            // that wait to be looked at
-    uint32_t blocks[BLOCK_BATCH];
+    uint16_t done[GROUP_BATCH]; // bits of their blocks that are queued, or do not exist
+    int block_count;
+    uint32_t blocks[BLOCK_BATCH]; // to be bounded
     lanes point_bounds[BLOCK_BATCH];
-    int slot_count; // of points that wait to be asked
-    uint32_t slots[POINT_BATCH];
+    int slot_count;
+    uint32_t slots[POINT_BATCH]; // of points to be evaluated
 };
 
 // ---------------------------------------------------------------- bounds
 
 enum { DIMENSIONS = 3 * POSE_INDEX_MAX_POSITIONS };
 
-// Thirty-two at a time, whatever lies behind the last.
+// Steps to units. Thirty-two at a time: reads and writes past the last.
 static KERNEL void dequantize(const uint8_t *steps, int count, int shift, int16_t *units)
 {
-    const uint16_t step = (uint16_t)(1 << shift); // compilers multiply 16 bits side by side, but shift 32
+    const uint16_t step = (uint16_t)(1 << shift); // multiplication vectorises in 16 bits, shifts only in 32
     for (int k = 0; k < count; k += 2 * LANES)
         for (int i = 0; i < 2 * LANES; i++)
             units[k + i] = (int16_t)(uint16_t)(steps[k + i] * step);
 }
 
-// Where what is looked for lies from `begin` units after where a record begins. Sixteen at a time, likewise.
-static KERNEL void relative_to(const struct index_search *s, const int16_t *from, int16_t begin, int16_t *at)
+// The query relative to a record's origin `from` plus `offset` units. Sixteen at a time, likewise.
+static KERNEL void relative_to(const struct index_search *s, const int16_t *from, int16_t offset, int16_t *at)
 {
-    const int16_t *wanted = s->target.at[0];
+    const int16_t *target = s->target.at[0];
     for (int d = 0; d < 3 * s->n->positions; d += LANES)
         for (int i = 0; i < LANES; i++)
-            at[d + i] = (int16_t)(wanted[d + i] - from[d + i] - begin);
+            at[d + i] = (int16_t)(target[d + i] - from[d + i] - offset);
 }
 
 static KERNEL void fixed_costs(const struct packed_index *packed, const uint8_t *steps, int16_t *units)
@@ -54,7 +55,7 @@ static KERNEL void fixed_costs(const struct packed_index *packed, const uint8_t 
         units[i] = (int16_t)(uint16_t)(steps[i] * step);
 }
 
-// Of a group's blocks.
+// Bounds of a group's blocks.
 static KERNEL void bound_blocks(const struct index_search *s, int64_t group, int16_t *bounds)
 {
     const struct pose_index *n = s->n;
@@ -73,7 +74,7 @@ static KERNEL void bound_blocks(const struct index_search *s, int64_t group, int
     memcpy(bounds, sums, sizeof sums);
 }
 
-// Of a block's points.
+// Bounds of a block's points.
 static KERNEL void bound_points(const struct index_search *s, int64_t block, int16_t *bounds)
 {
     const struct pose_index *n = s->n;
@@ -90,17 +91,17 @@ static KERNEL void bound_points(const struct index_search *s, int64_t block, int
     for (int k = 0; k < w->count; k++) {
         int position = w->position[k];
         if (g->known >> position & 1)
-            add_points(points[position][0], points[position][1], points[position][2], LANES, &at[3 * position],
-                       n->max_distance, sums);
+            add_points((struct point_axes){points[position][0], points[position][1], points[position][2]}, LANES,
+                       &at[3 * position], n->max_distance, sums);
     }
-    // Points lie up to `middle` from their steps' middles in each axis, so a position's bound is up to 0.86 + 0.36 +
-    // 0.36 of that too high.
+    // Points lie up to `middle` units from their steps' centres in each axis, so a position's bound may be up to 0.86 +
+    // 0.36 + 0.36 of that too high.
     const int16_t slack = (int16_t)(2 * middle * w->count);
     for (int i = 0; i < LANES; i++)
         bounds[i] = (int16_t)(sums[i] - slack);
 }
 
-// Of those whose bits are set, one or more, that with the least bound.
+// Of those whose bits are set (at least one), the one with the least bound.
 static inline int least_of(const int16_t *bounds, uint32_t bits)
 {
     int least = __builtin_ctz(bits);
@@ -120,13 +121,13 @@ static KERNEL void enqueue_point(struct search_state *p, int block, int lane)
     if (slot >= p->s->n->count)
         return;
     p->slots[p->slot_count++] = slot;
-    fetch(packed->payload + slot * packed->payload_bytes, packed->payload_bytes);
+    prefetch(packed->payload + slot * packed->payload_bytes, packed->payload_bytes);
 }
 
-// The waiting blocks' points are bounded; that with the least bound waits to be asked.
+// Bounds the queued blocks' points and queues the one with the least bound.
 static KERNEL void bound_queued(struct search_state *p)
 {
-    lanes leasts, where = {0}; // lane by lane, and in which block
+    lanes leasts, where = {0}; // minimum of each lane, and its block
     for (int i = 0; i < LANES; i++)
         leasts[i] = MAX_SUM;
     for (int b = 0; b < p->block_count; b++) {
@@ -141,7 +142,7 @@ static KERNEL void bound_queued(struct search_state *p)
     if (p->block_count == 0 || leasts[lane] > p->s->limit)
         return;
     enqueue_point(p, where[lane], lane);
-    p->point_bounds[where[lane]][lane] = MAX_SUM; // once is enough
+    p->point_bounds[where[lane]][lane] = MAX_SUM; // not again
 }
 
 static KERNEL void evaluate_points(struct search_state *p)
@@ -151,7 +152,7 @@ static KERNEL void evaluate_points(struct search_state *p)
     p->slot_count = 0;
 }
 
-// All other points of the blocks whose bounds are low enough: few, once the best has been asked.
+// Queues all other points of the blocks within the limit: few, once the best has been evaluated.
 static KERNEL void enqueue_other_points(struct search_state *p)
 {
     for (int first = 0; first < p->block_count; first += 4) {
@@ -182,10 +183,10 @@ static KERNEL void enqueue_block(struct search_state *p, int64_t block)
 {
     const struct packed_index *packed = p->s->n->packed;
     p->blocks[p->block_count++] = (uint32_t)block;
-    fetch(packed_block_at(packed, block), packed->block_bytes);
+    prefetch(packed_block_at(packed, block), packed->block_bytes);
 }
 
-// As many of a group's sixteen blocks as there are, as bits.
+// Bits of those of a group's sixteen blocks that exist.
 static KERNEL uint32_t blocks_in(const struct index_search *s, int64_t group)
 {
     return lowest(0xffff, packed_blocks_of(s->n->count) - group * LANES);
@@ -207,7 +208,7 @@ static KERNEL void enqueue_first_blocks(struct search_state *p)
     }
 }
 
-// Blocks of near groups whose bounds are at most `most` wait to be looked at.
+// Queues the blocks of the queued groups with bounds of at most `most`.
 static KERNEL void enqueue_blocks_within(struct search_state *p, int16_t most)
 {
     for (int first = 0; first < p->group_count; first += 4) {
@@ -226,7 +227,8 @@ static KERNEL void enqueue_blocks_within(struct search_state *p, int16_t most)
     }
 }
 
-// The best quarter, between the least bound and the mark, sets the mark for the rest.
+// Blocks within a quarter of the way from the least bound to the limit are evaluated first: they lower the limit for
+// the rest.
 static KERNEL void enqueue_best_blocks(struct search_state *p)
 {
     lanes leasts;
@@ -250,7 +252,7 @@ static KERNEL void find_promising(struct search_state *p)
     p->promising = bound_all(p->s, packed->wide_boxes, *packed->wide_fixed_cost, groups);
     p->visited = 0;
     if (p->promising >= 0)
-        fetch(packed_group_at(packed, p->promising), packed->group_bytes);
+        prefetch(packed_group_at(packed, p->promising), packed->group_bytes);
 }
 
 static KERNEL void bound_groups(struct search_state *p)
@@ -277,12 +279,12 @@ static KERNEL void find_groups(struct search_state *p)
             int64_t group = first + __builtin_ctzll(bits);
             p->done[p->group_count] = (uint16_t)(~blocks_in(p->s, group) | (group == p->promising ? p->visited : 0));
             p->groups[p->group_count++] = (uint32_t)group;
-            fetch(packed_group_at(packed, group), packed->group_bytes);
+            prefetch(packed_group_at(packed, group), packed->group_bytes);
         }
     }
 }
 
-// ---------------------------------------------------------------- finding
+// ---------------------------------------------------------------- search
 
 typedef void search_step(struct search_state *p);
 
@@ -300,7 +302,7 @@ static KERNEL void all_bound_and_evaluate(struct search_state *all, int count)
     for_all(all, count, evaluate_points);
 }
 
-// Step by step, each for all searches before the next, so that what one has to wait for comes while others work.
+// Each step for all searches before the next, so that the prefetches of one complete while others work.
 FOR_EACH_PROCESSOR
 static void find_all(struct search_state *all, int count)
 {
@@ -318,7 +320,7 @@ static void find_all(struct search_state *all, int count)
 void pose_index_query_packed(struct index_search *searches, int count)
 {
     struct search_state all[POSE_INDEX_MAX_QUERIES];
-    for (int i = 0; i < count; i++) { // the rest means nothing yet, and to clear it would take long
+    for (int i = 0; i < count; i++) { // the rest is written before it is read; clearing it would take long
         all[i].s = &searches[i];
         all[i].group_count = all[i].block_count = all[i].slot_count = 0;
     }

@@ -1,52 +1,45 @@
-#include "reenact/scene/occluder_mesh.h"
+// Builds the occluder mesh: fuses a TSDF, extracts its surface, bounds it with spheres.
+#include "reenact/scene/occluder_grid.h"
 
 #include "base/parallel.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static const double VOXEL_M = 0.04, COARSENING = 1.3; // of the grid; coarser where there is too much for one mesh
-static const double MARGIN_M = 3;                     // about the actor's ways
-static const double FLOOR_M = 0.08, HEADROOM_M = 0.3; // above the floor, above the highest joint
-static const double NEAR_M = 0.3, FAR_M = 5;          // readings beyond are too coarse
-static const float MIN_WEIGHT = 0.4F;                 // about two views from 2 m
-static const double MAX_BODY_RADIUS_M = 0.35;         // a part beyond its joints, at most
-static const double CELL_M = 0.5;
+// All chosen by hand.
+static const double VOXEL_M = 0.04, COARSENING = 1.3; // first voxel size; its growth while the mesh is too large
+static const double MARGIN_M = 3;                     // of the grid about the actor's positions, horizontally
+static const double FLOOR_M = 0.08, HEADROOM_M = 0.3; // the grid begins above the floor, ends above the highest joint
+static const double NEAR_M = 0.3, FAR_M = 5;          // range of depth samples; beyond they are too coarse
+static const double CELL_M = 0.5;                     // of the bounding spheres' cells
 
-enum { FRAMES = 8, FRAME_WEIGHT = 4, THREADS = 2, MAX_VOXELS = 8000000, BODY_FRAMES = 200 };
+enum { FRAMES = 8, FRAME_WEIGHT = 4, MAX_VOXELS = 8000000, BODY_FRAMES = 200 };
 
-struct occluder_grid {
-    struct vec3 corner;
-    double step, truncation; // distances are kept up to here
-    int size[3];
-    float *sum, *weight; // of signed distances
-};
-
-// One view's depth, laid over the grid.
+// One depth image to be fused.
 struct depth_view {
     struct occluder_grid *grid;
     const uint16_t *depth;
-    const uint8_t *mask; // what is the person; NULL
+    const uint8_t *mask; // of the actor, left out; NULL: none
     struct lens lens;
     struct affine_map camera_from_world;
-    float weight;
+    float weight; // at 1 m
 };
 
-// Of a row's numbers from..to (behind the last) leaves those for which at + number * step may be at least 0.
+// Shrinks the index range [*from, *to) to the indices for which at + index * step may be at least 0.
 static void clip(double at, double step, int *from, int *to)
 {
     if (step == 0) {
         *to = at < 0 ? *from : *to;
         return;
     }
-    double zero = fmin(fmax(-at / step, *from - 2), *to + 2); // and a number more on either side, for roundings
+    double zero = fmin(fmax(-at / step, *from - 2), *to + 2); // one more index on either side, for rounding
     if (step > 0)
         *from = *from > (int)floor(zero) - 1 ? *from : (int)floor(zero) - 1;
     else
         *to = *to < (int)ceil(zero) + 2 ? *to : (int)ceil(zero) + 2;
 }
 
-// The part of a row that the camera may see. first: its first point, camera's axes.
+// The index range of a row that the camera may see. first: its first voxel, camera axes.
 static void clip_row(const struct depth_view *v, bool ideal, const float first[3], int *from, int *to)
 {
     const struct lens *l = &v->lens;
@@ -86,8 +79,8 @@ static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
         double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx;
         double py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
         if (!ideal) {
-            struct pixel bent = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
-            px = bent.x, py = bent.y;
+            struct pixel distorted = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
+            px = distorted.x, py = distorted.y;
         }
         px += 0.5, py += 0.5;
         if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))
@@ -99,7 +92,7 @@ static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
         if (distance < -truncation)
             continue;
         float weight = v->weight / (p[2] * p[2]);
-        size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
+        size_t at = occluder_grid_index(g, x, y, z);
         g->sum[at] += weight * (distance < truncation ? distance : truncation);
         g->weight[at] += weight;
     }
@@ -113,16 +106,16 @@ static void integrate_slice(void *context, int z)
         integrate_row(v, ideal, y, z);
 }
 
-static void integrate_view(struct occluder_grid *g, const struct lens *lens, struct pose world_from_depth,
-                           const uint16_t *depth, const uint8_t *mask, float weight)
+// Curless & Levoy 1996: adds truncated signed distances, weighted by 1 / z^2. Slices are independent, so the result
+// does not depend on the number of threads.
+static void integrate_view(struct depth_view *v, int threads)
 {
-    struct depth_view v = {g, depth, mask, *lens, affine_from_pose(pose_inverse(world_from_depth)), weight};
-    parallel_for(THREADS, g->size[2], integrate_slice, &v);
+    parallel_for(threads, v->grid->size[2], integrate_slice, v);
 }
 
 // ---------------------------------------------------------------- the grid
 
-// Where the actor was, in the world. False: nowhere.
+// Bounds of the actor's joints over the take, world axes. False: there are none.
 static bool find_actor_bounds(const struct take *take, struct vec3 *low, struct vec3 *high)
 {
     *low = v3(INFINITY, INFINITY, INFINITY);
@@ -167,23 +160,29 @@ static void close_grid(struct occluder_grid *g)
     free(g->weight);
 }
 
+static struct affine_map depth_from_world(const struct calibration *c, struct pose world_from_color)
+{
+    return affine_from_pose(pose_inverse(pose_multiply(world_from_color, c->color_from_depth)));
+}
+
 static enum status integrate_place(struct occluder_grid *g, const struct place *place,
-                                   const struct progress_watch *watch)
+                                   const struct occluder_options *options)
 {
     const struct calibration *c = &place->calibration;
-    const struct pose color_from_depth = c->color_from_depth;
     for (int32_t i = 0; i < place->view_count; i++) {
-        if (!progress_continue(watch, (double)i / place->view_count))
+        if (!progress_continue(options->watch, (double)i / place->view_count))
             return NOTHING;
-        if (place->views[i].depth)
-            integrate_view(g, &c->depth, pose_multiply(place->views[i].world_from_camera, color_from_depth),
-                           place->views[i].depth, NULL, 1);
+        struct depth_view v = {g, place->views[i].depth, NULL, c->depth, {{{0}}}, 1};
+        if (!v.depth)
+            continue;
+        v.camera_from_world = depth_from_world(c, place->views[i].world_from_camera);
+        integrate_view(&v, options->threads);
     }
     return OK;
 }
 
-// The room as it was during the take, from where its sensor stood.
-static enum status integrate_take(struct occluder_grid *g, struct take *take)
+// The room during the take, seen from its sensor.
+static enum status integrate_take(struct occluder_grid *g, struct take *take, int threads)
 {
     const struct calibration *c = take_calibration(take);
     int64_t frames = take_frame_count(take), before = -1;
@@ -197,14 +196,14 @@ static enum status integrate_take(struct occluder_grid *g, struct take *take)
         enum status status = take_read(take, i, TAKE_DEPTH | TAKE_MASK, &images);
         if (status != OK)
             return status;
-        struct pose color_from_depth = c->color_from_depth;
-        integrate_view(g, &c->depth, pose_multiply(e->world_from_camera, color_from_depth), images.depth, images.mask,
-                       FRAME_WEIGHT);
+        struct depth_view v = {
+            g, images.depth, images.mask, c->depth, depth_from_world(c, e->world_from_camera), FRAME_WEIGHT};
+        integrate_view(&v, threads);
     }
     return OK;
 }
 
-// Where a part of the body was, nothing is.
+// Marks the voxels of a capsule as empty: the actor was there.
 static void clear_capsule(struct occluder_grid *g, struct vec3 a, struct vec3 b, double radius)
 {
     struct vec3 along = v3_sub(b, a);
@@ -224,7 +223,7 @@ static void clear_capsule(struct occluder_grid *g, struct vec3 a, struct vec3 b,
                 t = t < 0 ? 0 : t > 1 ? 1 : t;
                 if (v3_length(v3_sub(p, v3_scale(along, t))) > radius)
                     continue;
-                size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
+                size_t at = occluder_grid_index(g, x, y, z);
                 g->weight[at] = 1;
                 g->sum[at] = (float)g->truncation;
             }
@@ -241,93 +240,14 @@ static void clear_body(struct occluder_grid *g, const struct take *take)
                 continue;
             struct vec3 a = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].from]);
             struct vec3 b = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].to]);
-            clear_capsule(g, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), MAX_BODY_RADIUS_M));
+            clear_capsule(g, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), OCCLUDER_BODY_RADIUS_M));
         }
     }
 }
 
-// ---------------------------------------------------------------- the mesh (naive surface nets)
+// ---------------------------------------------------------------- bounding spheres
 
-static bool surface_net_point(const struct occluder_grid *g, size_t at, float out[3])
-{
-    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
-    float d[8], sum[3] = {0};
-    int inside = 0, crossings = 0;
-    for (int i = 0; i < 8; i++) {
-        size_t corner = at + (i & 1) * step[0] + (size_t)(i >> 1 & 1) * step[1] + (size_t)(i >> 2) * step[2];
-        if (!(g->weight[corner] >= MIN_WEIGHT))
-            return false;
-        d[i] = g->sum[corner] / g->weight[corner];
-        inside += d[i] < 0;
-    }
-    if (inside == 0 || inside == 8)
-        return false;
-    for (int i = 0; i < 8; i++)
-        for (int axis = 0; axis < 3; axis++) {
-            int j = i | 1 << axis;
-            if (j == i || (d[i] < 0) == (d[j] < 0))
-                continue;
-            for (int k = 0; k < 3; k++)
-                sum[k] += k == axis ? d[i] / (d[i] - d[j]) : (float)(i >> k & 1);
-            crossings++;
-        }
-    const double corner[3] = {g->corner.x, g->corner.y, g->corner.z};
-    const size_t cell[3] = {at % step[1], at / step[1] % (size_t)g->size[1], at / step[2]};
-    for (int k = 0; k < 3; k++)
-        out[k] = (float)(corner[k] + g->step * ((double)cell[k] + (double)(sum[k] / (float)crossings)));
-    return true;
-}
-
-// The quads about the edges from grid point `at`, of which each crossing one joins four cubes.
-static void add_quads(const struct occluder_grid *g, const int32_t *number, size_t at, const int cell[3],
-                      struct occluder_mesh *out)
-{
-    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
-    for (int axis = 0; axis < 3; axis++) {
-        int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        if (cell[axis] + 1 >= g->size[axis] || cell[u] < 1 || cell[v] < 1)
-            continue;
-        size_t to = at + step[axis];
-        if (!(g->weight[at] > 0 && g->weight[to] > 0) || (g->sum[at] < 0) == (g->sum[to] < 0))
-            continue;
-        const int32_t q[4] = {number[at], number[at - step[u]], number[at - step[u] - step[v]], number[at - step[v]]};
-        if (q[0] < 0 || q[1] < 0 || q[2] < 0 || q[3] < 0)
-            continue;
-        const int32_t corners[6] = {q[0], q[1], q[2], q[0], q[2], q[3]};
-        for (int i = 0; i < 6; i++)
-            out->corners[out->corner_count++] = (uint16_t)corners[i];
-    }
-}
-
-// NOTHING: there is no surface. AMBIGUOUS: too much for one mesh.
-static enum status make_mesh(const struct occluder_grid *g, struct occluder_mesh *out)
-{
-    size_t count = (size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2];
-    int32_t *number = malloc(sizeof *number * count);
-    out->points = malloc(sizeof *out->points * OCCLUDER_MAX_POINTS);
-    out->corners = malloc(sizeof *out->corners * 18 * OCCLUDER_MAX_POINTS);
-    enum status status = number && out->points && out->corners ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int pass = 0; pass < 2 && status == OK; pass++)
-        for (int z = 0; z + 1 < g->size[2] && status == OK; z++)
-            for (int y = 0; y + 1 < g->size[1]; y++)
-                for (int x = 0; x + 1 < g->size[0] && status == OK; x++) {
-                    size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
-                    if (pass == 1) {
-                        add_quads(g, number, at, (const int[3]){x, y, z}, out);
-                        continue;
-                    }
-                    float p[3];
-                    number[at] = surface_net_point(g, at, p) ? out->point_count : -1;
-                    if (number[at] >= 0 && out->point_count == OCCLUDER_MAX_POINTS)
-                        status = AMBIGUOUS;
-                    else if (number[at] >= 0)
-                        memcpy(out->points[out->point_count++], p, sizeof p);
-                }
-    free(number);
-    return status == OK && !out->corner_count ? NOTHING : status;
-}
-
-// A triangle, by the cell that it begins in.
+// A triangle and the cell of its first corner.
 struct cell_triangle {
     int cell[3];
     uint16_t corners[3];
@@ -342,7 +262,7 @@ static int compare_cells(const void *a, const void *b)
     return differ ? differ : memcmp(x->corners, y->corners, sizeof x->corners);
 }
 
-// About the middle of a cell, around all its triangles.
+// Centred on a cell, containing all its triangles.
 static struct occluder_sphere bounding_sphere(const struct occluder_mesh *mesh, const struct cell_triangle *pieces,
                                               int first, int count)
 {
@@ -357,7 +277,7 @@ static struct occluder_sphere bounding_sphere(const struct occluder_mesh *mesh, 
     return sphere;
 }
 
-// Puts the triangles in order and a sphere around those of each cell.
+// Sorts the triangles by cell and bounds those of each cell by a sphere.
 static enum status find_spheres(struct occluder_mesh *out)
 {
     const int count = out->corner_count / 3;
@@ -384,22 +304,28 @@ static enum status find_spheres(struct occluder_mesh *out)
     return OK;
 }
 
+// ---------------------------------------------------------------- building
+
+struct occluder_options occluder_default_options(void) { return (struct occluder_options){.threads = 2}; }
+
+// With voxels of `step` metres. *too_large: the surface has more vertices than a mesh can hold; *out is then empty.
 static enum status try_mesh(struct occluder_mesh *out, const struct place *place, struct take *take, double step,
-                            const struct progress_watch *watch)
+                            const struct occluder_options *options, bool *too_large)
 {
     struct occluder_grid g = {0};
     *out = (struct occluder_mesh){0};
+    *too_large = false;
     enum status status = open_grid(&g, take, step);
     if (status == OK)
-        status = integrate_place(&g, place, watch);
+        status = integrate_place(&g, place, options);
     if (status == OK)
-        status = integrate_take(&g, take);
+        status = integrate_take(&g, take, options->threads);
     if (status == OK) {
         clear_body(&g, take);
-        status = make_mesh(&g, out);
+        status = occluder_surface_nets(&g, out, too_large);
     }
     close_grid(&g);
-    if (status == OK)
+    if (status == OK && !*too_large)
         status = find_spheres(out);
     if (status != OK)
         occluder_mesh_free(out);
@@ -407,79 +333,15 @@ static enum status try_mesh(struct occluder_mesh *out, const struct place *place
 }
 
 enum status occluder_mesh_make(struct occluder_mesh *out, const struct place *place, struct take *take,
-                               const struct progress_watch *watch)
+                               const struct occluder_options *options)
 {
+    const struct occluder_options defaults = occluder_default_options();
     *out = (struct occluder_mesh){0};
     if (!(place->calibration.depth.width > 0) || !place->view_count)
         return NOTHING;
-    enum status status = AMBIGUOUS;
-    for (double step = VOXEL_M; status == AMBIGUOUS; step *= COARSENING)
-        status = try_mesh(out, place, take, step, watch);
+    enum status status = OK;
+    bool too_large = true;
+    for (double step = VOXEL_M; status == OK && too_large; step *= COARSENING)
+        status = try_mesh(out, place, take, step, options ? options : &defaults, &too_large);
     return status;
-}
-
-void occluder_mesh_free(struct occluder_mesh *mesh)
-{
-    free(mesh->points);
-    free(mesh->corners);
-    free(mesh->spheres);
-    *mesh = (struct occluder_mesh){0};
-}
-
-// ---------------------------------------------------------------- does it matter
-
-void occlusion_frustum_add(struct occlusion_frustum *h, struct vec3 middle, double radius_m)
-{
-    const double across[2] = {middle.x, middle.y}, steepest = 1.4; // radians; beyond is no side
-    const bool first = !(h->farthest_m > 0);
-    if (!(middle.z + radius_m > 0))
-        return; // behind the eye
-    h->farthest_m = fmax(h->farthest_m, middle.z + radius_m);
-    for (int i = 0; i < 2; i++) {
-        const double away = hypot(across[i], middle.z), half = away > radius_m ? asin(radius_m / away) : INFINITY;
-        const double to = atan2(across[i], middle.z), from_rad = to - half, to_rad = to + half;
-        const double low = from_rad > -steepest ? tan(fmin(from_rad, steepest)) : -INFINITY;
-        const double high = to_rad < steepest ? tan(fmax(to_rad, -steepest)) : INFINITY;
-        h->low[i] = first ? low : fmin(h->low[i], low);
-        h->high[i] = first ? high : fmax(h->high[i], high);
-    }
-}
-
-struct occlusion_frustum occlusion_frustum_body(const struct skeleton *in_viewer)
-{
-    struct occlusion_frustum body = {0};
-    for (int j = 0; j < JOINT_COUNT; j++)
-        if (in_viewer->confidence[j] > 0)
-            occlusion_frustum_add(&body, in_viewer->joint[j], MAX_BODY_RADIUS_M);
-    return body;
-}
-
-static bool may_occlude(const struct occluder_sphere *sphere, const struct affine_map *viewer_from_room,
-                        const struct occlusion_frustum *hidden)
-{
-    const struct vec3 *m = &sphere->middle;
-    double p[3];
-    for (int r = 0; r < 3; r++)
-        p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
-               (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
-    bool may = hidden->farthest_m > 0 && p[2] > -sphere->radius_m && p[2] < hidden->farthest_m + sphere->radius_m;
-    for (int i = 0; i < 2 && may; i++) { // how far it is beyond either side
-        const double low = hidden->low[i], high = hidden->high[i];
-        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > sphere->radius_m) &&
-              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > sphere->radius_m);
-    }
-    return may;
-}
-
-int occluder_mesh_cull(const struct occluder_mesh *mesh, const struct affine_map *viewer_from_room,
-                       const struct occlusion_frustum *hidden, uint16_t *corners)
-{
-    int count = 0;
-    for (const struct occluder_sphere *b = mesh->spheres; b < mesh->spheres + mesh->sphere_count; b++) {
-        if (!may_occlude(b, viewer_from_room, hidden))
-            continue;
-        memcpy(corners + count, mesh->corners + b->first, sizeof *corners * (size_t)b->count);
-        count += b->count;
-    }
-    return count;
 }

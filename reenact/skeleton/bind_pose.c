@@ -1,8 +1,9 @@
+// Bind pose from median bone lengths; bone transforms; skin weights by capsule distances.
 #include "reenact/skeleton/bind_pose.h"
 
 #include <stdlib.h>
 
-// Half of a bend is spread over this far on either side of a joint.
+// Skin weights blend over points up to this much farther from the second bone than from the first. Chosen by hand.
 static const double BLEND_M = 0.05;
 
 const struct bone_link bone_links[BONE_LINKS] = {
@@ -23,8 +24,8 @@ const struct bone_link bone_links[BONE_LINKS] = {
     {PART_HEAD, BONE_SKULL, JOINT_HEAD},
 };
 
-// What hangs on a part: where along it that begins and where it goes from there, in the part's own axes; of the part's
-// length. The part called head goes from the neck's foot to between the ears: its lower half is the neck.
+// End bones: where along the part they begin and their direction and length in the part's axes, in part lengths. The
+// head part reaches from the base of the neck to between the ears: its lower half is the neck. Chosen by hand.
 static const struct end_bone {
     enum part part;
     double from;
@@ -58,8 +59,8 @@ static double median(double *values, int64_t count)
     return values[count / 2];
 }
 
-// The median distance of two joints over the take; 0: never known together.
-static double distance(const struct take *take, enum joint a, enum joint b, double *scratch)
+// The median distance of two joints over the take; 0: never known together. scratch: [frames].
+static double median_distance(const struct take *take, enum joint a, enum joint b, double *scratch)
 {
     int64_t count = 0;
     for (int64_t i = 0; i < take_frame_count(take); i++) {
@@ -72,38 +73,44 @@ static double distance(const struct take *take, enum joint a, enum joint b, doub
 
 struct joint_rule {
     enum joint joint, from;
-    double x, y; // direction of the bone, for the left side
+    double x, y; // direction of the bone, unit
 };
+
+// Places joints one median bone length from a joint already placed.
+static void place_joints(struct skeleton *s, const struct take *take, const struct joint_rule *rules, size_t count,
+                         double *scratch)
+{
+    for (size_t i = 0; i < count; i++) {
+        double length = median_distance(take, rules[i].from, rules[i].joint, scratch);
+        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+            continue;
+        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
+        s->confidence[rules[i].joint] = 1;
+    }
+}
 
 static void set_bind_joints(struct skeleton *s, const struct take *take, double *scratch)
 {
-    static const struct joint_rule rules[] = {
+    static const struct joint_rule spine[] = {
         {JOINT_HEAD, JOINT_NECK, 0, -1},
         {JOINT_TORSO, JOINT_NECK, 0, 1},
         {JOINT_WAIST, JOINT_TORSO, 0, 1},
-        {JOINT_LEFT_ELBOW, JOINT_LEFT_SHOULDER, 0.8, 0.6},
-        {JOINT_RIGHT_ELBOW, JOINT_RIGHT_SHOULDER, -0.8, 0.6},
-        {JOINT_LEFT_HAND, JOINT_LEFT_ELBOW, 0.8, 0.6},
-        {JOINT_RIGHT_HAND, JOINT_RIGHT_ELBOW, -0.8, 0.6},
-        {JOINT_LEFT_KNEE, JOINT_LEFT_HIP, 0.24, 0.97},
-        {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP, -0.24, 0.97},
-        {JOINT_LEFT_FOOT, JOINT_LEFT_KNEE, 0.24, 0.97},
-        {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE, -0.24, 0.97},
+    };
+    static const struct joint_rule limbs[] = {
+        {JOINT_LEFT_ELBOW, JOINT_LEFT_SHOULDER, 0.8, 0.6}, {JOINT_RIGHT_ELBOW, JOINT_RIGHT_SHOULDER, -0.8, 0.6},
+        {JOINT_LEFT_HAND, JOINT_LEFT_ELBOW, 0.8, 0.6},     {JOINT_RIGHT_HAND, JOINT_RIGHT_ELBOW, -0.8, 0.6},
+        {JOINT_LEFT_KNEE, JOINT_LEFT_HIP, 0.24, 0.97},     {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP, -0.24, 0.97},
+        {JOINT_LEFT_FOOT, JOINT_LEFT_KNEE, 0.24, 0.97},    {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE, -0.24, 0.97},
     };
     static const enum joint pairs[2][3] = {{JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, JOINT_NECK},
                                            {JOINT_LEFT_HIP, JOINT_RIGHT_HIP, JOINT_WAIST}};
     s->confidence[JOINT_NECK] = 1;
-    for (size_t i = 0; i < 3; i++) { // the spine
-        double length = distance(take, rules[i].from, rules[i].joint, scratch);
-        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
-            continue;
-        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(0, rules[i].y * length, 0));
-        s->confidence[rules[i].joint] = 1;
-    }
-    for (int i = 0; i < 2; i++) { // sideways of it, as far down as the distances say
-        double across = distance(take, pairs[i][0], pairs[i][1], scratch) / 2;
-        double slope =
-            (distance(take, pairs[i][0], pairs[i][2], scratch) + distance(take, pairs[i][1], pairs[i][2], scratch)) / 2;
+    place_joints(s, take, spine, COUNT_OF(spine), scratch);
+    for (int i = 0; i < 2; i++) { // shoulders and hips: beside the spine, below it as the distances require
+        double across = median_distance(take, pairs[i][0], pairs[i][1], scratch) / 2;
+        double slope = (median_distance(take, pairs[i][0], pairs[i][2], scratch) +
+                        median_distance(take, pairs[i][1], pairs[i][2], scratch)) /
+                       2;
         if (!(across > 0) || !(s->confidence[pairs[i][2]] > 0))
             continue;
         double down = slope > across ? sqrt(slope * slope - across * across) : 0;
@@ -112,16 +119,10 @@ static void set_bind_joints(struct skeleton *s, const struct take *take, double 
             s->confidence[pairs[i][side]] = 1;
         }
     }
-    for (size_t i = 3; i < COUNT_OF(rules); i++) {
-        double length = distance(take, rules[i].from, rules[i].joint, scratch);
-        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
-            continue;
-        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
-        s->confidence[rules[i].joint] = 1;
-    }
+    place_joints(s, take, limbs, COUNT_OF(limbs), scratch);
 }
 
-// Where it is unknown how an end is turned, it goes on as people stand.
+// The orientation of an end bone in its part is the typical one of a standing person.
 static void set_end_bone(struct bind_pose *bind, int bone)
 {
     const struct end_bone *end = &end_bones[bone - PART_COUNT];
@@ -163,12 +164,12 @@ enum status bind_pose_make(struct bind_pose *out, const struct take *take)
     return out->known[PART_UPPER_TORSO] ? OK : NOTHING;
 }
 
-// ---------------------------------------------------------------- postures
+// ---------------------------------------------------------------- bone transforms
 
 static struct pose bone_frame_pose(const struct bone_frame *f)
 {
     double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
-    // About the bone's middle: where the lengths differ, both ends give way alike.
+    // About the bone's middle: where lengths differ, the error is split between both ends.
     return (struct pose){quat_from_matrix(m), bone_frame_midpoint(f)};
 }
 
@@ -212,7 +213,7 @@ struct skeleton bone_transforms_skeleton(const struct bind_pose *bind, const str
     return s;
 }
 
-// ---------------------------------------------------------------- skin
+// ---------------------------------------------------------------- skin weights
 
 static double capsule_distance(const struct bind_pose *bind, int p, struct vec3 at)
 {
@@ -231,13 +232,13 @@ double bind_pose_distance(const struct bind_pose *bind, struct vec3 point)
     return best;
 }
 
-int bind_pose_bone_at(const struct bind_pose *bind, enum part part, struct vec3 place,
+int bind_pose_bone_at(const struct bind_pose *bind, enum part part, struct vec3 point,
                       const struct pose bind_from[BONE_COUNT])
 {
     for (int b = PART_COUNT; b < BONE_COUNT; b++)
         if (bone_part(b) == part && bind->known[b] &&
-            capsule_distance(bind, b, pose_apply(bind_from[b], place)) <
-                capsule_distance(bind, (int)part, pose_apply(bind_from[part], place)))
+            capsule_distance(bind, b, pose_apply(bind_from[b], point)) <
+                capsule_distance(bind, (int)part, pose_apply(bind_from[part], point)))
             return b;
     return (int)part;
 }

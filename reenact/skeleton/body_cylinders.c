@@ -1,4 +1,6 @@
+// Affine maps and meshes of body cylinders.
 #include "reenact/skeleton/body_cylinders.h"
+#include "base/portable_math.h"
 
 #include <stdlib.h>
 
@@ -50,12 +52,12 @@ static void ring_at(enum cylinder_shape shape, double cap, int i, int rings, dou
     *radius = 1;
     if (i < caps) { // from the pole to the rim
         double a = PI / 2 * i / caps;
-        *z = -cap * cos(a);
-        *radius = sin(a);
+        *z = -cap * portable_cos(a);
+        *radius = portable_sin(a);
     } else if (i > last - caps) {
         double a = PI / 2 * (last - i) / caps;
-        *z = 1 + cap * cos(a);
-        *radius = sin(a);
+        *z = 1 + cap * portable_cos(a);
+        *radius = portable_sin(a);
     } else {
         *z = (double)(i - caps) / (last - 2 * caps);
     }
@@ -86,14 +88,14 @@ enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around
         return fail(ERR_MEMORY, "out of memory");
     }
     // Midway between the circle's inner and outer polygon.
-    double grow = 2 / (1 + cos(PI / around));
+    double grow = 2 / (1 + portable_cos(PI / around));
     float *v = out->vertices;
     for (int i = 0; i < rings; i++) {
         double z, radius;
         ring_at(shape, cap, i, rings, &z, &radius);
         for (int k = 0; k < around; k++) {
-            *v++ = (float)(radius * grow * cos(2 * PI * k / around));
-            *v++ = (float)(radius * grow * sin(2 * PI * k / around));
+            *v++ = (float)(radius * grow * portable_cos(2 * PI * k / around));
+            *v++ = (float)(radius * grow * portable_sin(2 * PI * k / around));
             *v++ = (float)z;
         }
     }
@@ -112,7 +114,7 @@ int cylinder_sides(double radius_px, double error_px)
 {
     // The polygon's edges lie within r (1 - cos(pi / n)) of the circle, halved by growing it.
     int sides = 8;
-    while (sides < 64 && !(radius_px * (1 - cos(PI / sides)) / 2 <= error_px))
+    while (sides < 64 && !(radius_px * (1 - portable_cos(PI / sides)) / 2 <= error_px))
         sides *= 2;
     return sides;
 }

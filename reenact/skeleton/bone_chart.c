@@ -1,4 +1,6 @@
+// Bilinear lookup, accumulation and smoothing of bone charts.
 #include "reenact/skeleton/bone_chart.h"
+#include "base/portable_math.h"
 
 struct chart_sample chart_sample_at(const struct bone_frame *bone, struct vec3 point)
 {
@@ -6,30 +8,30 @@ struct chart_sample chart_sample_at(const struct bone_frame *bone, struct vec3 p
     const double margin = CHART_MARGIN, rows = CHART_HEIGHTS - 1;
     const double along = (in.z / bone->length + margin) / (1 + 2 * margin) * rows;
     const double height = along > 0 ? fmin(along, rows) : 0;
-    const double angle = (atan2(in.x, in.y) / 6.283185307179586 + 1) * CHART_ANGLES; // > 0
+    const double angle = (portable_atan2(in.x, in.y) / 6.283185307179586 + 1) * CHART_ANGLES; // > 0
     const int row = height < rows ? (int)height : CHART_HEIGHTS - 2, column = (int)angle;
-    struct chart_sample place;
+    struct chart_sample sample;
     for (int k = 0; k < 4; k++) {
         const double up = k >> 1 ? height - row : 1 - (height - row),
                      round = k & 1 ? angle - column : 1 - (angle - column);
-        place.index[k] = (row + (k >> 1)) * CHART_ANGLES + (column + (k & 1)) % CHART_ANGLES;
-        place.weight[k] = (float)(up * round);
+        sample.index[k] = (row + (k >> 1)) * CHART_ANGLES + (column + (k & 1)) % CHART_ANGLES;
+        sample.weight[k] = (float)(up * round);
     }
-    return place;
+    return sample;
 }
 
-float bone_chart_at(const struct bone_chart *chart, const struct chart_sample *place)
+float bone_chart_at(const struct bone_chart *chart, const struct chart_sample *sample)
 {
     float sum = 0;
     for (int k = 0; k < 4; k++)
-        sum += place->weight[k] * chart->at[place->index[k]];
+        sum += sample->weight[k] * chart->at[sample->index[k]];
     return sum;
 }
 
-void bone_chart_add(struct bone_chart *chart, const struct chart_sample *place, float value)
+void bone_chart_add(struct bone_chart *chart, const struct chart_sample *sample, float value)
 {
     for (int k = 0; k < 4; k++)
-        chart->at[place->index[k]] += place->weight[k] * value;
+        chart->at[sample->index[k]] += sample->weight[k] * value;
 }
 
 double bone_chart_sum(const struct bone_chart *chart)

@@ -1,3 +1,4 @@
+// Viewer-aligned and body-aligned frames of bones.
 #include "reenact/skeleton/bone_frame.h"
 
 static const double MIN_LENGTH_M = 1e-3;
@@ -23,11 +24,11 @@ static bool set_bone_axis(const struct skeleton *s, enum part p, struct bone_fra
     return true;
 }
 
-// y as near to `wanted` as the bone allows.
+// y as near to `wanted` as perpendicularity to the bone allows.
 static void set_front(struct bone_frame *f, struct vec3 wanted)
 {
     struct vec3 y = perpendicular_to(wanted, f->z);
-    // Nearly along the bone the rest is rounding: any perpendicular is as good, and steady.
+    // Nearly along the bone only rounding is left: a perpendicular that depends on the bone alone is stable.
     if (!(v3_length(y) > 1e-6 * v3_length(wanted)))
         y = v3_perpendicular(f->z);
     f->y = v3_unit(y);
@@ -53,7 +54,7 @@ bool bone_frame_viewer_aligned(const struct skeleton *s, enum part p, struct vec
     return true;
 }
 
-// ---------------------------------------------------------------- the body's own twist
+// ---------------------------------------------------------------- axial rotation of the body
 
 struct trunk {
     struct vec3 down, left, front; // unit; front = down x left
@@ -80,7 +81,7 @@ static bool find_trunk(const struct skeleton *s, bool lower, struct trunk *out)
     out->down = v3_unit(v3_sub(s->joint[heights[bottom]], s->joint[heights[top]]));
     struct vec3 shoulders = lateral_axis(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
     struct vec3 hips = lateral_axis(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
-    // The trunk twists on its way down: the near pair leads, the far pair stands in.
+    // The trunk may be twisted: the nearer pair has four times the farther one's weight.
     struct vec3 left = lower ? v3_add(v3_scale(hips, 4), shoulders) : v3_add(v3_scale(shoulders, 4), hips);
     left = perpendicular_to(left, out->down);
     if (!(v3_length(left) > 1e-3))
@@ -123,8 +124,8 @@ static bool find_hinged_limb(enum part p, struct hinged_limb *l)
 static struct vec3 limb_front(const struct skeleton *s, const struct hinged_limb *l, const struct trunk *trunk,
                               struct vec3 z)
 {
-    // Carried: from rest (legs down, arms down and outwards, which keeps the one
-    // direction where the shortest turn is undefined where no arm can point).
+    // From the trunk: shortest rotation from the neutral direction (legs down, arms down and outwards;
+    // its opposite, where that rotation is undefined, is one no arm can point to).
     struct vec3 neutral = l->leg ? trunk->down : v3_unit(v3_add(trunk->down, v3_scale(trunk->left, l->side_sign)));
     struct vec3 from_trunk = quat_rotate(quat_between(neutral, z), trunk->front);
     if (!joint_known(s, l->root) || !joint_known(s, l->hinge) || !joint_known(s, l->tip))

@@ -1,11 +1,13 @@
 #include "reenact/skeleton/joint_inpainting.h"
 
+#include "reenact/skeleton/bone_frame.h"
+
 #include <stdlib.h>
 
-static const float CONFIDENCE = 0.5F;
+static const float CONFIDENCE = 0.5F; // of an inpainted joint
 
-// From the trunk outwards.
-static const struct lost_bone {
+// From the trunk outwards, so that a forearm can follow an inpainted elbow.
+static const struct bone_ends {
     enum joint from, to;
 } bones[] = {
     {JOINT_NECK, JOINT_HEAD},
@@ -19,8 +21,8 @@ static const struct lost_bone {
     {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
 };
 
-// The bone in the axes of the frame's trunk, where both are known.
-static bool bone_in_trunk(const struct take *take, int64_t frame, const struct lost_bone *bone, struct vec3 *out)
+// The bone in the local axes of the frame's upper torso. False: one of the two is unknown.
+static bool bone_in_trunk(const struct take *take, int64_t frame, const struct bone_ends *bone, struct vec3 *out)
 {
     const struct take_entry *e = take_entry(take, frame);
     const struct skeleton *s = &e->skeleton;
@@ -32,8 +34,9 @@ static bool bone_in_trunk(const struct take *take, int64_t frame, const struct l
     return true;
 }
 
-// Where it was known last (step -1) or will be next (1), and how long that is from the frame.
-static bool nearest_known(const struct take *take, int64_t frame, int step, const struct lost_bone *bone,
+// The nearest frame before (step -1) or after (1) that knows the bone, and its distance in time. False: none within
+// INPAINT_MAX_GAP_NS.
+static bool nearest_known(const struct take *take, int64_t frame, int step, const struct bone_ends *bone,
                           struct vec3 *out, int64_t *gap_ns)
 {
     for (int64_t i = frame + step; i >= 0 && i < take_frame_count(take); i += step) {
@@ -46,18 +49,19 @@ static bool nearest_known(const struct take *take, int64_t frame, int step, cons
     return false;
 }
 
-static bool inpaint_bone(const struct take *take, int64_t frame, const struct lost_bone *bone, struct vec3 *out)
+// The bone in the upper torso's axes, interpolated. False: unknown on both sides.
+static bool inpaint_bone(const struct take *take, int64_t frame, const struct bone_ends *bone, struct vec3 *out)
 {
     struct vec3 before, after;
     int64_t since_ns, until_ns;
-    const bool was = nearest_known(take, frame, -1, bone, &before, &since_ns);
-    const bool will_be = nearest_known(take, frame, 1, bone, &after, &until_ns);
-    if (!was && !will_be)
+    const bool has_before = nearest_known(take, frame, -1, bone, &before, &since_ns);
+    const bool has_after = nearest_known(take, frame, 1, bone, &after, &until_ns);
+    if (!has_before && !has_after)
         return false;
-    const double t = !was ? 1 : !will_be ? 0 : (double)since_ns / (double)(since_ns + until_ns);
-    if (!was)
+    const double t = !has_before ? 1 : !has_after ? 0 : (double)since_ns / (double)(since_ns + until_ns);
+    if (!has_before)
         before = after;
-    if (!will_be)
+    if (!has_after)
         after = before;
     const struct vec3 mixed = v3_mix(before, after, t);
     const double length = (1 - t) * v3_length(before) + t * v3_length(after);
@@ -81,11 +85,4 @@ struct skeleton inpaint_skeleton(const struct take *take, int64_t frame)
         s.confidence[bones[i].to] = CONFIDENCE;
     }
     return s;
-}
-
-enum status inpaint_bone_transforms(const struct bind_pose *bind, const struct take *take, int64_t frame,
-                                    struct bone_transforms *out)
-{
-    const struct skeleton joints = inpaint_skeleton(take, frame);
-    return bone_transforms_of(bind, &joints, out);
 }

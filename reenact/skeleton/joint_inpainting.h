@@ -1,15 +1,13 @@
-// What is thought of a limb that was lost for a moment. Pure.
+// Fills joints that the tracker lost for a moment. The bone from a known joint to the lost one is kept as a vector in
+// the upper torso's local frame (bone_frame.h) and interpolated linearly in time, direction and length apart, between
+// the last frame before and the first after that know the bone; where only one side knows it, it is held. Method: our
+// own. Pure; deterministic. take_skeletons.h computes it once for a take.
 #pragma once
-#include "reenact/skeleton/bind_pose.h"
+#include "capture/recording/recording.h"
 
-// A joint is carried no longer than this from where it was known.
+// No joint is inpainted farther than this from a frame that knows it. Chosen by hand.
 #define INPAINT_MAX_GAP_NS 2000000000
 
-// The frame's joints, in its colour camera's axes. One that is unknown there, though the bone to
-// it was known shortly before or after, goes with the trunk as that bone did, between the two where
-// both are known; its confidence is then 0.5. The frame has a skeleton.
+// The frame's joints, in its colour camera's axes; inpainted ones have confidence 0.5. Where the frame has no
+// skeleton, or its upper torso is unknown, as recorded.
 struct skeleton inpaint_skeleton(const struct take *take, int64_t frame);
-
-// The posture that these joints give: bone_transforms_of.
-MUST_CHECK enum status inpaint_bone_transforms(const struct bind_pose *bind, const struct take *take, int64_t frame,
-                                               struct bone_transforms *out);

@@ -1,7 +1,9 @@
+// Estimates joint noise from registrations.
 #include "reenact/skeleton/joint_noise.h"
 
+// Chosen by hand.
 static const double PRIOR_M = 0.06, PRIOR_RAD = 0.5;
-static const double PRIOR_END_RAD = 1.2; // joints do not tell how skull, hands and feet are turned
+static const double PRIOR_END_RAD = 1.2; // joints do not determine the rotation of skull, hands and feet
 static const double MIN_M = 0.003, MIN_RAD = 0.03;
 
 struct joint_noise joint_noise_prior(void)
@@ -20,9 +22,9 @@ void joint_noise_add(struct joint_noise_sum *sum, const struct bind_pose *bind,
     for (int b = 0; b < BONE_COUNT; b++) {
         const struct vec3 middle = bone_frame_midpoint(&bind->frame[b]);
         const struct vec3 moved = v3_sub(pose_apply(correction[b], middle), middle);
-        const struct vec3 turned = quat_to_rotation_vector(correction[b].rotation);
+        const struct vec3 rotated = quat_to_rotation_vector(correction[b].rotation);
         sum->m2[b] += v3_dot(moved, moved) / 3 + uncertainty->m[b] * uncertainty->m[b];
-        sum->rad2[b] += v3_dot(turned, turned) / 3 + uncertainty->rad[b] * uncertainty->rad[b];
+        sum->rad2[b] += v3_dot(rotated, rotated) / 3 + uncertainty->rad[b] * uncertainty->rad[b];
     }
     sum->frames++;
 }

@@ -1,24 +1,18 @@
 #include "reenact/skeleton/skeleton_track.h"
 
-#include "reenact/skeleton/joint_inpainting.h"
-
 #include <stdlib.h>
 
-static const int64_t MAX_GAP_NS = 500000000;
-
-struct track_frame {
-    int64_t time_ns; // since the take's first frame
-    int64_t frame;
-    struct pose world_from_camera;
-    struct skeleton world, inpainted; // as recorded; and with the limbs that were lost for a moment
-};
+static const int64_t MAX_GAP_NS = 500000000; // chosen by hand
 
 struct skeleton_track {
-    struct track_frame *steps; // times rising
+    const struct take *take;
+    const struct take_skeletons *skeletons;
+    int32_t *frames; // of the take, those with a usable skeleton
     int64_t count;
+    bool has_place; // some frame has a measured camera pose
 };
 
-// For a take without a place: a world with z up for a camera held level.
+// Without a place: a world with z up for a camera held level.
 static const struct pose level_world_from_camera = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
 
 static bool located_anywhere(const struct take *take)
@@ -29,85 +23,116 @@ static bool located_anywhere(const struct take *take)
     return false;
 }
 
-enum status skeleton_track_open(struct skeleton_track **out, const struct take *take)
+// The i-th usable frame's time since the take's first frame.
+static int64_t time_at(const struct skeleton_track *m, int64_t i)
 {
-    *out = NULL;
-    bool anywhere = located_anywhere(take);
-    int64_t frames = take_frame_count(take);
-    struct skeleton_track *m = calloc(1, sizeof *m);
-    struct track_frame *steps = calloc(frames > 0 ? (size_t)frames : 1, sizeof *steps);
-    if (!m || !steps) {
-        free(m);
-        free(steps);
-        return fail(ERR_MEMORY, "out of memory");
-    }
-    m->steps = steps;
-    for (int64_t i = 0; i < frames; i++) {
-        const struct take_entry *e = take_entry(take, i);
-        if (!e->has_skeleton || (anywhere && !e->located))
-            continue;
-        struct track_frame *s = &steps[m->count++];
-        s->time_ns = e->time_ns - take_entry(take, 0)->time_ns;
-        s->frame = i;
-        s->world_from_camera = anywhere ? e->world_from_camera : level_world_from_camera;
-        s->world = skeleton_transform(s->world_from_camera, &e->skeleton);
-        const struct skeleton inpainted = inpaint_skeleton(take, i);
-        s->inpainted = skeleton_transform(s->world_from_camera, &inpainted);
-        for (int j = 0; j < JOINT_COUNT; j++)
-            if (s->world.confidence[j] > 0 && !v3_finite(s->world.joint[j])) {
-                skeleton_track_close(&m);
-                return fail(ERR_INPUT, "frame %lld of the take holds a %s that is nowhere; repair the file",
-                            (long long)i, joint_name((enum joint)j));
-            }
-    }
-    if (!m->count) {
-        skeleton_track_close(&m);
-        return fail(ERR_INPUT, "the take has no skeleton, so there is nobody to show");
-    }
-    *out = m;
+    return take_entry(m->take, m->frames[i])->time_ns - take_entry(m->take, 0)->time_ns;
+}
+
+static struct pose world_from_camera_at(const struct skeleton_track *m, int64_t i)
+{
+    return m->has_place ? take_entry(m->take, m->frames[i])->world_from_camera : level_world_from_camera;
+}
+
+static struct skeleton recorded_at(const struct skeleton_track *m, int64_t i)
+{
+    return skeleton_transform(world_from_camera_at(m, i), &take_entry(m->take, m->frames[i])->skeleton);
+}
+
+static struct skeleton inpainted_at(const struct skeleton_track *m, int64_t i)
+{
+    return skeleton_transform(world_from_camera_at(m, i), take_skeletons_at(m->skeletons, m->frames[i]));
+}
+
+static enum status check_finite(const struct skeleton_track *m, int64_t i)
+{
+    const struct skeleton world = recorded_at(m, i);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (world.confidence[j] > 0 && !v3_finite(world.joint[j]))
+            return fail(ERR_INPUT, "frame %lld of the take holds a %s that is nowhere; repair the file",
+                        (long long)m->frames[i], joint_name((enum joint)j));
     return OK;
+}
+
+enum status skeleton_track_open(struct skeleton_track **out, const struct take *take,
+                                const struct take_skeletons *skeletons)
+{
+    const int64_t frames = take_frame_count(take);
+    struct skeleton_track *m = *out = calloc(1, sizeof *m);
+    if (!m)
+        return fail(ERR_MEMORY, "out of memory");
+    m->take = take;
+    m->skeletons = skeletons;
+    m->has_place = located_anywhere(take);
+    m->frames = malloc(sizeof *m->frames * (size_t)(frames + 1));
+    enum status status = m->frames ? OK : fail(ERR_MEMORY, "out of memory");
+    for (int64_t i = 0; i < frames && status == OK; i++) {
+        const struct take_entry *e = take_entry(take, i);
+        if (!e->has_skeleton || (m->has_place && !e->located))
+            continue;
+        m->frames[m->count] = (int32_t)i;
+        status = check_finite(m, m->count++);
+    }
+    if (status == OK && !m->count)
+        status = fail(ERR_INPUT, "the take has no skeleton, so there is no actor to show");
+    if (status != OK)
+        skeleton_track_close(out);
+    return status;
 }
 
 void skeleton_track_close(struct skeleton_track **m)
 {
     if (!*m)
         return;
-    free((*m)->steps);
+    free((*m)->frames);
     free(*m);
     *m = NULL;
 }
 
-enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, bool smooth, struct track_sample *out)
+size_t skeleton_track_bytes(const struct skeleton_track *m)
 {
-    // The first step behind time_ns.
+    return sizeof *m + sizeof *m->frames * (size_t)(take_frame_count(m->take) + 1);
+}
+
+// The first usable frame after time_ns; m->count: there is none.
+static int64_t first_after(const struct skeleton_track *m, int64_t time_ns)
+{
     int64_t low = 0, high = m->count;
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
-        if (m->steps[middle].time_ns > time_ns)
+        if (time_at(m, middle) > time_ns)
             high = middle;
         else
             low = middle + 1;
     }
-    const struct track_frame *after = low < m->count ? &m->steps[low] : &m->steps[m->count - 1];
-    const struct track_frame *before = low > 0 ? &m->steps[low - 1] : &m->steps[0];
-    int64_t to_before = llabs(time_ns - before->time_ns), to_after = llabs(after->time_ns - time_ns);
-    const struct track_frame *nearest = to_before <= to_after ? before : after;
-    if (llabs(time_ns - nearest->time_ns) > MAX_GAP_NS)
+    return low;
+}
+
+// Joints between frames a and b; what one of the two does not know stays as in *out.
+static void interpolate(const struct skeleton_track *m, int64_t before, int64_t after, double t, struct skeleton *out)
+{
+    const struct skeleton a = inpainted_at(m, before), b = inpainted_at(m, after);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (a.confidence[j] > 0 && b.confidence[j] > 0) {
+            out->joint[j] = v3_mix(a.joint[j], b.joint[j], t);
+            out->confidence[j] = fminf(a.confidence[j], b.confidence[j]);
+        }
+}
+
+enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, bool smooth, struct track_sample *out)
+{
+    const int64_t next = first_after(m, time_ns);
+    const int64_t after = next < m->count ? next : m->count - 1, before = next > 0 ? next - 1 : 0;
+    const int64_t before_ns = time_at(m, before), after_ns = time_at(m, after);
+    const int64_t nearest = llabs(time_ns - before_ns) <= llabs(after_ns - time_ns) ? before : after;
+    if (llabs(time_ns - time_at(m, nearest)) > MAX_GAP_NS)
         return NOTHING;
     *out = (struct track_sample){
-        .frame = nearest->frame,
-        .skeleton = smooth ? nearest->inpainted : nearest->world,
-        .world_from_camera = nearest->world_from_camera,
+        .frame = m->frames[nearest],
+        .skeleton = smooth ? inpainted_at(m, nearest) : recorded_at(m, nearest),
+        .world_from_camera = world_from_camera_at(m, nearest),
     };
-    if (!smooth || before == after || time_ns <= before->time_ns || after->time_ns - before->time_ns > MAX_GAP_NS)
-        return OK;
-    double t = (double)(time_ns - before->time_ns) / (double)(after->time_ns - before->time_ns);
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        const struct skeleton *a = &before->inpainted, *b = &after->inpainted;
-        if (a->confidence[j] > 0 && b->confidence[j] > 0) { // else it stays as the nearest frame has it
-            out->skeleton.joint[j] = v3_mix(a->joint[j], b->joint[j], t);
-            out->skeleton.confidence[j] = fminf(a->confidence[j], b->confidence[j]);
-        }
-    }
+    if (smooth && before != after && time_ns > before_ns && after_ns - before_ns <= MAX_GAP_NS)
+        interpolate(m, before, after, (double)(time_ns - before_ns) / (double)(after_ns - before_ns), &out->skeleton);
     return OK;
 }

@@ -1,24 +1,30 @@
-// A take's movement as skeletons in the world, at any time of it. Pure; borrows
-// the take, which must outlive it.
+// A take's skeletons in the world, interpolated at any time of it. Immutable after opening, so any number of threads
+// may read it. World axes: z up; the place's world, or without a place the camera's, rotated so that z is up for a
+// camera held level.
+//
+// Memory: 4 bytes for each frame with a skeleton (it was 968: the skeletons themselves lie in the take's index and in
+// take_skeletons, and are moved into the world when they are asked for).
 #pragma once
-#include "capture/recording/recording.h"
+#include "reenact/skeleton/take_skeletons.h"
 
 struct skeleton_track;
 
-// Frames whose pose was not measured are left out; where none was, because the
-// take has no place, the world is the camera's own, turned so that z is up.
-// ERR_INPUT: no frame of the take has a skeleton, or a known joint is not finite. ERR_MEMORY.
-MUST_CHECK enum status skeleton_track_open(struct skeleton_track **out, const struct take *take);
-void skeleton_track_close(struct skeleton_track **m);
+// Borrows the take and its skeletons, which must outlive it. Frames without a measured camera pose are left out if
+// any frame has one. ERR_INPUT: no frame of the take has a skeleton, or a known joint is not finite. ERR_MEMORY. On
+// failure *out is NULL.
+MUST_CHECK enum status skeleton_track_open(struct skeleton_track **out, const struct take *take,
+                                           const struct take_skeletons *skeletons);
+void skeleton_track_close(struct skeleton_track **m); // NULL is fine; sets *m = NULL
+size_t skeleton_track_bytes(const struct skeleton_track *m);
 
 struct track_sample {
     int64_t frame;                 // the recorded frame nearest in time
-    struct skeleton skeleton;      // world axes
+    struct skeleton skeleton;      // world axes, metres
     struct pose world_from_camera; // of the colour camera at `frame`
 };
 
-// time_ns: since the take's first frame. smooth: joints between the frames before
-// and after, linearly, with limbs that were lost for a moment (reenact/skeleton/joint_inpainting.h); else
-// as recorded in the nearest frame (the earlier one on a tie). NOTHING: more than half a second from any skeleton.
+// time_ns: since the take's first frame. smooth: joints are interpolated linearly between the frames before and after,
+// inpainted joints (joint_inpainting.h) included; else they are as recorded in the nearest frame (the earlier one on a
+// tie). NOTHING: more than half a second from any skeleton; *out is then unchanged.
 MUST_CHECK enum status skeleton_track_at(const struct skeleton_track *m, int64_t time_ns, bool smooth,
                                          struct track_sample *out);

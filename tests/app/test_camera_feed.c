@@ -1,5 +1,5 @@
-// The camera's and the finder's threads: pictures come with their places, the newest
-// wins, and a camera that fails is tried again.
+// The camera's and the localizer's threads: images come with their poses, the newest wins, and a camera that fails is
+// opened again.
 #include "tests/support/test.h"
 
 #include "app/camera/camera_feed.h"
@@ -23,11 +23,11 @@ static const char *uri(const char *name)
     return text;
 }
 
-// The first sight with a number above `after`, within ten seconds.
-static const struct camera_frame *wait_for_image(struct camera_feed *e, int64_t after)
+// The first frame with a number above `after`, within ten seconds.
+static const struct camera_frame *wait_for_image(struct camera_feed *f, int64_t after)
 {
     for (int i = 0; i < 1000; i++) {
-        const struct camera_frame *s = camera_feed_latest(e);
+        const struct camera_frame *s = camera_feed_latest(f);
         if (s && s->number > after)
             return s;
         clock_sleep_until_ns(clock_now_ns() + 10000000);
@@ -38,16 +38,16 @@ static const struct camera_frame *wait_for_image(struct camera_feed *e, int64_t 
 static void test_images_come_with_poses(void **state)
 {
     (void)state;
-    struct camera_feed *e;
+    struct camera_feed *f;
     const struct camera_feed_options options = {uri("viewer"), &place, NULL, NULL, false};
-    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
+    EXPECT_STATUS(camera_feed_open(&f, &options), OK);
     int64_t last = 0;
-    for (int i = 0; i < 6; i++) { // round and round: the folder has fewer
-        const struct camera_frame *s = wait_for_image(e, last);
+    for (int i = 0; i < 6; i++) { // in a loop: the folder has fewer
+        const struct camera_frame *s = wait_for_image(f, last);
         assert_non_null(s);
         EXPECT_TRUE(s->placed);
-        EXPECT_TRUE(s->came_ns <= s->locating_ns && s->locating_ns <= s->located_ns);
-        // Which of the folder's pictures it is tells where it was taken from.
+        EXPECT_TRUE(s->received_ns <= s->locating_ns && s->locating_ns <= s->located_ns);
+        // The pose is that of one of the folder's images.
         double nearest = 1e9;
         for (int k = 0; k < REHEARSAL_IMAGES; k++)
             nearest = fmin(
@@ -55,11 +55,11 @@ static void test_images_come_with_poses(void **state)
         EXPECT_AT_MOST(nearest, 0.05);
         last = s->number;
     }
-    EXPECT_TRUE(camera_feed_query(e).seeing && !*camera_feed_query(e).trouble);
-    camera_feed_close(&e);
+    EXPECT_TRUE(camera_feed_query(f).seeing && !*camera_feed_query(f).trouble);
+    camera_feed_close(&f);
 }
 
-// Guessed a sixth too short, the focal length is learnt, and the pictures come with it.
+// A focal length guessed 15 % too short is estimated, and the frames come with it.
 static void test_guessed_lens_is_estimated(void **state)
 {
     (void)state;
@@ -69,81 +69,81 @@ static void test_guessed_lens_is_estimated(void **state)
     guess.fy *= 0.85;
     guess.focal_sigma = 0.15;
     rehearse_lens(&scratch, "viewer", &guess);
-    struct camera_feed *e;
+    struct camera_feed *f;
     const struct camera_feed_options options = {uri("viewer"), &place, NULL, NULL, false};
-    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
+    EXPECT_STATUS(camera_feed_open(&f, &options), OK);
     double off = 1;
     int64_t last = 0;
     for (int i = 0; i < 60 && fabs(off) > 0.01; i++) {
-        const struct camera_frame *s = wait_for_image(e, last);
+        const struct camera_frame *s = wait_for_image(f, last);
         assert_non_null(s);
         last = s->number;
         off = s->placed ? s->lens.fx / right.fx - 1 : off;
     }
-    printf("learnt to %+.2f %% in %d pictures\n", off * 100, (int)last);
+    printf("estimated to %+.2f %% in %d images\n", off * 100, (int)last);
     EXPECT_AT_MOST(fabs(off), 0.01);
-    camera_feed_close(&e);
+    camera_feed_close(&f);
     rehearse_lens(&scratch, "viewer", &right);
 }
 
 static void test_images_without_place(void **state)
 {
     (void)state;
-    struct camera_feed *e;
+    struct camera_feed *f;
     const struct camera_feed_options options = {uri("small"), NULL, NULL, NULL, false};
-    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
-    const struct camera_frame *s = wait_for_image(e, 3);
+    EXPECT_STATUS(camera_feed_open(&f, &options), OK);
+    const struct camera_frame *s = wait_for_image(f, 3);
     assert_non_null(s);
     EXPECT_TRUE(!s->placed && s->rgb);
     EXPECT_INT(s->lens.width, 160);
-    camera_feed_close(&e);
+    camera_feed_close(&f);
 }
 
 static void test_missing_camera_is_retried(void **state)
 {
     (void)state;
-    struct camera_feed *e;
+    struct camera_feed *f;
     char missing[300];
     snprintf(missing, sizeof missing, "%s", uri("later"));
     const struct camera_feed_options options = {missing, &place, NULL, NULL, false};
-    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
-    for (int i = 0; i < 500 && !*camera_feed_query(e).trouble; i++)
+    EXPECT_STATUS(camera_feed_open(&f, &options), OK);
+    for (int i = 0; i < 500 && !*camera_feed_query(f).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    EXPECT_TRUE(strstr(camera_feed_query(e).trouble, "later"));
-    EXPECT_TRUE(!camera_feed_latest(e));
+    EXPECT_TRUE(strstr(camera_feed_query(f).trouble, "later"));
+    EXPECT_TRUE(!camera_feed_latest(f));
     rehearse_camera(&scratch, "later", NULL, 0.25);
-    assert_non_null(wait_for_image(e, 0));
-    EXPECT_TRUE(!*camera_feed_query(e).trouble);
-    // It is pulled, and comes back with pictures of another size.
+    assert_non_null(wait_for_image(f, 0));
+    EXPECT_TRUE(!*camera_feed_query(f).trouble);
+    // It is unplugged, and comes back with images of another size.
     EXPECT_INT(rename(scratch_file(&scratch, "later"), scratch_file(&scratch, "pulled")), 0);
-    for (int i = 0; i < 500 && !*camera_feed_query(e).trouble; i++)
+    for (int i = 0; i < 500 && !*camera_feed_query(f).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    EXPECT_TRUE(*camera_feed_query(e).trouble);
-    EXPECT_TRUE(!camera_feed_query(e).seeing);
-    int64_t came = camera_feed_query(e).came;
+    EXPECT_TRUE(*camera_feed_query(f).trouble);
+    EXPECT_TRUE(!camera_feed_query(f).seeing);
+    int64_t received = camera_feed_query(f).received;
     rehearse_camera(&scratch, "later", NULL, 0.5);
-    const struct camera_frame *s = wait_for_image(e, came);
+    const struct camera_frame *s = wait_for_image(f, received);
     assert_non_null(s);
     EXPECT_INT(s->lens.width, 320);
-    camera_feed_close(&e);
+    camera_feed_close(&f);
 }
 
 static void test_suspended_feed_delivers_nothing(void **state)
 {
     (void)state;
-    struct camera_feed *e;
+    struct camera_feed *f;
     const struct camera_feed_options options = {uri("small"), NULL, NULL, NULL, false};
-    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
-    assert_non_null(wait_for_image(e, 0));
-    camera_feed_suspend(e, true);
+    EXPECT_STATUS(camera_feed_open(&f, &options), OK);
+    assert_non_null(wait_for_image(f, 0));
+    camera_feed_suspend(f, true);
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    int64_t came = camera_feed_query(e).came;
+    int64_t received = camera_feed_query(f).received;
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    EXPECT_INT(camera_feed_query(e).came, came);
-    camera_feed_suspend(e, false);
-    assert_non_null(wait_for_image(e, came));
-    camera_feed_close(&e);
-    camera_feed_close(&e); // NULL is fine
+    EXPECT_INT(camera_feed_query(f).received, received);
+    camera_feed_suspend(f, false);
+    assert_non_null(wait_for_image(f, received));
+    camera_feed_close(&f);
+    camera_feed_close(&f); // NULL is fine
 }
 
 static void test_stale_image_is_dropped(void **state)
@@ -153,31 +153,31 @@ static void test_stale_image_is_dropped(void **state)
     EXPECT_TRUE(!frame_skip_update(&p, 80, true, true)); // the first is shown, however long it took
     p = (struct frame_skip){0};
     for (int i = 0; i < 10; i++)
-        EXPECT_TRUE(!frame_skip_update(&p, 9 + i % 2, true, true)); // behind as ever: what is there is shown
+        EXPECT_TRUE(!frame_skip_update(&p, 9 + i % 2, true, true)); // always behind, in the usual time: shown
     EXPECT_NEAR(p.typical_ms, 9.5, 0.5);
-    struct frame_skip as_ever = p;
-    EXPECT_TRUE(!frame_skip_update(&p, 70, true, false)); // nothing newer is there
-    p = as_ever;
-    EXPECT_TRUE(!frame_skip_update(&p, 70, false, true)); // the next would not be found quickly
-    p = as_ever;
+    struct frame_skip usual = p;
+    EXPECT_TRUE(!frame_skip_update(&p, 70, true, false)); // nothing newer waits
+    p = usual;
+    EXPECT_TRUE(!frame_skip_update(&p, 70, false, true)); // the next could not be tracked from it
+    p = usual;
     EXPECT_TRUE(frame_skip_update(&p, 70, true, true));
     EXPECT_TRUE(!frame_skip_update(&p, 700, true, true)); // never two in a row
-    p = as_ever;
-    int shown = 0; // and where everything takes long from now on, that is soon as usual
+    p = usual;
+    int shown = 0; // if every image takes long from now on, that soon is the usual time
     for (int i = 0; i < 20; i++)
         shown += !frame_skip_update(&p, 70, true, true);
     EXPECT_AT_LEAST(shown, 18);
 }
 
-// ---------------------------------------------------------------- the place for one thing
+// ---------------------------------------------------------------- mailbox
 
 enum { ITEMS = 20000 };
 
 static void *take_all(void *self)
 {
-    struct mailbox *l = self;
+    struct mailbox *m = self;
     int64_t last = 0;
-    for (int *item; (item = mailbox_take(l, true));) {
+    for (int *item; (item = mailbox_take(m, true));) {
         if (*item <= last)
             return self; // older than one before
         last = *item;
@@ -191,22 +191,22 @@ static void test_newest_wins(void **state)
 {
     (void)state;
     static int items[ITEMS];
-    struct mailbox *l;
+    struct mailbox *m;
     pthread_t thread;
-    EXPECT_STATUS(mailbox_open(&l), OK);
-    EXPECT_TRUE(!mailbox_full(l) && !mailbox_take(l, false));
-    assert_int_equal(pthread_create(&thread, NULL, take_all, l), 0);
+    EXPECT_STATUS(mailbox_open(&m), OK);
+    EXPECT_TRUE(!mailbox_full(m) && !mailbox_take(m, false));
+    assert_int_equal(pthread_create(&thread, NULL, take_all, m), 0);
     for (int i = 0; i < ITEMS; i++) {
         items[i] = i + 1;
-        const int *untaken = mailbox_put(l, &items[i]);
+        const int *untaken = mailbox_put(m, &items[i]);
         EXPECT_TRUE(!untaken || untaken == &items[i - 1]);
     }
     void *wrong;
     pthread_join(thread, &wrong);
     EXPECT_TRUE(!wrong);
-    mailbox_stop(l);
-    EXPECT_TRUE(!mailbox_take(l, true));
-    mailbox_close(&l);
+    mailbox_stop(m);
+    EXPECT_TRUE(!mailbox_take(m, true));
+    mailbox_close(&m);
 }
 
 static int set_up(void **state)

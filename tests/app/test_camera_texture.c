@@ -1,9 +1,8 @@
-// The camera's picture on the graphics chip: what the GPU makes of a camera's bytes is
-// to the bit what the processor makes of them, whether they were uploaded or are read
-// where they lie.
+// The camera's image as a texture: the GPU converts a camera's bytes to exactly the CPU's pixels, whether they were
+// uploaded or imported.
 //
-//     test_viewfinder          reads foreign memory where this machine has a graphics device
-//     test_viewfinder DEVICE   has to: in memory of that one (/dev/dri/card0)
+//     test_camera_texture          imports memory if this machine has a graphics device
+//     test_camera_texture DEVICE   must import memory of that device (/dev/dri/card0)
 #include "tests/support/test.h"
 
 #include "app/camera/camera_texture.h"
@@ -19,26 +18,27 @@
 
 enum { W = 64, H = 48, BYTES = 4 * W * H };
 
-static const char *device; // NULL: none has to be there
+static const char *device; // NULL: no device is required
 
-static void shake(struct rng *rng, uint8_t *bytes, size_t count)
+static void fill_random(struct rng *rng, uint8_t *bytes, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         bytes[i] = (uint8_t)(rng_uniform(rng) * 256);
 }
 
-// stride: of every plane; the second follows behind the first's rows.
-static void by_processor(const uint8_t *in, size_t stride, const struct dmabuf_image *l, uint8_t *rgb)
+// stride: of every plane; the second plane follows the first's rows.
+static void convert_on_cpu(const uint8_t *in, size_t stride, const struct dmabuf_image *l, uint8_t *rgb)
 {
+    const struct yuv_layout layout = {l->encoding, W, H};
     switch (l->layout) {
-    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, l->encoding, W, H, rgb); break;
+    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, &layout, rgb); break;
     case DMABUF_RGBX: pixels_from_packed(in, stride, PACKED_RGBX, W, H, rgb); break;
     case DMABUF_BGRX: pixels_from_packed(in, stride, PACKED_BGRX, W, H, rgb); break;
-    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, l->encoding, W, H, rgb); break;
+    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, &layout, rgb); break;
     }
 }
 
-static int others(const uint8_t *rgba, const uint8_t *rgb)
+static int count_different(const uint8_t *rgba, const uint8_t *rgb)
 {
     int count = 0;
     for (int i = 0; i < W * H; i++)
@@ -52,9 +52,9 @@ static void test_gpu_conversion_matches_cpu(void **state)
     static uint8_t bytes[BYTES], rgb[3 * W * H], rgba[4 * W * H];
     struct rng rng = {31};
     struct gpu *gpu;
-    struct yuv_to_rgb *raw;
+    struct yuv_to_rgb *converter;
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(yuv_to_rgb_open(&raw, gpu), OK);
+    EXPECT_STATUS(yuv_to_rgb_open(&converter, gpu), OK);
     for (int round = 0; round < 4 * DMABUF_LAYOUTS; round++) {
         struct dmabuf_image what = {.layout = (enum dmabuf_layout)(round / 4),
                                     .width = W,
@@ -64,30 +64,32 @@ static void test_gpu_conversion_matches_cpu(void **state)
         struct gpu_texture *textures[2] = {NULL, NULL};
         int count = yuv_planes(what.layout, W, H, planes);
         size_t stride = (size_t)planes[0].format * (size_t)planes[0].width;
-        shake(&rng, bytes, sizeof bytes);
+        fill_random(&rng, bytes, sizeof bytes);
         for (int i = 0; i < count; i++)
-            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu, planes[i].format, planes[i].width, planes[i].height,
-                                           GPU_NEAREST, bytes + (i ? stride * H : 0)),
+            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu,
+                                           &(struct gpu_texture_layout){planes[i].format, planes[i].width,
+                                                                        planes[i].height, GPU_NEAREST},
+                                           bytes + (i ? stride * H : 0)),
                           OK);
         const struct gpu_texture *const read[2] = {textures[0], textures[1]};
-        EXPECT_STATUS(yuv_to_rgb_draw(raw, &what, read), OK);
-        EXPECT_STATUS(yuv_to_rgb_read(raw, rgba), OK);
-        by_processor(bytes, stride, &what, rgb);
-        EXPECT_INT(others(rgba, rgb), 0);
+        EXPECT_STATUS(yuv_to_rgb_draw(converter, &what, read), OK);
+        EXPECT_STATUS(yuv_to_rgb_read(converter, rgba), OK);
+        convert_on_cpu(bytes, stride, &what, rgb);
+        EXPECT_INT(count_different(rgba, rgb), 0);
         gpu_texture_close(&textures[0]);
         gpu_texture_close(&textures[1]);
     }
-    yuv_to_rgb_close(&raw);
+    yuv_to_rgb_close(&converter);
     gpu_close(&gpu);
 }
 
 // ---------------------------------------------------------------- lending
 
-static int returned;
+static int released;
 
 static void on_release(struct dmabuf_image *l)
 {
-    returned++;
+    released++;
     free(l);
 }
 
@@ -104,16 +106,16 @@ static struct dmabuf_image *lend_image(enum dmabuf_layout layout, int file, unsi
     return l;
 }
 
-// What the viewfinder shows, read back.
-static void read_shown(struct camera_texture *v, struct gpu *gpu, uint8_t *rgba)
+// The pixels of the current texture.
+static void read_shown(struct camera_texture *t, struct gpu *gpu, uint8_t *rgba)
 {
     const struct dmabuf_image as_it_is = {.layout = DMABUF_RGBX, .width = W, .height = H};
-    const struct gpu_texture *const shown[2] = {camera_texture_current(v), NULL};
-    struct yuv_to_rgb *raw;
-    EXPECT_STATUS(yuv_to_rgb_open(&raw, gpu), OK);
-    EXPECT_STATUS(yuv_to_rgb_draw(raw, &as_it_is, shown), OK);
-    EXPECT_STATUS(yuv_to_rgb_read(raw, rgba), OK);
-    yuv_to_rgb_close(&raw);
+    const struct gpu_texture *const shown[2] = {camera_texture_current(t), NULL};
+    struct yuv_to_rgb *converter;
+    EXPECT_STATUS(yuv_to_rgb_open(&converter, gpu), OK);
+    EXPECT_STATUS(yuv_to_rgb_draw(converter, &as_it_is, shown), OK);
+    EXPECT_STATUS(yuv_to_rgb_read(converter, rgba), OK);
+    yuv_to_rgb_close(&converter);
 }
 
 static void test_unimportable_memory_is_uploaded(void **state)
@@ -122,26 +124,26 @@ static void test_unimportable_memory_is_uploaded(void **state)
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
     struct rng rng = {32};
     struct gpu *gpu;
-    struct camera_texture *v;
+    struct camera_texture *t;
     int file = memfd_create("no graphics memory", MFD_CLOEXEC);
     assert_int_equal(ftruncate(file, BYTES), 0);
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(camera_texture_open(&v, gpu), OK);
-    returned = 0;
+    EXPECT_STATUS(camera_texture_open(&t, gpu), OK);
+    released = 0;
     for (int i = 0; i < 3; i++) {
         struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}, .number = i + 1};
         struct dmabuf_image *image =
-            i < 2 ? lend_image(DMABUF_YUYV, file, 2 * W) : NULL; // and a camera that lends nothing
-        shake(&rng, rgb, sizeof rgb);
-        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
+            i < 2 ? lend_image(DMABUF_YUYV, file, 2 * W) : NULL; // and a camera without DMA buffers
+        fill_random(&rng, rgb, sizeof rgb);
+        EXPECT_STATUS(camera_texture_update(t, &camera_image, &image), OK);
         EXPECT_TRUE(!image);
-        read_shown(v, gpu, rgba);
-        EXPECT_INT(others(rgba, rgb), 0);
+        read_shown(t, gpu, rgba);
+        EXPECT_INT(count_different(rgba, rgb), 0);
     }
-    EXPECT_INT(returned, 2);
-    EXPECT_INT(camera_texture_count(v).uploaded, 3);
-    EXPECT_INT(camera_texture_count(v).imported, 0);
-    camera_texture_close(&v);
+    EXPECT_INT(released, 2);
+    EXPECT_INT(camera_texture_count(t).uploaded, 3);
+    EXPECT_INT(camera_texture_count(t).imported, 0);
+    camera_texture_close(&t);
     EXPECT_STATUS(gpu_check(gpu), OK);
     gpu_close(&gpu);
     close(file);
@@ -177,23 +179,23 @@ static void memory_close(struct device_memory *m)
     close(m->device);
 }
 
-static void expect_borrowed(struct camera_texture *v, struct gpu *gpu, const struct device_memory *m,
+static void expect_imported(struct camera_texture *t, struct gpu *gpu, const struct device_memory *m,
                             enum dmabuf_layout layout)
 {
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
     struct rng rng = {33 + (uint64_t)layout};
     struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}};
-    for (int i = 0; i < 3; i++) { // what is there changes; the picture has to follow
+    for (int i = 0; i < 3; i++) { // the memory changes; the texture must follow
         struct dmabuf_image *image = lend_image(layout, m->file, m->stride);
-        int64_t before = camera_texture_count(v).imported;
-        shake(&rng, m->bytes, m->size);
-        by_processor(m->bytes, m->stride, image, rgb);
-        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
-        read_shown(v, gpu, rgba);
-        print_message("layout %d, picture %d: %d of %d pixels differ %s\n", (int)layout, i, others(rgba, rgb), W * H,
-                      camera_texture_count(v).why);
-        EXPECT_INT(others(rgba, rgb), 0);
-        EXPECT_INT(camera_texture_count(v).imported, before + 1);
+        int64_t before = camera_texture_count(t).imported;
+        fill_random(&rng, m->bytes, m->size);
+        convert_on_cpu(m->bytes, m->stride, image, rgb);
+        EXPECT_STATUS(camera_texture_update(t, &camera_image, &image), OK);
+        read_shown(t, gpu, rgba);
+        print_message("layout %d, image %d: %d of %d pixels differ %s\n", (int)layout, i, count_different(rgba, rgb),
+                      W * H, camera_texture_count(t).why);
+        EXPECT_INT(count_different(rgba, rgb), 0);
+        EXPECT_INT(camera_texture_count(t).imported, before + 1);
     }
 }
 
@@ -203,31 +205,31 @@ static void test_device_memory_is_imported(void **state)
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
     struct device_memory memory;
     struct gpu *gpu;
-    struct camera_texture *v;
+    struct camera_texture *t;
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(camera_texture_open(&v, gpu), OK);
-    bool there = memory_open(&memory, device ? device : "/dev/dri/card0") && camera_texture_can_import(v);
-    print_message("%s, memory to be read where it lies: %s\n", gpu_renderer(gpu), there ? "yes" : "none here");
-    EXPECT_TRUE(there || !device);
-    returned = 0;
-    for (int layout = 0; layout < DMABUF_LAYOUTS && there; layout++)
-        expect_borrowed(v, gpu, &memory, (enum dmabuf_layout)layout);
-    if (there) {
-        // All but the last came back, for the GPU was waited for since.
-        EXPECT_INT(returned, 3 * DMABUF_LAYOUTS - 1);
-        // A driver that shows other pixels than the processor reads is not believed. This is a new kind of picture.
+    EXPECT_STATUS(camera_texture_open(&t, gpu), OK);
+    bool importable = memory_open(&memory, device ? device : "/dev/dri/card0") && camera_texture_can_import(t);
+    print_message("%s, memory to import: %s\n", gpu_renderer(gpu), importable ? "yes" : "none here");
+    EXPECT_TRUE(importable || !device);
+    released = 0;
+    for (int layout = 0; layout < DMABUF_LAYOUTS && importable; layout++)
+        expect_imported(t, gpu, &memory, (enum dmabuf_layout)layout);
+    if (importable) {
+        // All but the last have been released, for reading back waited for the GPU.
+        EXPECT_INT(released, 3 * DMABUF_LAYOUTS - 1);
+        // A driver whose pixels differ from the CPU's is not trusted. This is a new kind of image.
         struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}};
         struct dmabuf_image *image = lend_image(DMABUF_YUYV, memory.file, memory.stride);
-        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
-        read_shown(v, gpu, rgba);
-        EXPECT_INT(others(rgba, rgb), 0);
-        EXPECT_TRUE(strstr(camera_texture_count(v).why, "wrongly"));
-        EXPECT_INT(camera_texture_count(v).uploaded, 1);
+        EXPECT_STATUS(camera_texture_update(t, &camera_image, &image), OK);
+        read_shown(t, gpu, rgba);
+        EXPECT_INT(count_different(rgba, rgb), 0);
+        EXPECT_TRUE(strstr(camera_texture_count(t).why, "wrongly"));
+        EXPECT_INT(camera_texture_count(t).uploaded, 1);
     }
-    camera_texture_close(&v);
-    EXPECT_INT(returned, there ? 3 * DMABUF_LAYOUTS + 1 : 0);
+    camera_texture_close(&t);
+    EXPECT_INT(released, importable ? 3 * DMABUF_LAYOUTS + 1 : 0);
     gpu_close(&gpu);
-    if (there)
+    if (importable)
         memory_close(&memory);
 }
 

@@ -1,5 +1,5 @@
-// Frames are loaded beside the drawing, on a thread of their own: the same, byte for byte, as if whoever shows
-// them had loaded them, only those that are wanted, and it can be given up at any moment.
+// Prefetched frame layers are the same, byte for byte, as synchronously loaded ones; only wanted frames are loaded; and
+// prefetching can be cancelled at any moment.
 #include "tests/support/test.h"
 
 #include "app/view/frame_prefetch.h"
@@ -12,7 +12,7 @@
 
 enum { FRAMES_FOR_AVATAR = 1 };
 
-// How much later it is given up each time: seldomer where computing is emulated.
+// Factor between the delays before cancelling: fewer trials under an emulator.
 #ifdef EMULATED
 enum { LATER = 20 };
 #else
@@ -21,15 +21,15 @@ enum { LATER = 2 };
 
 static struct rehearsed rehearsed;
 
-static struct frame_prefetch *start(const char *take_name)
+static struct frame_prefetch *start(const char *path)
 {
     struct frame_prefetch *a;
-    const struct frame_prefetch_options how = {rehearsed.rehearsal.file, take_name, &rehearsed.avatar};
+    const struct frame_prefetch_options how = {path, rehearsed.take, rehearsed.skeletons, &rehearsed.avatar};
     EXPECT_STATUS(prefetch_start(&a, &how), OK);
     return a;
 }
 
-// Waits for it as somebody who shows a frame now and then does.
+// Polls for the frame, as the renderer does.
 static bool take_in_time(struct frame_prefetch *a, int64_t frame, struct frame_layer *out)
 {
     const int64_t until = clock_now_ns() + 60000000000;
@@ -67,28 +67,28 @@ static void expect_same(const struct frame_layer *a, const struct frame_layer *b
         !memcmp(a->triangle_visible, b->triangle_visible, sizeof *a->triangle_visible * (size_t)a->triangle_count));
 }
 
-// In whatever order frames are shown: what was loaded before leaves no trace.
+// In any order: earlier loads have no effect on later ones.
 static void test_same_as_synchronous_load(void **state)
 {
     (void)state;
     static const int64_t shown[] = {0, 1, 6, 0};
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer_loader *own;
     struct frame_layer before = {0};
-    EXPECT_STATUS(frame_layer_loader_open(&own, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&own, &rehearsed.source, &rehearsed.avatar), OK);
     for (size_t i = 0; i < COUNT_OF(shown); i++) {
-        struct frame_layer theirs, ours;
+        struct frame_layer prefetched, direct;
         prefetch_request(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
-        EXPECT_TRUE(take_in_time(a, shown[i], &theirs));
-        EXPECT_STATUS(frame_layer_loader_load(own, shown[i], &ours), OK);
-        EXPECT_TRUE(ours.has_images);
-        EXPECT_AT_LEAST(ours.color.width, 10);
-        expect_same(&theirs, &ours);
-        EXPECT_TRUE(i == 0 || memcmp(before.shift, ours.shift,
-                                     sizeof *ours.shift * (size_t)rehearsed.avatar.atlas.mesh.point_count));
+        EXPECT_TRUE(take_in_time(a, shown[i], &prefetched));
+        EXPECT_STATUS(frame_layer_loader_load(own, shown[i], &direct), OK);
+        EXPECT_TRUE(direct.has_images);
+        EXPECT_AT_LEAST(direct.color.width, 10);
+        expect_same(&prefetched, &direct);
+        EXPECT_TRUE(i == 0 || memcmp(before.shift, direct.shift,
+                                     sizeof *direct.shift * (size_t)rehearsed.avatar.atlas.mesh.point_count));
         frame_layer_free(&before);
-        frame_layer_free(&theirs);
-        before = ours;
+        frame_layer_free(&prefetched);
+        before = direct;
     }
     frame_layer_free(&before);
     frame_layer_loader_close(&own);
@@ -98,13 +98,13 @@ static void test_same_as_synchronous_load(void **state)
 static void test_loads_only_requested_frames(void **state)
 {
     (void)state;
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer frame;
     const int64_t first[] = {1, 2}, then[] = {5};
     prefetch_request(a, first, 2);
     EXPECT_TRUE(take_in_time(a, 1, &frame));
     frame_layer_free(&frame);
-    prefetch_request(a, then, 1); // he was moved along the timeline
+    prefetch_request(a, then, 1); // a jump along the timeline
     EXPECT_TRUE(take_in_time(a, 5, &frame));
     EXPECT_INT(frame.frame, 5);
     EXPECT_AT_LEAST((double)prefetch_load_ns(a), 1e5);
@@ -120,18 +120,18 @@ static void test_cancel_at_any_moment(void **state)
     (void)state;
     for (int ms = 0; ms < 50; ms = LATER * ms + 1) {
         const int64_t wanted[] = {0, 1, 2, 3, 4, 5};
-        struct frame_prefetch *a = start("turn");
+        struct frame_prefetch *a = start(rehearsed.rehearsal.file);
         prefetch_request(a, wanted, PREFETCH_MAX);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         prefetch_close(&a);
     }
 }
 
-// Whoever shows a frame is then left to load it, and to say why it cannot be.
+// The recording cannot be opened: no frame becomes ready, and nothing waits.
 static void test_unloadable_frame_does_not_block(void **state)
 {
     (void)state;
-    struct frame_prefetch *a = start("nobody");
+    struct frame_prefetch *a = start("/nowhere/at.all");
     struct frame_layer frame;
     const int64_t wanted[] = {0};
     prefetch_request(a, wanted, 1);
@@ -142,7 +142,7 @@ static void test_unloadable_frame_does_not_block(void **state)
     prefetch_close(&a);
 }
 
-// Several in a row, as a damaged file has them: each is tried, none again and again.
+// Several damaged frames in a row: each is tried once, not repeatedly.
 static void test_damaged_frame_is_skipped(void **state)
 {
     (void)state;
@@ -150,7 +150,7 @@ static void test_damaged_frame_is_skipped(void **state)
     EXPECT_STATUS(database_open(&db, rehearsed.rehearsal.file, DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "UPDATE picture SET depth = x'00'"), OK);
     database_close(&db);
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer frame;
     const int64_t wanted[] = {3, 4, 5};
     prefetch_request(a, wanted, 3);

@@ -1,8 +1,8 @@
-// Every screen of the app, drawn without a window: at 1280 x 800 and 800 x 1280,
-// dark and light, with a camera that knows where it is and one that does not.
+// Every screen of the app, drawn without a window: wide and upright, dark and light, with a camera that is localised
+// and one that is not.
 //
 //     test_screens                          the tests
-//     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
+//     test_screens FILE CAMERA FOLDER       images of the screens, for the documents (see tests/screens)
 #include "tests/support/test.h"
 
 #include "app/ui/view_compositor.h"
@@ -20,7 +20,7 @@
 
 enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
 
-// What is looked at: less where drawing is emulated. SHARE: a screen's side is so many times smaller than a tablet's.
+// Less where the CPU is emulated. SHARE: a screen's sides are those of a tablet divided by this.
 #ifdef EMULATED
 enum { SHARE = 4, WAYS_UP = 1 };
 static const double FINEST_DPI = 220;
@@ -52,7 +52,7 @@ static void test_takes_are_chosen_by_touch(void **state)
     EXPECT_INT(s->page, PAGE_TAKES);
     glass_read(&g);
     EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
-    // The second card, with a finger that comes and goes.
+    // A finger taps the second card.
     const double scale = glass_scale(&g);
     struct window_event down = {.kind = WINDOW_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
                         up = down;
@@ -101,13 +101,13 @@ static void test_no_redraw_without_change(void **state)
     struct view_state *s = &g.viewer.state;
     glass_draw(&g);
     glass_seek(&g, 0.5);
-    // The take is prepared, and the orbit comes to rest on him.
+    // Until the avatar is built and the orbit has reached the actor.
     for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->crossfade < 1; i++) {
         glass_draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
-    g.viewer.checked_ns = clock_now_ns(); // the look after the file comes once a second
+    g.viewer.checked_ns = clock_now_ns(); // the file is checked once a second
     int64_t now = clock_now_ns(), next = viewer_update(&g.viewer, now);
     EXPECT_TRUE(!s->changed);
     EXPECT_AT_LEAST(next - now, 100000000);
@@ -121,13 +121,13 @@ static void test_actor_and_camera_are_synchronous(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *t = &g.viewer;
-    EXPECT_TRUE(t->image.camera && t->image.actor && !t->state.orbiting);
+    struct viewer *v = &g.viewer;
+    EXPECT_TRUE(v->image.camera && v->image.actor && !v->state.orbiting);
     for (int i = 0; i < 10; i++) {
         glass_draw(&g);
-        EXPECT_INT(t->request.camera_number, t->frame->number);
-        EXPECT_INT(t->request.time_ns, playback_at(&t->state.playback, t->frame->came_ns));
-        EXPECT_INT(memcmp(&t->request.world_from_camera, &t->frame->world_from_camera, sizeof(struct pose)), 0);
+        EXPECT_INT(v->request.camera_number, v->frame->number);
+        EXPECT_INT(v->request.time_ns, playback_at(&v->state.playback, v->frame->received_ns));
+        EXPECT_INT(memcmp(&v->request.world_from_camera, &v->frame->world_from_camera, sizeof(struct pose)), 0);
     }
     glass_close(&g);
 }
@@ -147,7 +147,7 @@ static void test_rotated_display_shows_the_same(void **state)
 {
     (void)state;
     struct glass g;
-    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the takes to choose from, which stand still
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the page of takes, which does not move
     const int w = g.width, h = g.height;
     uint8_t *upright = malloc(4 * (size_t)w * (size_t)h);
     glass_draw(&g);
@@ -163,7 +163,7 @@ static void test_rotated_display_shows_the_same(void **state)
                 const uint8_t *p = g.rgba + 4 * (row * (turns == 2 ? w : h) + column), *q = upright + 4 * (y * w + x);
                 sum += abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]);
             }
-        EXPECT_AT_MOST(sum / (3.0 * w * h), 0.2); // edges may be cut one way or the other
+        EXPECT_AT_MOST(sum / (3.0 * w * h), 0.2); // edges may be rounded either way
     }
     free(upright);
     glass_close(&g);
@@ -179,11 +179,11 @@ static void test_touch_targets_are_large_enough(void **state)
         EXPECT_AT_LEAST(mm, 9);
         if (dpis[i] < 149 || dpis[i] > FINEST_DPI)
             continue;
-        // A screen of 20 x 13 cm with that many pixels: the same is seen on it.
+        // A screen of 20 x 13 cm at that resolution shows the same.
         struct glass g;
         open_glass(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
         const struct viewer_surface glass = {g.target, g.width, g.height, 0, scale};
-        glass_prepare(&g); // how far that is would be shown, too
+        glass_prepare(&g); // else the progress bar is shown, too
         for (int n = 0; n < 2; n++) {
             viewer_update(&g.viewer, clock_now_ns());
             EXPECT_STATUS(viewer_draw(&g.viewer, &glass, clock_now_ns()), OK);
@@ -196,8 +196,8 @@ static void test_touch_targets_are_large_enough(void **state)
         glass_close(&g);
     }
     print_message("accent: %d to %d\n", least, most);
-    EXPECT_AT_LEAST(least, 2000);
-    EXPECT_AT_MOST(most, 1.1 * least);
+    EXPECT_AT_LEAST(least, 8000);
+    EXPECT_AT_MOST(most, 1.05 * least);
 }
 
 static void test_skipped_draws_lose_nothing(void **state)
@@ -206,40 +206,41 @@ static void test_skipped_draws_lose_nothing(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *t = &g.viewer;
-    int64_t hidden = clock_now_ns(), at_ns = playback_at(&t->state.playback, hidden);
-    EXPECT_TRUE(t->state.playback.playing);
-    viewer_suspend(t, true, hidden);
-    clock_sleep_until_ns(hidden + 300000000); // the camera is let go of
-    int64_t came = camera_feed_query(t->feed).came;
+    struct viewer *v = &g.viewer;
+    int64_t hidden = clock_now_ns(), at_ns = playback_at(&v->state.playback, hidden);
+    EXPECT_TRUE(v->state.playback.playing);
+    viewer_suspend(v, true, hidden);
+    clock_sleep_until_ns(hidden + 300000000); // the camera is being closed
+    int64_t received = camera_feed_query(v->feed).received;
     clock_sleep_until_ns(clock_now_ns() + 400000000);
-    EXPECT_INT(camera_feed_query(t->feed).came, came);
+    EXPECT_INT(camera_feed_query(v->feed).received, received);
     int64_t shown = clock_now_ns();
-    viewer_suspend(t, false, shown);
-    EXPECT_INT(playback_at(&t->state.playback, shown), at_ns);
-    for (int64_t until = shown + 30000000000; camera_feed_query(t->feed).came == came && clock_now_ns() < until;)
+    viewer_suspend(v, false, shown);
+    EXPECT_INT(playback_at(&v->state.playback, shown), at_ns);
+    for (int64_t until = shown + 30000000000;
+         camera_feed_query(v->feed).received == received && clock_now_ns() < until;)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     glass_wait_located(&g, true);
-    EXPECT_AT_LEAST(camera_feed_query(t->feed).came, came + 1);
+    EXPECT_AT_LEAST(camera_feed_query(v->feed).received, received + 1);
     glass_close(&g);
 }
 
-// How many pixels of that picture of him lie outside of the box that it is drawn in.
-static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
+// How many pixels of that texture are outside of the box that it is drawn in; adds those inside to *within.
+static int count_outside(struct glass *g, const struct gpu_texture *texture, struct ui_box box, int *within)
 {
-    struct viewer *t = &g->viewer;
+    struct viewer *v = &g->viewer;
     const double scale = glass_scale(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct lens *lens = &t->image.lens;
+    const struct lens *lens = &v->image.lens;
     struct cover cover = cover_of(lens, all);
     struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
-    EXPECT_TRUE(picture);
-    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
-    ui_image(t->ui, picture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
-    ui_end(t->ui);
-    EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
+    EXPECT_TRUE(texture);
+    EXPECT_STATUS(ui_begin(v->ui, &input), OK);
+    ui_fade(v->ui, all, 0xffffffff, 0xffffffff); // a background without soft edges
+    ui_image(v->ui, texture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(v->ui);
+    EXPECT_STATUS(ui_draw(v->ui, g->target, 0), OK);
     glass_read(g);
     int beyond = 0;
     for (int y = 0; y < g->height; y++)
@@ -247,9 +248,9 @@ static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, st
             const uint8_t *rgba = g->rgba + 4 * (y * g->width + x);
             const double at_x = (x + 0.5) / scale, at_y = (y + 0.5) / scale;
             bool inside = at_x >= box.x && at_x <= box.x + box.w && at_y >= box.y && at_y <= box.y + box.h;
-            bool his = rgba[0] < 255 || rgba[1] < 255 || rgba[2] < 255;
-            *within += his && inside;
-            beyond += his && !inside;
+            bool actor = rgba[0] < 255 || rgba[1] < 255 || rgba[2] < 255;
+            *within += actor && inside;
+            beyond += actor && !inside;
         }
     return beyond;
 }
@@ -269,10 +270,11 @@ static void test_whole_actor_is_drawn(void **state)
         g.viewer.state.orbit.angle_rad += 0.8;
         glass_draw(&g);
         const struct cover cover = cover_of(&p->lens, all);
-        EXPECT_INT(beyond_the_box(&g, p->actor, compositor_actor_box(p, cover, all), &within), 0);
-        EXPECT_INT(beyond_the_box(&g, p->shadow, compositor_shadow_box(p, cover, all), &shaded), 0);
-        EXPECT_AT_LEAST(within, 2000);
-        EXPECT_AT_LEAST(shaded, 500);
+        EXPECT_INT(count_outside(&g, p->actor, compositor_actor_box(p, cover, all), &within), 0);
+        EXPECT_INT(count_outside(&g, p->shadow, compositor_shadow_box(p, cover, all), &shaded), 0);
+        print_message("actor %d pixels, shadow %d\n", within, shaded);
+        EXPECT_AT_LEAST(within, 2500);
+        EXPECT_AT_LEAST(shaded, 8000);
     }
     glass_close(&g);
 }
@@ -290,8 +292,8 @@ static void test_screenshot_omits_controls(void **state)
     uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
     size_t count;
     EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, name), &bytes, &count), OK);
-    EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // as large as the camera's picture
-    double sum = 0;                                              // where the actor is not, it is the camera's picture
+    EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // of the camera image's size
+    double sum = 0;                                              // beside the actor it shows the camera's image
     for (int y = 0; y < 120; y++)
         for (int x = 0; x < 3 * 120; x++)
             sum += abs(rgb[y * 640 * 3 + x] - g.viewer.frame->rgb[y * 640 * 3 + x]);
@@ -313,7 +315,7 @@ static void test_removed_recording_plays_on(void **state)
     g.viewer.checked_ns = 0;
     glass_seek(&g, 0.8);
     glass_draw(&g);
-    EXPECT_TRUE(view_state_hint(&g.viewer.state) && strstr(view_state_hint(&g.viewer.state), "taken away"));
+    EXPECT_TRUE(view_state_hint(&g.viewer.state) && strstr(view_state_hint(&g.viewer.state), "removed"));
     EXPECT_AT_LEAST(g.viewer.image.parts, 8);
     EXPECT_INT(rename(away, rehearsal.file), 0);
     g.viewer.checked_ns = 0;
@@ -331,7 +333,7 @@ static void test_lost_camera_gives_advice(void **state)
     const char *hint = view_state_hint(&g.viewer.state);
     EXPECT_TRUE(hint && strstr(hint, "tag"));
     glass_close(&g);
-    // And one that is not there at all.
+    // And a camera that does not exist.
     char nowhere[300];
     snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
@@ -342,7 +344,7 @@ static void test_lost_camera_gives_advice(void **state)
     glass_draw(&g);
     hint = view_state_hint(&g.viewer.state);
     EXPECT_TRUE(hint && strstr(hint, "nowhere"));
-    EXPECT_TRUE(g.viewer.state.orbiting); // one can look all the same
+    EXPECT_TRUE(g.viewer.state.orbiting); // the take can be watched all the same
     glass_close(&g);
 }
 
@@ -353,45 +355,45 @@ static void test_mirror_flips_actor(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     glass_seek(&g, 0.5);
-    struct viewer *t = &g.viewer;
+    struct viewer *v = &g.viewer;
     glass_draw(&g);
-    struct vec3 left = t->image.skeleton.joint[JOINT_LEFT_SHOULDER],
-                right = t->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
-    view_state_do(&t->state, DO_MIRROR, clock_now_ns());
+    struct vec3 left = v->image.skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = v->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
     glass_draw(&g);
-    struct vec3 mirrored = t->image.skeleton.joint[JOINT_LEFT_SHOULDER];
-    EXPECT_TRUE(t->image.flip_x);
-    // His left shoulder is where the right one was, but for how far he leans.
+    struct vec3 mirrored = v->image.skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(v->image.flip_x);
+    // The left shoulder is where the right one was, except for how far the actor leans.
     EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
-    // What is drawn goes along with the skeleton: it covers the mirrored joints.
-    view_state_do(&t->state, DO_SKELETON, clock_now_ns());
+    // Drawn with the skeleton.
+    view_state_do(&v->state, DO_SKELETON, clock_now_ns());
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->image.parts, 8);
+    EXPECT_AT_LEAST(v->image.parts, 8);
     glass_close(&g);
 }
 
-static void test_take_opens_at_once_and_refines(void **state)
+static void test_take_opens_immediately_and_refines(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct viewer *t = &g.viewer;
+    struct viewer *v = &g.viewer;
     glass_draw(&g);
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->image.parts, 8);
-    EXPECT_TRUE(!t->image.prepared);
+    EXPECT_AT_LEAST(v->image.parts, 8);
+    EXPECT_TRUE(!v->image.prepared);
     int plain = 0, both = 0, better = 0;
     double share = 0;
-    for (int64_t until = clock_now_ns() + 200000000000; t->state.crossfade < 1 && clock_now_ns() < until;) {
+    for (int64_t until = clock_now_ns() + 200000000000; v->state.crossfade < 1 && clock_now_ns() < until;) {
         glass_draw_and_wait(&g);
-        EXPECT_AT_LEAST(t->state.prepared, share);
-        share = t->state.prepared;
-        plain += !t->image.prepared;
-        both += t->image.prepared && t->image.former;
+        EXPECT_AT_LEAST(v->state.avatar_progress, share);
+        share = v->state.avatar_progress;
+        plain += !v->image.prepared;
+        both += v->image.prepared && v->image.former;
     }
     glass_draw(&g);
-    better = t->image.prepared && !t->image.former;
-    print_message("%d pictures plain, %d with both\n", plain, both);
+    better = v->image.prepared && !v->image.former;
+    print_message("%d frames without the avatar, %d with both\n", plain, both);
     EXPECT_AT_LEAST(plain, 1);
     EXPECT_AT_LEAST(both, 1);
     EXPECT_INT(better, 1);
@@ -407,21 +409,21 @@ static void test_file_without_take_is_reported(void **state)
     EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
     EXPECT_TRUE(strstr(g.viewer.state.trouble, "none.reenact"));
     glass_close(&g);
-    open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
+    open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "another take", NULL);
     glass_draw(&g);
     EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
-    EXPECT_TRUE(strstr(g.viewer.state.trouble, "somebody else"));
+    EXPECT_TRUE(strstr(g.viewer.state.trouble, "another take"));
     glass_close(&g);
 }
 
-// ---------------------------------------------------------------- photographs of screens
+// ---------------------------------------------------------------- images of the screens
 
 enum { SCREENS = 8 };
 static const char *const screen_names[SCREENS] = {"takes", "place",   "orbit", "layers",
                                                   "speed", "sources", "move",  "lost"};
 
-// Brings screen number n about.
-static void arrange(struct glass *g, int n)
+// Sets the view state for screen number n.
+static void show_screen(struct glass *g, int n)
 {
     struct view_state *s = &g->viewer.state;
     int64_t now = clock_now_ns();
@@ -457,30 +459,30 @@ static void arrange(struct glass *g, int n)
     }
 }
 
-static bool full_of_something(const struct glass *g)
+static bool has_content(const struct glass *g)
 {
     int first =
         glass_count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
     return first < g->width * g->height * 9 / 10;
 }
 
-// Screen number n, dark and light, into `folder`, where there is one.
-static void photograph_one(struct glass *g, int n, const char *folder)
+// Draws screen number n, dark and light; writes PNGs into `folder` unless NULL.
+static void capture_screen(struct glass *g, int n, const char *folder)
 {
     static uint8_t last[LONG * SHORT * 4];
     const size_t bytes = (size_t)g->width * (size_t)g->height * 4;
     for (int dark = 1; dark >= 0; dark--) {
         char path[600];
         g->viewer.state.dark = dark;
-        arrange(g, n);
+        show_screen(g, n);
         glass_draw(g);
-        glass_draw(g); // what a tap changed is seen in the second
+        glass_draw(g); // the second shows what a tap changed
         if (folder && g->viewer.state.orbiting)
             glass_wait_idle(g);
         else if (folder)
             glass_wait_located(g, n < SCREENS - 1);
         glass_read(g);
-        EXPECT_TRUE(full_of_something(g));
+        EXPECT_TRUE(has_content(g));
         if (!dark)
             EXPECT_AT_LEAST(glass_difference(g, last), 0.5);
         memcpy(last, g->rgba, bytes);
@@ -492,8 +494,8 @@ static void photograph_one(struct glass *g, int n, const char *folder)
     }
 }
 
-static void photograph_all(const char *file, const char *take, const char *camera, const char *blind,
-                           const char *folder, bool upright)
+static void capture_screens(const char *file, const char *take, const char *camera, const char *blind,
+                            const char *folder, bool upright)
 {
     struct glass g;
     const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share,
@@ -504,12 +506,12 @@ static void photograph_all(const char *file, const char *take, const char *camer
     if (folder)
         glass_prepare(&g);
     for (int n = 0; n < SCREENS - 1; n++)
-        photograph_one(&g, n, folder);
+        capture_screen(&g, n, folder);
     glass_close(&g);
     open_glass(&g, width, height, file, take, blind);
     g.viewer.state.take_wanted = true;
     glass_wait_located(&g, false);
-    photograph_one(&g, SCREENS - 1, folder);
+    capture_screen(&g, SCREENS - 1, folder);
     glass_close(&g);
 }
 
@@ -517,7 +519,7 @@ static void test_every_screen_orientation_and_theme(void **state)
 {
     (void)state;
     for (int upright = 0; upright < WAYS_UP; upright++)
-        photograph_all(rehearsal.file, "turn", rehearsal.camera, rehearsal.blind, NULL, upright);
+        capture_screens(rehearsal.file, "turn", rehearsal.camera, rehearsal.blind, NULL, upright);
 }
 
 static int set_up(void **state)
@@ -541,14 +543,14 @@ int main(int argc, char **argv)
         rehearse_camera(&rehearsal.scratch, "wall", NULL, 1);
         snprintf(rehearsal.blind, sizeof rehearsal.blind, "folder:%s/wall", rehearsal.scratch.path);
         for (int upright = 0; upright < 2; upright++)
-            photograph_all(argv[1], NULL, argv[2], rehearsal.blind, argv[3], upright);
+            capture_screens(argv[1], NULL, argv[2], rehearsal.blind, argv[3], upright);
         rehearsal_end(&rehearsal);
         return 0;
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_takes_are_chosen_by_touch),
         cmocka_unit_test(test_orbit_follows_finger),
-#ifndef EMULATED // which would have the take prepared twice
+#ifndef EMULATED // which would build the avatar twice
         cmocka_unit_test(test_no_redraw_without_change),
 #endif
         cmocka_unit_test(test_actor_and_camera_are_synchronous),
@@ -560,7 +562,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_removed_recording_plays_on),
         cmocka_unit_test(test_lost_camera_gives_advice),
         cmocka_unit_test(test_mirror_flips_actor),
-        cmocka_unit_test(test_take_opens_at_once_and_refines),
+        cmocka_unit_test(test_take_opens_immediately_and_refines),
         cmocka_unit_test(test_file_without_take_is_reported),
         cmocka_unit_test(test_every_screen_orientation_and_theme),
     };

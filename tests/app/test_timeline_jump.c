@@ -1,5 +1,5 @@
-// A jump along the timeline, while nothing plays: the actor is drawn at once, in his posture there, with whatever
-// frame's colours and folds there are; and his own follow as soon as they are loaded.
+// A jump along the timeline while paused: the actor is drawn immediately in the pose of that instant, with the texture
+// and deformation of any resident frame; the frame's own follow as soon as they are loaded.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -11,51 +11,51 @@ static struct glass glass;
 
 static int64_t frames(void) { return take_view_frames(glass.viewer.take_view); }
 
-static int64_t made(void) { return gpu_get_counts(glass.gpu).made; }
+static int64_t uploads(void) { return gpu_get_counts(glass.gpu).made; }
 
-// Goes there and draws one picture; how much had to be made for it.
+// Seeks to that recorded frame and draws; returns how many GPU objects were made for it.
 static int64_t jump(int64_t frame)
 {
-    const int64_t before = made();
+    const int64_t before = uploads();
     glass_seek(&glass, (double)frame / (double)(frames() - 1));
     glass_draw(&glass);
     EXPECT_INT(glass.viewer.image.frame, frame);
     EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
     EXPECT_TRUE(glass.viewer.image.prepared);
-    return made() - before;
+    return uploads() - before;
 }
 
-// Until nothing is to come any more. Only what changes is drawn.
+// Until nothing is being loaded any more. Draws only what changes.
 static void wait_idle(void)
 {
     const int64_t until = clock_now_ns() + 20000000000;
-    struct viewer *t = &glass.viewer;
-    while (take_view_waiting(t->take_view) && clock_now_ns() < until) {
-        const int64_t now = clock_now_ns(), next = viewer_update(t, now);
-        EXPECT_AT_MOST(next - now, 100000000); // whoever waits for what is due looks again soon
-        if (!take_view_final(t->take_view))
+    struct viewer *v = &glass.viewer;
+    while (take_view_waiting(v->take_view) && clock_now_ns() < until) {
+        const int64_t now = clock_now_ns(), next = viewer_update(v, now);
+        EXPECT_AT_MOST(next - now, 100000000); // loading is polled soon
+        if (!take_view_final(v->take_view))
             glass_draw(&glass);
         else
             clock_sleep_until_ns(next);
     }
-    EXPECT_TRUE(!take_view_waiting(t->take_view) && take_view_final(t->take_view));
+    EXPECT_TRUE(!take_view_waiting(v->take_view) && take_view_final(v->take_view));
 }
 
 static void test_substitute_frame_until_loaded(void **state)
 {
     (void)state;
-    const int64_t last = frames() - 1, before = made();
+    const int64_t last = frames() - 1, before = uploads();
     EXPECT_INT(jump(last), 0);
     EXPECT_TRUE(take_view_waiting(glass.viewer.take_view));
     wait_idle();
-    EXPECT_INT(made() - before, 2); // the frame's colours and depth
+    EXPECT_INT(uploads() - before, 2); // the frame's colour and depth
     EXPECT_INT(jump(0), 0);
-    EXPECT_TRUE(!take_view_waiting(glass.viewer.take_view)); // it is kept
+    EXPECT_TRUE(!take_view_waiting(glass.viewer.take_view)); // it is still resident
     EXPECT_INT(jump(last), 0);
     EXPECT_TRUE(!take_view_waiting(glass.viewer.take_view));
 }
 
-// Whoever moves a finger along it sees every picture at once; where it comes to rest, the right one.
+// While a finger moves along it, every frame is drawn immediately; where it stops, with its own texture.
 static void test_timeline_scrub_does_not_block(void **state)
 {
     (void)state;
@@ -66,7 +66,7 @@ static void test_timeline_scrub_does_not_block(void **state)
     EXPECT_TRUE(!take_view_waiting(glass.viewer.take_view));
 }
 
-// Who asks where his colours are from gets those of that very frame.
+// The display of sources is never drawn with another frame's texture.
 static void test_source_textures_match_frame(void **state)
 {
     (void)state;
@@ -82,13 +82,13 @@ static void test_source_textures_match_frame(void **state)
     g->viewer.state.sources = false;
 }
 
-// Prepared, and at rest on the first frame.
+// With the avatar built, paused on the first frame.
 static int make(void **state)
 {
     (void)state;
     rehearsal = rehearsal_make();
-    const struct viewer_options how = {.file = rehearsal.file, .refresh_hz = 60, .fixed_resolution = true};
-    glass_open(&glass, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    const struct viewer_options options = {.file = rehearsal.file, .refresh_hz = 60, .fixed_resolution = true};
+    glass_open(&glass, GLASS_LONG / 2, GLASS_SHORT / 2, &options);
     view_state_choose_take(&glass.viewer.state, 0);
     glass_draw(&glass);
     glass_seek(&glass, 0);

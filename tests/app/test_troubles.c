@@ -1,5 +1,5 @@
-// What may be amiss with the camera while one watches: each has its sentence on the screen, and goes on once it is
-// mended, without a touch.
+// Faults of the camera while watching: each has its sentence on the screen, and is gone once it is mended, without any
+// input.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -13,7 +13,7 @@ static struct rehearsal rehearsal;
 
 static void open_glass(struct glass *g, const char *camera)
 {
-    static char uri[300]; // as long as the glass is open
+    static char uri[300]; // must outlive the glass
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&rehearsal.scratch, camera));
     const struct viewer_options how = {
         .file = rehearsal.file, .take = "turn", .camera = uri, .fixed_resolution = true, .refresh_hz = 60};
@@ -25,8 +25,8 @@ static void move(const char *from, const char *to)
     EXPECT_INT(rename(scratch_file(&rehearsal.scratch, from), scratch_file(&rehearsal.scratch, to)), 0);
 }
 
-// Draws until the screen says something with that word in it.
-static void expect_said(struct glass *g, const char *word)
+// Draws until the screen shows a hint with that word in it.
+static void expect_hint(struct glass *g, const char *word)
 {
     const int64_t until_ns = clock_now_ns() + 60000000000;
     const char *hint;
@@ -35,11 +35,11 @@ static void expect_said(struct glass *g, const char *word)
         hint = view_state_hint(&g->viewer.state);
         clock_sleep_until_ns(clock_now_ns() + 2000000);
     } while ((!hint || !strstr(hint, word)) && clock_now_ns() < until_ns);
-    print_message("%s\n", hint ? hint : "nothing is said");
+    print_message("%s\n", hint ? hint : "no hint");
     EXPECT_TRUE(hint && strstr(hint, word));
 }
 
-static void expect_all_is_well(struct glass *g)
+static void expect_camera_works(struct glass *g)
 {
     glass_wait_located(g, true);
     EXPECT_TRUE(g->viewer.state.presence == 1 && !view_state_hint(&g->viewer.state));
@@ -51,11 +51,11 @@ static void test_missing_camera_is_awaited(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, "later");
-    expect_said(&g, "later");
-    EXPECT_TRUE(g.viewer.state.orbiting && g.viewer.state.playback.playing); // he can be looked at all the same
+    expect_hint(&g, "later");
+    EXPECT_TRUE(g.viewer.state.orbiting && g.viewer.state.playback.playing); // the take can be watched all the same
     EXPECT_AT_LEAST(g.viewer.image.parts, 1);
     move("viewer", "later");
-    expect_all_is_well(&g);
+    expect_camera_works(&g);
     move("later", "viewer");
     glass_close(&g);
 }
@@ -65,32 +65,32 @@ static void test_camera_can_be_replugged(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, "viewer");
-    expect_all_is_well(&g);
+    expect_camera_works(&g);
     for (int times = 0; times < 2; times++) {
         move("viewer", "pulled");
-        expect_said(&g, "viewer");
+        expect_hint(&g, "viewer");
         EXPECT_TRUE(g.viewer.state.playback.playing && g.viewer.state.page == PAGE_WATCH);
         move("pulled", "viewer");
-        expect_all_is_well(&g);
+        expect_camera_works(&g);
     }
     glass_close(&g);
 }
 
-// Pictures of a quarter of the size, with the whole size's calibration.
-static void test_odd_size_is_distinguished_from_no_images(void **state)
+// Images of a quarter of the size, with the full size's calibration.
+static void test_wrong_size_is_distinguished_from_no_images(void **state)
 {
     (void)state;
     struct glass g;
-    rehearse_camera(&rehearsal.scratch, "odd", NULL, 0.25);
-    move("odd/calibration.json", "kept.json");
-    move("viewer/calibration.json", "odd/calibration.json");
-    open_glass(&g, "odd");
-    expect_said(&g, "calibration.json says");
-    move("odd/calibration.json", "viewer/calibration.json");
-    move("odd", "was-odd");
-    move("viewer", "odd");
-    expect_all_is_well(&g);
-    move("odd", "viewer");
+    rehearse_camera(&rehearsal.scratch, "small", NULL, 0.25);
+    move("small/calibration.json", "kept.json");
+    move("viewer/calibration.json", "small/calibration.json");
+    open_glass(&g, "small");
+    expect_hint(&g, "calibration.json says");
+    move("small/calibration.json", "viewer/calibration.json");
+    move("small", "was-small");
+    move("viewer", "small");
+    expect_camera_works(&g);
+    move("small", "viewer");
     glass_close(&g);
 }
 
@@ -99,11 +99,11 @@ static void test_camera_without_tag_continues(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, "wall");
-    expect_said(&g, "Point me at a tag");
+    expect_hint(&g, "Point the camera at a tag");
     EXPECT_NEAR(g.viewer.state.presence, 0, 0);
     move("wall", "blank");
     move("viewer", "wall");
-    expect_all_is_well(&g);
+    expect_camera_works(&g);
     move("wall", "viewer");
     move("blank", "wall");
     glass_close(&g);
@@ -128,7 +128,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_missing_camera_is_awaited),
         cmocka_unit_test(test_camera_can_be_replugged),
-        cmocka_unit_test(test_odd_size_is_distinguished_from_no_images),
+        cmocka_unit_test(test_wrong_size_is_distinguished_from_no_images),
         cmocka_unit_test(test_camera_without_tag_continues),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

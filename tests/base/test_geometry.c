@@ -1,9 +1,9 @@
-// Rotations, rigid motions and lenses, at the places where they lose digits.
+// Rotations, rigid motions and lenses, where they are ill-conditioned.
 #include "tests/support/test.h"
 
 #include "base/lens.h"
 
-static void same(struct vec3 a, struct vec3 b, double within)
+static void expect_near(struct vec3 a, struct vec3 b, double within)
 {
     EXPECT_NEAR(a.x, b.x, within);
     EXPECT_NEAR(a.y, b.y, within);
@@ -16,11 +16,11 @@ static void test_rotation_vector_and_back(void **state)
     const double angles[] = {0, 1e-12, 1e-7, 1e-4, 0.1, 1, 3, 3.14159265, 3.1415926535897};
     for (size_t i = 0; i < COUNT_OF(angles); i++) {
         struct vec3 r = v3_scale(v3_unit(v3(0.3, -0.8, 0.5)), angles[i]);
-        same(quat_to_rotation_vector(quat_from_rotation_vector(r)), r, 1e-9);
+        expect_near(quat_to_rotation_vector(quat_from_rotation_vector(r)), r, 1e-9);
     }
 }
 
-static void test_matrix_and_back_for_half_turns(void **state)
+static void test_matrix_and_back_for_half_rotations(void **state)
 {
     (void)state;
     const struct vec3 axes[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.6, -0.8, 0}, {0.5, 0.5, -0.7071}};
@@ -29,16 +29,17 @@ static void test_matrix_and_back_for_half_turns(void **state)
         double m[3][3];
         quat_to_matrix(q, m);
         struct vec3 p = v3(0.2, -1.3, 2.2);
-        same(quat_rotate(quat_from_matrix(m), p), quat_rotate(q, p), 1e-12);
+        expect_near(quat_rotate(quat_from_matrix(m), p), quat_rotate(q, p), 1e-12);
     }
 }
 
 static void test_quat_between_opposite_and_zero(void **state)
 {
     (void)state;
-    same(quat_rotate(quat_between(v3(0, 0, 2), v3(0, 0, -3)), v3(0, 0, 1)), v3(0, 0, -1), 1e-12);
-    same(quat_rotate(quat_between(v3(1, 2, 3), v3(-2, 0, 1)), v3_unit(v3(1, 2, 3))), v3_unit(v3(-2, 0, 1)), 1e-12);
-    same(quat_rotate(quat_between(v3(0, 0, 0), v3(1, 0, 0)), v3(0, 1, 0)), v3(0, 1, 0), 0);
+    expect_near(quat_rotate(quat_between(v3(0, 0, 2), v3(0, 0, -3)), v3(0, 0, 1)), v3(0, 0, -1), 1e-12);
+    expect_near(quat_rotate(quat_between(v3(1, 2, 3), v3(-2, 0, 1)), v3_unit(v3(1, 2, 3))), v3_unit(v3(-2, 0, 1)),
+                1e-12);
+    expect_near(quat_rotate(quat_between(v3(0, 0, 0), v3(1, 0, 0)), v3(0, 1, 0)), v3(0, 1, 0), 0);
 }
 
 static void test_pose_inverse_far_from_origin(void **state)
@@ -46,8 +47,8 @@ static void test_pose_inverse_far_from_origin(void **state)
     (void)state;
     struct pose a = {quat_from_rotation_vector(v3(0.4, -2, 0.3)), v3(1e4, -3e4, 2e4)};
     struct vec3 p = v3(0.3, -0.7, 1.9);
-    same(pose_apply(pose_inverse(a), pose_apply(a, p)), p, 1e-10);
-    same(pose_apply(pose_multiply(a, pose_inverse(a)), p), p, 1e-10);
+    expect_near(pose_apply(pose_inverse(a), pose_apply(a, p)), p, 1e-10);
+    expect_near(pose_apply(pose_multiply(a, pose_inverse(a)), p), p, 1e-10);
 }
 
 static void test_lens_undistorts(void **state)
@@ -82,7 +83,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rotation_vector_and_back),
-        cmocka_unit_test(test_matrix_and_back_for_half_turns),
+        cmocka_unit_test(test_matrix_and_back_for_half_rotations),
         cmocka_unit_test(test_quat_between_opposite_and_zero),
         cmocka_unit_test(test_pose_inverse_far_from_origin),
         cmocka_unit_test(test_lens_undistorts),

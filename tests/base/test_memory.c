@@ -1,4 +1,4 @@
-// Memory for the caches: where it begins, and that all of it is there, below, at and above a large page.
+// Cache-aligned memory: its alignment, and that all of it can be written, below, at and above a huge page.
 #include "tests/support/test.h"
 
 #include "base/memory.h"
@@ -15,7 +15,7 @@ static void test_cache_aligned_and_complete(void **state)
         unsigned char *memory = alloc_cache_aligned(sizes[i]);
         EXPECT_TRUE(memory);
         EXPECT_INT((uintptr_t)memory % (sizes[i] < page ? CACHE_LINE_BYTES : page), 0);
-        memset(memory, 1, sizes[i]); // the sanitizers see to it
+        memset(memory, 1, sizes[i]); // the sanitizers check it
         free(memory);
     }
 }

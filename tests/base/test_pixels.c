@@ -1,4 +1,4 @@
-// What cameras deliver against the definition of their colours in double precision.
+// Conversion of camera images against the definition of their colours in double precision.
 #include "tests/support/test.h"
 
 #include "base/pixels.h"
@@ -18,7 +18,7 @@ static void reference(struct yuv_encoding m, int y, int cb, int cr, double rgb[3
     rgb[1] = clamp(luma - (2 * (1 - kb) * kb * u + 2 * (1 - kr) * kr * v) / kg);
 }
 
-static void same(const uint8_t *got, struct yuv_encoding m, int y, int cb, int cr)
+static void expect_rgb(const uint8_t *got, struct yuv_encoding m, int y, int cb, int cr)
 {
     double wanted[3];
     reference(m, y, cb, cr, wanted);
@@ -26,7 +26,7 @@ static void same(const uint8_t *got, struct yuv_encoding m, int y, int cb, int c
         EXPECT_NEAR(got[c], wanted[c], 0.51);
 }
 
-static void test_yuv(void **state)
+static void test_yuv_to_rgb(void **state)
 {
     (void)state;
     enum { W = 6, H = 4, STRIDE = 2 * W + 5 };
@@ -34,32 +34,33 @@ static void test_yuv(void **state)
     struct rng rng = {20};
     for (int round = 0; round < 400; round++) {
         struct yuv_encoding m = {round & 1 ? YUV_BT709 : YUV_BT601, round & 2};
+        const struct yuv_layout layout = {m, W, H};
         for (size_t i = 0; i < sizeof in; i++)
             in[i] = (uint8_t)(rng_uniform(&rng) * 256);
         for (size_t i = 0; i < sizeof chroma; i++)
             chroma[i] = (uint8_t)(rng_uniform(&rng) * 256);
-        pixels_from_yuv422(in, STRIDE, true, m, W, H, rgb);
+        pixels_from_yuv422(in, STRIDE, true, &layout, rgb);
         for (int y = 0; y < H; y++)
             for (int x = 0; x < W; x++) {
                 const uint8_t *pair = in + y * STRIDE + x / 2 * 4;
-                same(rgb + (y * W + x) * 3, m, pair[x % 2 * 2], pair[1], pair[3]);
+                expect_rgb(rgb + (y * W + x) * 3, m, pair[x % 2 * 2], pair[1], pair[3]);
             }
-        pixels_from_yuv422(in, STRIDE, false, m, W, H, rgb);
+        pixels_from_yuv422(in, STRIDE, false, &layout, rgb);
         for (int y = 0; y < H; y++)
             for (int x = 0; x < W; x++) {
                 const uint8_t *pair = in + y * STRIDE + x / 2 * 4;
-                same(rgb + (y * W + x) * 3, m, pair[x % 2 * 2 + 1], pair[0], pair[2]);
+                expect_rgb(rgb + (y * W + x) * 3, m, pair[x % 2 * 2 + 1], pair[0], pair[2]);
             }
-        pixels_from_nv12(in, STRIDE, chroma, W + 3, m, W, H, rgb);
+        pixels_from_nv12(in, STRIDE, chroma, W + 3, &layout, rgb);
         for (int y = 0; y < H; y++)
             for (int x = 0; x < W; x++) {
                 const uint8_t *pair = chroma + y / 2 * (W + 3) + x / 2 * 2;
-                same(rgb + (y * W + x) * 3, m, in[y * STRIDE + x], pair[0], pair[1]);
+                expect_rgb(rgb + (y * W + x) * 3, m, in[y * STRIDE + x], pair[0], pair[1]);
             }
     }
 }
 
-static void test_packed(void **state)
+static void test_packed_to_rgb(void **state)
 {
     (void)state;
     const uint8_t in[] = {1, 2, 3, 4, 5, 6, 7, 8, 99, 11, 12, 13, 14, 15, 16, 17, 18, 99};
@@ -76,6 +77,6 @@ static void test_packed(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_yuv), cmocka_unit_test(test_packed)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_yuv_to_rgb), cmocka_unit_test(test_packed_to_rgb)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -46,7 +46,7 @@ static void test_full_and_stopped_queues_refuse(void **state)
     EXPECT_TRUE(queue_try_put(q, &item));
     EXPECT_TRUE(!queue_try_put(q, &item));
     queue_stop(q);
-    EXPECT_TRUE(!queue_put(q, &item)); // must not wait for room that never comes
+    EXPECT_TRUE(!queue_put(q, &item)); // must not wait for ever
     assert_ptr_equal(queue_take(q), &item);
     assert_ptr_equal(queue_take(q), &item);
     assert_null(queue_take(q));

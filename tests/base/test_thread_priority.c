@@ -1,4 +1,4 @@
-// A thread of the background comes after others, and so do those that it starts; nobody else does.
+// thread_lower_priority: affects the calling thread and those that it starts, and no other.
 #include "tests/support/test.h"
 
 #include "base/thread_priority.h"
@@ -9,19 +9,19 @@
 
 static int nice_of_this_thread(void) { return getpriority(PRIO_PROCESS, 0); }
 
-static void *record_policy(void *nice)
+static void *record_nice(void *nice)
 {
     *(int *)nice = nice_of_this_thread();
     return NULL;
 }
 
-static void *go_behind(void *nices)
+static void *lower_and_record(void *nices)
 {
     int *nice = nices;
     pthread_t child;
     thread_lower_priority();
     nice[0] = nice_of_this_thread();
-    assert_int_equal(pthread_create(&child, NULL, record_policy, &nice[1]), 0);
+    assert_int_equal(pthread_create(&child, NULL, record_nice, &nice[1]), 0);
     pthread_join(child, NULL);
     return NULL;
 }
@@ -29,12 +29,12 @@ static void *go_behind(void *nices)
 static void test_lowers_only_calling_thread_and_children(void **state)
 {
     (void)state;
-    const int before = nice_of_this_thread(), nicest = 19;
+    const int before = nice_of_this_thread(), max_nice = 19;
     int nice[2];
-    pthread_t behind;
-    assert_int_equal(pthread_create(&behind, NULL, go_behind, nice), 0);
-    pthread_join(behind, NULL);
-    EXPECT_INT(nice[0], before + 5 < nicest ? before + 5 : nicest);
+    pthread_t thread;
+    assert_int_equal(pthread_create(&thread, NULL, lower_and_record, nice), 0);
+    pthread_join(thread, NULL);
+    EXPECT_INT(nice[0], before + 5 < max_nice ? before + 5 : max_nice);
     EXPECT_INT(nice[1], nice[0]);
     EXPECT_INT(nice_of_this_thread(), before);
 }
@@ -58,12 +58,12 @@ static void test_real_time_policy_is_dropped(void **state)
 {
     (void)state;
     const struct sched_param first = {1}, none = {0};
-    pthread_t behind;
+    pthread_t thread;
     int policy;
     if (pthread_setschedparam(pthread_self(), SCHED_RR, &first))
-        skip(); // nobody may have it here
-    assert_int_equal(pthread_create(&behind, NULL, leave_real_time, &policy), 0);
-    pthread_join(behind, NULL);
+        skip(); // not permitted here
+    assert_int_equal(pthread_create(&thread, NULL, leave_real_time, &policy), 0);
+    pthread_join(thread, NULL);
     EXPECT_INT(policy, SCHED_OTHER);
     EXPECT_INT(policy_of_this_thread(), SCHED_RR);
     pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);

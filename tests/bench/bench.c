@@ -46,7 +46,7 @@ double bench_percentile(double *values, int count, double share)
     return values[low] + (at - low) * (values[high] - values[low]);
 }
 
-// measures[(round * items + item) * count + contender]; error NaN: missed. group: of which only; -1: of all.
+// measures[(round * items + item) * count + contender]; error NaN: missed. group: only this one's items; -1: all.
 struct measures {
     const struct bench_measure *all;
     int items, rounds;
@@ -66,7 +66,7 @@ static void sum_up(struct bench_row *row, const struct measures *m, size_t conte
         for (int r = 0; r < rounds; r++)
             of_item[r] = measures[((size_t)r * (size_t)items + (size_t)i) * count + contender].time_ms;
         times[taken++] = bench_percentile(of_item, rounds, 0.5);
-        // Everything but time is the same in each round.
+        // All but the time is the same in each round.
         const struct bench_measure *of = &measures[(size_t)i * count + contender];
         if (isnan(of->error)) {
             row->missed++;
@@ -202,7 +202,7 @@ static char *list_stages(int key, const char *text, void *input)
 {
     (void)input;
     if (key != ARGP_KEY_HELP_POST_DOC)
-        return (char *)(uintptr_t)text; // argp's own convention: the same pointer means unchanged
+        return (char *)(uintptr_t)text; // argp's convention: the same pointer means unchanged
     size_t bytes = 32;
     for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
         bytes += strlen(bench_stages[i]->name) + strlen(bench_stages[i]->about) + 8;
@@ -251,14 +251,14 @@ int main(int argc, char **argv)
     static const struct argp_option options[] = {
         {"json", 'j', NULL, 0, "Print one JSON object", 0},
         {"html", 'h', "FILE", 0, "Also write a page with a plot of error against time", 0},
-        {"data", 'd', "DIR", 0, "Take the pictures of this folder (TUM layout), not made-up ones", 0},
-        {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: follow somebody who moves as this folder's BVH files say", 0},
-        {"bodies", KEY_BODIES, NULL, 0, "skeleton: follow people of all sizes and clothes", 0},
+        {"data", 'd', "DIR", 0, "Use the images of this folder (TUM layout) instead of synthetic ones", 0},
+        {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: track a figure moving by this folder's BVH files", 0},
+        {"bodies", KEY_BODIES, NULL, 0, "skeleton: track figures of all sizes and clothes", 0},
         {"joints", KEY_JOINTS, "DIR", 0, "skeleton: joint by joint, next to this folder's truth", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
-         "skeleton: follow the people in this folder's folders, next to Kinect's own joints", 0},
+         "skeleton: track the people in this folder's folders, next to the Kinect SDK's joints", 0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},
-        {"rounds", 'r', "N", 0, "How often everything is done; the median counts (5)", 0},
+        {"rounds", 'r', "N", 0, "Number of rounds; the median counts (5)", 0},
         {0},
     };
     static const struct argp argp = {.options = options,

@@ -1,9 +1,7 @@
-// The bench: error against time. A stage runs its contenders (our own settings,
-// and what a user would take instead) over the same items, interleaved: item 1
-// by A, by B, by C, item 2 by A ..., and all of that several rounds, so that
-// whatever the machine does meanwhile happens to all alike. An item's time is
-// the median over the rounds; the table has the median and the 95th percentile
-// over the items.
+// The bench: error against time. A stage runs its contenders (our own settings, and what a user would take instead)
+// over the same items, interleaved: item 1 by A, by B, by C, item 2 by A ..., for several rounds, so that disturbances
+// of the machine affect all contenders alike. An item's time is the median over the rounds; the table has the median
+// and the 95th percentile over the items.
 //
 // To add a stage, write bench_NAME.c with
 //
@@ -19,8 +17,8 @@
 //     const struct bench_stage bench_stage_NAME = {
 //         "NAME", "one line", "error_mm", "time_ms", {"rejected"}, run};
 //
-// and its line in bench_stages.h. A foreign library goes into a bench_NAME_*.cpp
-// of its own, behind a header in plain C.
+// and its line in bench_stages.h. A foreign library goes into a bench_NAME_*.cpp of its own, behind a plain C header.
+// One thread; nothing is kept between stages.
 #pragma once
 #include "base/status.h"
 
@@ -28,44 +26,44 @@ enum { BENCH_EXTRAS = 6 };
 
 struct bench; // one run of one stage
 
-// One contender on one item.
+// A contender's result on one item.
 struct bench_measure {
     double error;               // smaller is better
-    double time_ms;             // of the work itself, as bench_clock_ms has it
-    double extra[BENCH_EXTRAS]; // as the stage names them; the table has their mean
+    double time_ms;             // of the work itself, by bench_clock_ms
+    double extra[BENCH_EXTRAS]; // as the stage names them; the table has their means
 };
 
 struct bench_contender {
     const char *name;
-    // OK: *out filled. NOTHING: no answer for this item; counted as missed, and
-    // its time still counts. An error ends the bench.
+    // OK: *out filled. NOTHING: no answer for this item; counted as missed, but its time counts. An error ends the
+    // bench.
     enum status (*measure)(void *self, int item, struct bench_measure *out);
     void *self;
-    bool baseline; // what a user would take instead: exactly one of a stage
+    bool baseline; // what a user would take instead: exactly one per stage
 };
 
 struct bench_stage {
     const char *name, *about;
     const char *error_name, *time_name;    // with the unit: "bits_per_pixel", "encode_ms"
-    const char *extra_names[BENCH_EXTRAS]; // as many as are not NULL
+    const char *extra_names[BENCH_EXTRAS]; // those that are not NULL
     enum status (*run)(struct bench *b);
 };
 
 // Processor time of this thread, so that other programs do not count.
 double bench_clock_ms(void);
-// Likewise of all threads of the program together.
+// The same for all threads of the program together.
 double bench_all_threads_ms(void);
 
-// Sorts. Linear between neighbours; NaN for none.
+// Sorts `values`. Linear interpolation between neighbours; NaN for none.
 double bench_percentile(double *values, int count, double share);
 
-// What the command line gives a stage to work on, of which at most one is set; and a file to make.
+// A stage's input from the command line, of which at most one is set; and a file to write.
 struct bench_inputs {
-    const char *data;      // a folder (TUM layout); NULL: make your own items
-    const char *motions;   // skeleton: a folder of BVH files, to be filmed in the small world
-    const char *joints;    // skeleton: a folder as of `data`, to be looked at joint by joint
+    const char *data;      // a folder (TUM layout); NULL: the stage makes its own items
+    const char *motions;   // skeleton: a folder of BVH files, to be rendered in the small world
+    const char *joints;    // skeleton: a folder as for `data`, evaluated joint by joint
     const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
-    bool bodies;           // skeleton: people of all sizes and clothes in the small world
+    bool bodies;           // skeleton: figures of all sizes and clothes in the small world
     const char *plot;      // levels: an SVG file to write; NULL: none
 };
 const struct bench_inputs *bench_inputs(const struct bench *b);
@@ -74,18 +72,18 @@ const struct bench_inputs *bench_inputs(const struct bench *b);
 // those of the contenders; ERR_MEMORY.
 MUST_CHECK enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items);
 
-// The items sorted into groups, for which the table has lines of their own.
+// The items in groups, each of which gets table rows of its own.
 struct bench_groups {
     const char *const *names; // of each group
     int count;
     const int *of_item; // the group of each item
 };
-// The same, with groups.
+// The same with groups.
 MUST_CHECK enum status bench_run_grouped(struct bench *b, const struct bench_contender *contenders, size_t count,
                                          int items, const struct bench_groups *groups);
 
-// Instead of bench_run, where there is nothing to compare with: a plain table,
-// its columns first. The names must live until the program ends; `name` is copied.
+// Instead of bench_run, where there is nothing to compare with: a plain table, its columns first. The column names must
+// live until the program ends; `name` is copied.
 enum { BENCH_COLUMNS = 16 };
 void bench_columns(struct bench *b, const char *const *names, size_t count);
 // values: one a column, NaN for none. ERR_MEMORY.

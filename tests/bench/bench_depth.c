@@ -1,7 +1,7 @@
-// Depth pictures in few bytes: ours next to PNG, plain zstd, and RVL (Wilson,
-// "Fast lossless depth image compression", ISS 2017), which recorders of depth
-// use. The "error" is the size; every picture must come back exactly.
+// Stage "depth": lossless depth compression: ours next to PNG, plain zstd, and RVL (Wilson, "Fast lossless depth image
+// compression", ISS 2017). The "error" is the size; every image must be restored exactly.
 #include "tests/bench/bench.h"
+#include "tests/support/random.h"
 
 #include "capture/recording/depth_codec.h"
 #include "platform/compress.h"
@@ -18,7 +18,7 @@ enum { IMAGES_MOST = 24, MADE = 8, MADE_WIDTH = 640, MADE_HEIGHT = 480 };
 struct depth_images {
     uint16_t *depth[IMAGES_MOST];
     int count, width, height;
-    // Working memory of the contenders.
+    // Buffers of the contenders.
     struct compressor *compressor;
     struct depth_coder *coder;
     uint16_t *back;
@@ -28,21 +28,7 @@ struct depth_images {
 
 static size_t pixels_of(const struct depth_images *p) { return (size_t)p->width * (size_t)p->height; }
 
-// ------------------------------------------------------------- the pictures
-
-static double uniform(uint64_t *state) // splitmix64
-{
-    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
-static double normal(uint64_t *state)
-{
-    double u = 1 - uniform(state), v = uniform(state);
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
-}
+// ------------------------------------------------------------- the images
 
 // Metres along the ray through (x, y), z = 1: a wall, a floor, and a figure of two ellipsoids that walks.
 static double scene(double x, double y, int index)
@@ -66,19 +52,19 @@ static double scene(double x, double y, int index)
     return z;
 }
 
-// As a Kinect would see it: steps of 1/8 pixel of disparity, noise of a third of
-// a step, and a shadow right of whatever stands in front.
-static void make_picture(uint16_t *depth, int index)
+// Kinect-like noise: steps of 1/8 pixel of disparity, noise of a third of a step, and a shadow to the right of
+// foreground objects.
+static void make_image(uint16_t *depth, int index)
 {
     const double focal = 575, base_m = 0.075;
-    uint64_t rng = 2017 + (uint64_t)index;
+    struct rng rng = {2017 + (uint64_t)index};
     for (int y = 0; y < MADE_HEIGHT; y++) {
         double shadow_until = -1;
         for (int x = 0; x < MADE_WIDTH; x++) {
             double z = scene((x - 319.5) / focal, (y - 239.5) / focal, index);
             double disparity = focal * base_m / z;
-            double steps = round(8 * disparity + 0.35 * normal(&rng));
-            bool hidden = x + disparity < shadow_until || uniform(&rng) < 0.002;
+            double steps = round(8 * disparity + 0.35 * rng_normal(&rng));
+            bool hidden = x + disparity < shadow_until || rng_uniform(&rng) < 0.002;
             shadow_until = fmax(shadow_until, x + disparity);
             depth[y * MADE_WIDTH + x] = hidden ? 0 : (uint16_t)(1000 * 8 * focal * base_m / steps);
         }
@@ -87,7 +73,7 @@ static void make_picture(uint16_t *depth, int index)
 
 static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
-static enum status read_pictures(struct depth_images *p, const char *folder)
+static enum status read_images(struct depth_images *p, const char *folder)
 {
     char path[4200], **names = NULL;
     size_t count = 0;
@@ -118,7 +104,7 @@ static enum status read_pictures(struct depth_images *p, const char *folder)
         snprintf(path, sizeof path, "%s/depth/%s", folder, names[(size_t)i * count / (size_t)p->count]);
         status = png_read(path, PNG_GRAY16, (void **)&p->depth[i], &width, &height);
         if (status == OK && i && (width != p->width || height != p->height))
-            status = fail(ERR_INPUT, "%s has another size than the pictures before", path);
+            status = fail(ERR_INPUT, "%s differs in size from the images before", path);
         p->width = width;
         p->height = height;
     }
@@ -135,16 +121,16 @@ static enum status make_images(struct depth_images *p)
     p->height = MADE_HEIGHT;
     for (int i = 0; i < MADE; i++) {
         if (!(p->depth[i] = malloc(pixels_of(p) * sizeof(uint16_t))))
-            return fail(ERR_MEMORY, "no memory for pictures");
-        make_picture(p->depth[i], i);
+            return fail(ERR_MEMORY, "no memory for images");
+        make_image(p->depth[i], i);
     }
     return OK;
 }
 
 // ------------------------------------------------------------- RVL
 
-// Runs of zeros and of others in turn; the others as differences; numbers in
-// groups of 3 bits, each with a bit that says whether another follows.
+// Alternating run lengths of zeros and non-zeros; the latter as differences; numbers in groups of 3 bits, each with a
+// bit that says whether another follows.
 struct nibbles {
     uint32_t *word;
     uint32_t held;
@@ -244,18 +230,19 @@ static enum status encode(const struct depth_contender *c, const uint16_t *depth
             memcpy(p->coded, lent, *count);
         *bytes = p->coded;
         return status;
-    case PNG: return png_encode(PNG_GRAY16, depth, p->width, p->height, c->level, bytes, count);
-    case ZSTD:
-        *bytes = p->coded;
-        return compress_bytes(p->compressor, c->level, depth, 2 * n, p->coded, p->capacity, count);
+    case PNG: {
+        const struct png_layout layout = {PNG_GRAY16, p->width, p->height};
+        return png_encode(&layout, depth, c->level, bytes, count);
+    }
+    case ZSTD: *bytes = p->coded; return compress_bytes(p->compressor, c->level, depth, 2 * n, p->coded, count);
     default:
         *count = rvl_encode(depth, n, p->coded);
         *bytes = p->coded;
         if (!c->level)
             return OK;
-        *bytes = p->packed + 8; // the plain size before it
+        *bytes = p->packed + 8; // the uncompressed size before it
         memcpy(p->packed, count, sizeof *count);
-        return compress_bytes(p->compressor, c->level, p->coded, *count, p->packed + 8, p->capacity - 8, count);
+        return compress_bytes(p->compressor, c->level, p->coded, *count, p->packed + 8, count);
     }
 }
 
@@ -263,12 +250,12 @@ static enum status decode(const struct depth_contender *c, uint8_t *bytes, size_
 {
     struct depth_images *p = c->images;
     size_t n = pixels_of(p), plain;
-    int width, height;
+    struct png_layout layout = {.kind = PNG_GRAY16};
     enum status status = OK;
     *back = p->back;
     switch (c->code) {
     case OURS: return depth_decode(p->coder, bytes, count, p->back, p->width, p->height);
-    case PNG: return png_decode(bytes, count, "a picture", PNG_GRAY16, (void **)back, &width, &height);
+    case PNG: return png_decode(bytes, count, "an image", &layout, (void **)back);
     case ZSTD: return decompress_bytes(p->compressor, bytes, count, p->back, 2 * n);
     default:
         if (c->level) {
@@ -296,7 +283,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
         status = decode(c, bytes, count, &back);
     double decoded = bench_clock_ms();
     if (status == OK && memcmp(back, p->depth[item], n * sizeof *back))
-        status = fail(ERR_CORRUPT, "picture %d does not come back exactly", item);
+        status = fail(ERR_CORRUPT, "image %d is not restored exactly", item);
     if (c->code == PNG) {
         free(bytes);
         free(back);
@@ -312,7 +299,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status run(struct bench *b)
 {
     struct depth_images p = {0};
-    enum status status = bench_inputs(b)->data ? read_pictures(&p, bench_inputs(b)->data) : make_images(&p);
+    enum status status = bench_inputs(b)->data ? read_images(&p, bench_inputs(b)->data) : make_images(&p);
     if (status == OK) {
         // RVL needs at most 6 nibbles a pixel and as many for the runs.
         p.capacity = compress_bound(8 * pixels_of(&p)) + 64;
@@ -349,7 +336,7 @@ static enum status run(struct bench *b)
 
 const struct bench_stage bench_stage_depth = {
     .name = "depth",
-    .about = "depth pictures in few bytes, exactly",
+    .about = "lossless compression of depth images",
     .error_name = "bits_per_pixel",
     .time_name = "encode_ms",
     .extra_names = {"decode_ms", "times_smaller"},

@@ -1,15 +1,14 @@
-// Drawing the actor at 1280x800, and beside it the plain path: eleven cylinder
-// meshes, a projective texture of a recorded frame on each, one pass, which is
-// DETAIL_PAPER. The small world's dancer, seen from all round; each picture at
-// another recorded instant, or all at the same. Times are of all threads together,
-// for without a graphics card the driver draws on several, and end when all is
-// drawn. At last the slowest of many pictures against the median, of either.
+// Stage "draw": drawing the actor at 1280x800, next to DETAIL_PAPER as the baseline: eleven cylinder meshes, each with
+// one recorded frame as its projective texture, in one pass. The small world's dancer, seen from all round; each image
+// at another recorded instant, or all at the same. Times are of all threads together, because without a graphics card
+// the driver draws on several, and end when all is drawn. Finally the slowest of many images against the median, for
+// both.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_look.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/work.h"
 
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -25,33 +24,34 @@ struct draw_contender {
     bool same_frame;
 };
 
-// Processor time of drawing one picture, ms.
+// Processor time of drawing one image, ms.
 struct steps {
     double all;    // of all threads
-    double asking; // this thread: finding what is shown and sending it, and the driver's work on points
-    double ending; // this thread, until all is drawn
-    bool loaded;   // the frame was not kept
+    double submit; // this thread: choosing what is drawn and submitting it, and the driver's vertex work
+    double finish; // this thread, until all is drawn
+    bool loaded;   // the frame was not resident
 };
 
 static enum status draw(struct draw_contender *c, int item, struct steps *out)
 {
     int64_t frame = c->same_frame ? 0 : item % take_frame_count(c->take);
     const struct take_entry *first = take_entry(c->take, 0), *e = take_entry(c->take, frame);
-    struct vec3 him = pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]);
+    struct vec3 waist = pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]);
     double angle = 6.283185307179586 * item / ITEMS;
-    struct vec3 eye = v3_add(him, v3(AWAY_M * sin(angle), -AWAY_M * cos(angle), 0.4));
-    struct renderer_view view = {.world_from_camera = bench_look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
+    struct vec3 eye = v3_add(waist, v3(AWAY_M * sin(angle), -AWAY_M * cos(angle), 0.4));
+    struct renderer_view view = {.world_from_camera = bench_look_at(eye, waist),
+                                 .time_ns = e->time_ns - first->time_ns};
     struct renderer_result result;
     *out = (struct steps){.loaded = renderer_nearest_resident_frame(c->renderer, frame, 0) < 0};
-    const double began_ms = bench_all_threads_ms(), asking_ms = bench_clock_ms();
+    const double began_ms = bench_all_threads_ms(), submit_ms = bench_clock_ms();
     enum status status = renderer_draw(c->renderer, &view, &result);
-    const double ending_ms = bench_clock_ms();
+    const double finish_ms = bench_clock_ms();
     if (status == OK)
         status = gpu_wait(c->gpu);
     const double ended_ms = bench_clock_ms();
     out->all = bench_all_threads_ms() - began_ms;
-    out->asking = ending_ms - asking_ms;
-    out->ending = ended_ms - ending_ms;
+    out->submit = finish_ms - submit_ms;
+    out->finish = ended_ms - finish_ms;
     return status;
 }
 
@@ -94,66 +94,66 @@ static int slowest_first(const void *a, const void *b)
     return (x->ms.all < y->ms.all) - (x->ms.all > y->ms.all);
 }
 
-// After ITEMS pictures the same come again, so of each the least time is its own work, next to nothing else's.
-static double own_ms(const struct drawn_image *pictures, int item)
+// After ITEMS images the same ones repeat, so the minimum for each is its own cost, nearly undisturbed.
+static double own_ms(const struct drawn_image *images, int item)
 {
     double least = INFINITY;
     for (int i = 0; i < MANY; i++)
-        if (pictures[i].number % ITEMS == item)
-            least = fmin(least, pictures[i].ms.all);
+        if (images[i].number % ITEMS == item)
+            least = fmin(least, images[i].ms.all);
     return least;
 }
 
-// Whoever had to wait for a processor finds its caches full of what another program needs.
+// A thread that had to wait for a processor finds its caches filled by another program.
 static bool was_disturbed(const struct drawn_image *p)
 {
     return p->work.stolen_ms > 0 || p->work.waited_ms > 0.1 * p->ms.all;
 }
 
-static void say_many(const char *name, struct drawn_image *pictures)
+static void print_many(const char *name, struct drawn_image *images)
 {
     double own[ITEMS], sorted[ITEMS], undisturbed_ms = 0;
     for (int k = 0; k < ITEMS; k++)
-        sorted[k] = own[k] = own_ms(pictures, k);
-    qsort(pictures, MANY, sizeof *pictures, slowest_first);
-    const double median = pictures[MANY / 2].ms.all, own_median = bench_percentile(sorted, ITEMS, 0.5);
+        sorted[k] = own[k] = own_ms(images, k);
+    qsort(images, MANY, sizeof *images, slowest_first);
+    const double median = images[MANY / 2].ms.all, own_median = bench_percentile(sorted, ITEMS, 0.5);
     for (int i = 0; i < MANY && undisturbed_ms == 0; i++)
-        undisturbed_ms = was_disturbed(&pictures[i]) ? 0 : pictures[i].ms.all;
-    printf("%s, %d pictures: median %.2f ms, the slowest takes %.2f times that;\n", name, MANY, median,
-           pictures[0].ms.all / median);
+        undisturbed_ms = was_disturbed(&images[i]) ? 0 : images[i].ms.all;
+    printf("%s, %d images: median %.2f ms, the slowest %.2f times that;\n", name, MANY, median,
+           images[0].ms.all / median);
     if (undisturbed_ms > 0)
-        printf("the slowest that no processor was taken from %.2f times;\n", undisturbed_ms / median);
+        printf("the slowest undisturbed one %.2f times;\n", undisturbed_ms / median);
     else
-        printf("a processor was taken from every one of them;\n");
-    printf("of the %d there are, drawn again and again, the dearest takes at least %.2f times what the median takes at "
-           "least\n",
+        printf("every one of them was disturbed;\n");
+    printf("of the %d different ones, by the minimum of repeated drawing, the most expensive takes %.2f times the "
+           "median\n",
            ITEMS, sorted[ITEMS - 1] / own_median);
     for (int i = 0; i < SLOWEST; i++) {
-        const struct drawn_image *p = &pictures[i];
-        printf("  slow: number %3d, %5.2f ms, at least %5.2f (asking %5.2f, ending %5.2f, the driver's threads %5.2f); "
+        const struct drawn_image *p = &images[i];
+        printf("  slow: number %3d, %5.2f ms, at least %5.2f (submit %5.2f, finish %5.2f, the driver's threads %5.2f); "
                "waited %5.2f, stolen %2.0f, %2.0f pages%s\n",
-               p->number, p->ms.all, own[p->number % ITEMS], p->ms.asking, p->ms.ending,
-               p->ms.all - p->ms.asking - p->ms.ending, p->work.waited_ms, p->work.stolen_ms, p->work.faults,
+               p->number, p->ms.all, own[p->number % ITEMS], p->ms.submit, p->ms.finish,
+               p->ms.all - p->ms.submit - p->ms.finish, p->work.waited_ms, p->work.stolen_ms, p->work.faults,
                p->ms.loaded ? ", loaded" : "");
     }
     printf("\n");
 }
 
-// Those before the first are drawn, too, but not told of: others have just drawn, and the caches are full of theirs.
+// Those before the first are drawn but not reported: they warm the caches.
 static enum status measure_many(const char *name, struct draw_contender *c)
 {
-    struct drawn_image pictures[MANY];
+    struct drawn_image images[MANY];
     for (int i = -ITEMS; i < MANY; i++) {
         const struct work before = work_so_far();
-        struct drawn_image picture = {.number = i};
-        enum status status = draw(c, i < 0 ? i + ITEMS : i, &picture.ms);
+        struct drawn_image image = {.number = i};
+        enum status status = draw(c, i < 0 ? i + ITEMS : i, &image.ms);
         if (status < 0)
             return status;
-        picture.work = work_since(&before);
+        image.work = work_since(&before);
         if (i >= 0)
-            pictures[i] = picture;
+            images[i] = image;
     }
-    say_many(name, pictures);
+    print_many(name, images);
     return OK;
 }
 
@@ -165,12 +165,9 @@ static enum status run(struct bench *b)
         enum detail detail;
         bool same_frame, kept;
     } plans[CONTENDERS] = {
-        {"ours, each time another frame", DETAIL_FULL, false, true},
-        {"the plain path, likewise", DETAIL_PAPER, false, true},
-        {"ours, always the same frame", DETAIL_FULL, true, true},
-        {"the plain path, likewise", DETAIL_PAPER, true, true},
-        {"ours, another that was not kept", DETAIL_FULL, false, false},
-        {"the plain path, likewise", DETAIL_PAPER, false, false},
+        {"ours, changing frames", DETAIL_FULL, false, true}, {"paper, changing frames", DETAIL_PAPER, false, true},
+        {"ours, one frame", DETAIL_FULL, true, true},        {"paper, one frame", DETAIL_PAPER, true, true},
+        {"ours, not resident", DETAIL_FULL, false, false},   {"paper, not resident", DETAIL_PAPER, false, false},
     };
     struct rehearsed rehearsed;
     struct draw_contender base = {0}, all[CONTENDERS] = {{0}};
@@ -196,6 +193,9 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_draw = {
-    "draw", "the actor at 1280x800, beside eleven textured cylinders", "draw_calls", "time_ms", {"uploads", "made"},
-    run};
+const struct bench_stage bench_stage_draw = {"draw",
+                                             "drawing the actor at 1280x800, next to eleven textured cylinders",
+                                             "draw_calls",
+                                             "time_ms",
+                                             {"uploads", "made"},
+                                             run};

@@ -1,7 +1,7 @@
-// A take of which every fifth frame is left out, and the pictures of these frames drawn from the others, for the
-// sensor's own camera at their instants: how far they are from what the sensor saw. The posture is one between the
-// neighbouring frames'. For takes without a place and without another camera; truth/mask/ says where the person is, and
-// is asked only where the sensor has a reading of depth, for it can know nothing elsewhere.
+// Stage "left-out": every fifth frame of a take is left out, and its image is synthesised from the others for the
+// sensor's own camera at that instant, with the pose interpolated between the neighbouring frames. The error is the
+// difference from what the sensor recorded. For takes without a place and without another camera; truth/mask/ gives the
+// actor's mask, which is evaluated only where the sensor measured depth: elsewhere it is unknown.
 #include "tests/bench/bench.h"
 
 #include "platform/file.h"
@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 enum { EVERY = 5, FIRST = 2, MOST = 400, FILMED = 120 };
-static const uint8_t NOBODY = 128; // grey, where nothing is drawn
+static const uint8_t NOT_DRAWN = 128; // grey, where nothing is drawn
 static const uint8_t UNKNOWN = 128;
 
 struct held_out_image {
@@ -32,7 +32,7 @@ struct left_out {
     struct recording *recording;
     struct take *take;
     struct lens lens;
-    struct held_out_image picture[MOST];
+    struct held_out_image image[MOST];
     int count;
 };
 
@@ -43,7 +43,8 @@ struct held_out_viewer {
     uint8_t *room, *drawn, *rgba, *expected;
 };
 
-// The list of one kind of pictures, rgb.txt or depth.txt, without every fifth; names (may be NULL) gets theirs.
+// The list of one kind of images, rgb.txt or depth.txt, without every fifth; names (may be NULL) receives those left
+// out.
 static enum status thin_out(const struct left_out *data, const char *list, struct left_out *names)
 {
     char path[8192], line[512], file[256];
@@ -59,7 +60,7 @@ static enum status thin_out(const struct left_out *data, const char *list, struc
             fputs(line, to);
         if (!out || !names || names->count == MOST)
             continue;
-        struct held_out_image *p = &names->picture[names->count++];
+        struct held_out_image *p = &names->image[names->count++];
         const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
         snprintf(p->name, sizeof p->name, "%.*s", (int)strcspn(base, "."), base);
         p->time_ns = (int64_t)llround(seconds * 1e9);
@@ -102,7 +103,7 @@ static enum status record(struct left_out *data)
     return status;
 }
 
-// *mask: 255 the person, 0 not, 128 nobody knows.
+// *mask: 255 the actor, 0 not, 128 unknown.
 static enum status read_expected(const struct left_out *data, const char *name, uint8_t *rgb, uint8_t **mask)
 {
     char path[8192];
@@ -120,12 +121,12 @@ static enum status read_expected(const struct left_out *data, const char *name, 
         status = png_read(path, PNG_GRAY8, &pixels, &width, &height);
     *mask = pixels;
     if (status == OK && (width != data->lens.width || height != data->lens.height))
-        status = fail(ERR_INPUT, "%s is not of the pictures' size", path);
+        status = fail(ERR_INPUT, "%s is not of the images' size", path);
     snprintf(path, sizeof path, "%s/depth/%s.png", data->folder, name);
     if (status == OK)
         status = png_read(path, PNG_GRAY16, &depth, &depth_width, &depth_height);
     if (status == OK && (width != depth_width || height != depth_height))
-        status = fail(ERR_INPUT, "%s is not of the pictures' size", path);
+        status = fail(ERR_INPUT, "%s is not of the images' size", path);
     for (int i = 0; status == OK && i < width * height; i++)
         (*mask)[i] = !((uint16_t *)depth)[i] ? UNKNOWN : (*mask)[i] > 127 ? 255 : 0;
     free(depth);
@@ -160,7 +161,7 @@ static void judge(const struct held_out_viewer *v, const uint8_t *mask, struct b
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct held_out_viewer *v = self;
-    const struct held_out_image *p = &v->data->picture[item];
+    const struct held_out_image *p = &v->data->image[item];
     uint8_t *mask = NULL;
     struct renderer_view view = {.time_ns = p->time_ns - take_entry(v->data->take, 0)->time_ns, .color = v->room};
     struct renderer_result result;
@@ -186,43 +187,48 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status draw_all(struct bench *b, const struct left_out *data, struct gpu *gpu)
 {
     struct renderer *full = NULL, *paper = NULL;
+    struct take_skeletons *skeletons = NULL;
     struct skeleton_track *motion = NULL;
     struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
     uint8_t *bytes = malloc(13 * pixels);
-    enum status status = bytes ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = bytes ? OK : fail(ERR_MEMORY, "no memory for an image");
     options.shadow = false;
     if (status == OK)
-        status = skeleton_track_open(&motion, data->take);
+        status = take_skeletons_open(&skeletons, data->take);
+    if (status == OK)
+        status = skeleton_track_open(&motion, data->take, skeletons);
     if (status == OK)
         status = renderer_open(&full, gpu, data->take, &data->lens, &options);
     options.detail = DETAIL_PAPER;
     if (status == OK)
         status = renderer_open(&paper, gpu, data->take, &data->lens, &options);
     if (status == OK) {
-        memset(bytes, NOBODY, 3 * pixels);
+        memset(bytes, NOT_DRAWN, 3 * pixels);
         struct held_out_viewer ours = {
             data, full, motion, bytes, bytes + 3 * pixels, bytes + 6 * pixels, bytes + 10 * pixels};
-        struct held_out_viewer old = ours;
-        old.renderer = paper;
-        const struct bench_contender contenders[] = {{"full", measure, &ours, false}, {"paper", measure, &old, true}};
+        struct held_out_viewer paper_viewer = ours;
+        paper_viewer.renderer = paper;
+        const struct bench_contender contenders[] = {{"full", measure, &ours, false},
+                                                     {"paper", measure, &paper_viewer, true}};
         status = bench_run(b, contenders, COUNT_OF(contenders), data->count);
     }
     skeleton_track_close(&motion);
+    take_skeletons_close(&skeletons);
     renderer_close(&full);
     renderer_close(&paper);
     free(bytes);
     return status;
 }
 
-// The small world's dancer as the sensor sees her, and where she is in each picture.
+// The small world's dancer as the sensor sees it, and its masks in truth/.
 static enum status film(struct left_out *data)
 {
     struct world_options options = world_default_options();
     struct world *world;
     struct lens lens = world_calibration(1).color;
     uint8_t *mask = malloc((size_t)lens.width * (size_t)lens.height);
-    enum status status = mask ? world_open(&world, &options) : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = mask ? world_open(&world, &options) : fail(ERR_MEMORY, "no memory for an image");
     if (status != OK) {
         free(mask);
         return status;
@@ -268,9 +274,6 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_held_out = {"left-out",
-                                                 "frames of a take drawn from the others",
-                                                 "outline_pct",
-                                                 "draw_ms",
-                                                 {"psnr_db", "inside_db", "missing_pct", "extra_pct"},
-                                                 run};
+const struct bench_stage bench_stage_held_out = {
+    "left-out", "left-out frames of a take, synthesised from the others", "outline_pct",
+    "draw_ms",  {"psnr_db", "inside_db", "missing_pct", "extra_pct"},     run};

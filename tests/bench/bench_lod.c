@@ -1,17 +1,16 @@
-// Error against time of each level of drawing, from 1 m to 6 m, all round the small world's dancer, each view at
-// another recorded instant. The truth is the world's own picture, from exactly there.
+// Stage "levels": error against time of each level of detail, from 1 m to 6 m, all round the small world's dancer, each
+// view at another recorded instant. The truth is the world's own rendering from the same pose.
 //
-// The error: between the true outline and the drawn one lies so much area for each pixel of the true outline's length,
-// so it is the mean distance between the two. Beside it what the program predicted (reenact/render/lod_error.h), and
-// how far the colours are off where both cover. Times are of all threads together until all is drawn, the median of
-// some drawings one after the other of the same picture by each level in turn, then the median of the views, over the
-// plain path's.
+// The error: the area between the true silhouette and the drawn one per pixel of the true silhouette's length, that is
+// the mean distance between the two. Next to it what the program predicted (reenact/render/lod_error.h), and the colour
+// error where both cover. Times are of all threads together until all is drawn, the median of several drawings of the
+// same image by each level in turn, then the median of the views, relative to DETAIL_PAPER.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_lod_plot.h"
 #include "tests/bench/bench_look.h"
 #include "tests/bench/bench_views_data.h"
 
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -19,11 +18,12 @@
 #include <string.h>
 
 enum { VIEWS = 6, DRAWN = 5, LEVELS = 5 };
-static const double ABOVE_M = 0.4;       // the viewer, above the waist
-static const double AROUND_M = 0.35;     // of the person about the joints, at most
-static const double SAME_PLACE_M = 0.15; // furniture is before him if it is so much nearer than his nearest joint
+static const double ABOVE_M = 0.4;   // the viewer's height above the waist
+static const double AROUND_M = 0.35; // of the person about the joints, at most
+static const double SAME_PLACE_M =
+    0.15; // furniture occludes the actor if it is nearer than the nearest joint by this much
 
-// How the levels are drawn. Rounded cylinders are what there is beyond paper of somebody whose shape is not known.
+// How the levels are drawn. Rounded cylinders are the best level above paper while the person's shape is unknown.
 static const struct {
     const char *name, *colour;
     enum detail detail;
@@ -42,20 +42,20 @@ struct level {
     double ms[VIEWS];
 };
 
-enum { NOBODY, PERSON, HIDDEN };
+enum { BACKGROUND, PERSON, HIDDEN };
 
 struct lod_bench {
     struct views_data data;
     struct world *world;
     struct gpu *gpu;
     struct level level[LEVELS];
-    uint8_t *rgb, *rgba, *seen; // the true picture; the drawn person; NOBODY ... of each pixel
-    double length;              // of the true outline
+    uint8_t *rgb, *rgba, *seen; // the true image; the drawn person; BACKGROUND ... of each pixel
+    double length;              // of the true silhouette
 };
 
 // ------------------------------------------------------------- the truth
 
-// The part of the picture with the person in it, as a lens of its own. *nearest_m: of the joints.
+// The part of the image with the person in it, as a lens of its own. *nearest_m: depth of the nearest joint.
 static struct lens crop_to(const struct lens *whole, const struct skeleton *in_viewer, int *left, int *top,
                            double *nearest_m)
 {
@@ -79,7 +79,7 @@ static struct lens crop_to(const struct lens *whole, const struct skeleton *in_v
     return part;
 }
 
-// The sum over directions of an outline's steps between pixels is 4/pi of its length.
+// The sum over directions of a silhouette's steps between pixels is 4/pi of its length.
 static double silhouette_length(const uint8_t *seen, int width, int height)
 {
     int steps = 0;
@@ -103,18 +103,18 @@ static enum status film_truth(struct lod_bench *s, struct pose viewer, double ti
     size_t part = (size_t)shot.lens.width * (size_t)shot.lens.height;
     uint8_t *rgb = malloc(3 * part), *mask = malloc(part);
     uint16_t *room = malloc(part * sizeof *room);
-    enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for an image");
     if (status == OK)
         status = world_render(s->world, &shot, &(struct world_image){.color = rgb, .mask = mask});
     shot.actor = false;
     if (status == OK)
         status = world_render(s->world, &shot, &(struct world_image){.depth = room});
-    memset(s->seen, NOBODY, pixels);
+    memset(s->seen, BACKGROUND, pixels);
     for (size_t i = 0; i < part && status == OK; i++) {
         size_t at = (i / (size_t)shot.lens.width + (size_t)top) * (size_t)lens->width + i % (size_t)shot.lens.width +
                     (size_t)left;
         bool hidden = room[i] && room[i] * 0.001 < nearest_m - SAME_PLACE_M;
-        s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : NOBODY;
+        s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : BACKGROUND;
         memcpy(s->rgb + 3 * at, rgb + 3 * i, 3);
     }
     s->length = silhouette_length(s->seen, lens->width, lens->height);
@@ -172,11 +172,11 @@ static enum status measure_view(struct lod_bench *s, double away_m, int number)
     const struct take_entry *e = take_entry(take, number * take_frame_count(take) / VIEWS);
     int64_t since_ns = e->time_ns - take_entry(take, 0)->time_ns;
     double time_s = (double)since_ns * 1e-9, angle = 6.283185307179586 * number / VIEWS;
-    struct vec3 him = world_joints(s->world, time_s).joint[JOINT_WAIST];
-    struct vec3 eye = v3_add(him, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
-    struct pose viewer = bench_look_at(eye, him);
+    struct vec3 waist = world_joints(s->world, time_s).joint[JOINT_WAIST];
+    struct vec3 eye = v3_add(waist, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
+    struct pose viewer = bench_look_at(eye, waist);
     enum status status = film_truth(s, viewer, time_s);
-    // From the sensor on, so that where the sensor was found does not count.
+    // Relative to the sensor, so that the sensor's localisation does not count.
     struct pose take_from_world = pose_multiply(e->world_from_camera, pose_inverse(world_sensor_pose(s->world)));
     struct renderer_view view = {.world_from_camera = pose_multiply(take_from_world, viewer), .time_ns = since_ns};
     return status == OK ? draw_view(s, &view, number) : status;
@@ -207,7 +207,7 @@ static enum status open_lod_bench(struct lod_bench *s)
     s->rgb = malloc(3 * pixels);
     s->rgba = malloc(4 * pixels);
     s->seen = malloc(pixels);
-    return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for an image");
 }
 
 static void close_lod_bench(struct lod_bench *s)
@@ -265,4 +265,6 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_lod = {
-    "levels", "error against time of each level, 1 m to 6 m from the person", "error_px", "time_ratio", {NULL}, run};
+    "levels",   "error against time of each level of detail, 1 m to 6 m from the person",
+    "error_px", "time_ratio",
+    {NULL},     run};

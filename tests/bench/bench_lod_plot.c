@@ -1,4 +1,4 @@
-// Two panels: measured error against time; and, by distance, the error that was predicted beside the measured one.
+// Draws two panels: measured error against time; and, by distance, predicted next to measured error.
 #include "tests/bench/bench_lod_plot.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 
 enum { WIDE = 920, HIGH = 470, TOP = 40, BOTTOM = 350 };
 
-// What is between low and high lies between from and to, logarithmically where asked for.
+// Maps [low, high] to [from, to], logarithmically if asked for.
 struct lod_plot_axis {
     double low, high, from, to;
     bool powers;
@@ -31,7 +31,7 @@ static void put_x_axis(FILE *file, const struct lod_plot_axis *x, double step, c
             title);
 }
 
-// Lines at 1, 2 and 5 times the powers of ten.
+// Grid lines at 1, 2 and 5 times the powers of ten.
 static void put_y_axis(FILE *file, const struct lod_plot_axis *y, const struct lod_plot_axis *x, const char *title)
 {
     static const double steps[] = {1, 2, 5};
@@ -58,7 +58,7 @@ static void put_mark(FILE *file, const struct lod_plot_line *line, double x, dou
         fprintf(file, "fill=\"%s\"/>\n", line->colour);
 }
 
-// Distances stand to the right of the marks; with `left` to the left, where no ring is beside them.
+// Labels stand to the right of the marks; with `left` to the left, where no ring is beside them.
 static void put_time(FILE *file, const struct lod_plot_line *line, bool left, const struct lod_plot_axis *x,
                      const struct lod_plot_axis *y)
 {
@@ -88,7 +88,7 @@ static void put_prediction(FILE *file, const struct lod_plot_line *line, const s
 
 static void put_legend(FILE *file, const struct lod_plot_line *lines, int count)
 {
-    enum { LETTER = 8, MARK = 52 }; // about as wide
+    enum { LETTER = 8, MARK = 52 }; // approximate widths
     int at = 70;
     for (int i = 0; i < count; i++) {
         put_mark(file, &lines[i], at, HIGH - 32);
@@ -128,12 +128,12 @@ enum status lod_plot(const char *path, const struct lod_plot_line *lines, int co
             WIDE, HIGH, WIDE, HIGH, WIDE, HIGH);
     fprintf(file,
             "<text x=\"70\" y=\"24\">Error against time</text><text x=\"540\" y=\"24\">Error by distance</text>\n");
-    put_x_axis(file, &time, 0.25, "drawing time, of the plain path's (paper) from there");
+    put_x_axis(file, &time, 0.25, "drawing time, relative to paper from the same distance");
     put_x_axis(file, &away, 1, "from the person, metres");
-    put_y_axis(file, &error, &time, "error of the outline, pixels");
+    put_y_axis(file, &error, &time, "silhouette error, pixels");
     put_y_axis(file, &either, &away, "error, pixels");
     for (int i = 0; i < count; i++) {
-        put_time(file, &lines[i], i == 0, &time, &error); // the plain path first, which others may be as slow as
+        put_time(file, &lines[i], i == 0, &time, &error); // the baseline first, which others may be as slow as
         put_prediction(file, &lines[i], &away, &either);
     }
     put_legend(file, lines, count);

@@ -1,4 +1,4 @@
-// A camera that looks at something, upright.
+// The pose world_from_camera of an upright camera (z up) that faces a point.
 #pragma once
 #include "base/geometry.h"
 

@@ -1,13 +1,12 @@
-// Where a tablet is that somebody carries round a room: how wrong its position comes out,
-// how far it jumps from one picture to the next, and how long that takes. Next to it what a
-// user would take: libapriltag and its own pose of the largest tag in sight, in the same map.
+// Stage "place": localisation of a tablet carried round a room: position error, jumps from one image to the next, and
+// time. Next to it libapriltag with its own pose of the largest visible tag, in the same map.
 //
-// The pictures are the small world's, at 30 Hz; or with --data those of a folder that holds
-// place/ and viewer/ (TUM layout), tags.json, and truth/viewer_truth.txt and truth/tags_truth.json to
-// judge by. Poses are judged in the axes of the map's tags. behind_mm: by how much the camera is taken
-// to be where it was a little ago; what is behind in one picture alone is the map's error.
+// The images are the small world's, at 30 Hz; or with --data those of a folder that holds place/ and viewer/ (TUM
+// layout), tags.json, and truth/viewer_truth.txt and truth/tags_truth.json as truth. Poses are compared in the axes of
+// the map's tags. behind_mm: how far the estimate lags towards an earlier position; what a single image lags is the
+// map's error.
 //
-// The stage `still` is the same with a tablet on a table: jumps are jitter.
+// The stage "still" is the same with a tablet on a table: jumps are jitter.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_folder.h"
 
@@ -37,15 +36,15 @@ struct camera_walk {
 
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
 
-// Keeps a copy of the picture.
-static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
+// Keeps a copy of the image.
+static enum status keep_image(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
 {
     size_t pixels = pixels_of(&w->lens);
     int i = w->count;
     w->rgb[i] = malloc(pixels * 3);
     w->gray[i] = malloc(pixels);
     if (!w->rgb[i] || !w->gray[i])
-        return fail(ERR_MEMORY, "no memory for the pictures of the walk");
+        return fail(ERR_MEMORY, "no memory for the images of the walk");
     memcpy(w->rgb[i], rgb, pixels * 3);
     gray_from_rgb(rgb, pixels, w->gray[i]);
     w->time_ns[i] = time_ns;
@@ -54,8 +53,8 @@ static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_
     return OK;
 }
 
-// Puts the truth into the place's axes, by where the map has the tags: whose poses are judged has
-// no say in it. truth: the same tags as they hang, count of them.
+// Puts the truth into the place's axes, by where the map has the tags: the poses under test have no influence. truth:
+// the same tags' corners, count of them.
 static enum status align_truth(struct camera_walk *w, const int32_t *ids, const struct vec3 *truth, int count)
 {
     struct vec3 ours[MOST_TAGS], theirs[MOST_TAGS];
@@ -161,13 +160,13 @@ static enum status make(struct camera_walk *w, bool still)
     w->lens = world_viewer_calibration(1).color;
     uint8_t *color = malloc(pixels_of(&w->lens) * 3);
     if (status == OK && !color)
-        status = fail(ERR_MEMORY, "no memory for a picture");
+        status = fail(ERR_MEMORY, "no memory for an image");
     for (int i = 0; i < WALK && status == OK; i++) {
         struct world_shot shot = {w->lens, world_viewer_pose(world, still ? STILL_AT_S : i / WALK_HZ), 0, false};
         status = world_render(world, &shot, &(struct world_image){.color = color});
         world_color_noise(color, w->lens.width, w->lens.height, 500 + (uint64_t)i);
         if (status == OK)
-            status = keep(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
+            status = keep_image(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
     }
     if (status == OK)
         status = align_to_world(w, world);
@@ -195,7 +194,7 @@ static enum status read_folder(const char *data, struct camera_walk *w)
     while (status == OK && w->count < MOST && (status = source_next(camera, &frame)) == OK) {
         struct pose pose;
         if (frame.color && bench_truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
-            status = keep(w, frame.color, frame.time_ns, pose);
+            status = keep_image(w, frame.color, frame.time_ns, pose);
     }
     if (truth)
         fclose(truth);
@@ -205,21 +204,18 @@ static enum status read_folder(const char *data, struct camera_walk *w)
 
 // ---------------------------------------------------------------- the contenders
 
-// Ours, from a small tablet's to the best. What finding anew needs is not followed, and the other way round.
+// Settings from a small tablet's to the best. Those that relocalisation needs are not varied while tracking, and vice
+// versa.
 static const struct setting {
     const char *name;
-    bool followed;
+    bool tracked;
     double quad_decimate;
     int features, points;
 } settings[] = {
-    {"ours, followed", true, 1, 1000, 150},
-    {"followed by 40 points", true, 1, 1000, 40},
-    {"followed by 80 points", true, 1, 1000, 80},
-    {"followed by 200 points", true, 1, 1000, 200},
-    {"ours, found anew each time", false, 1, 1000, 150},
-    {"anew, decimate 2", false, 2, 1000, 150},
-    {"anew, decimate 2, 500 features", false, 2, 500, 150},
-    {"anew, decimate 3, 250 features", false, 3, 250, 150},
+    {"ours, tracked", true, 1, 1000, 150},         {"tracked, 40 landmarks", true, 1, 1000, 40},
+    {"tracked, 80 landmarks", true, 1, 1000, 80},  {"tracked, 200 landmarks", true, 1, 1000, 200},
+    {"ours, relocalised", false, 1, 1000, 150},    {"decimate 2", false, 2, 1000, 150},
+    {"decimate 2, 500 feat.", false, 2, 500, 150}, {"decimate 3, 250 feat.", false, 3, 250, 150},
 };
 enum { SETTINGS = COUNT_OF(settings), PEERS = 2 };
 
@@ -229,7 +225,7 @@ struct runner {
     struct locator *locator;
     struct camera_tracker *track;
     struct apriltag_peer *peer;
-    int last; // the item before; its error:
+    int last; // the previous item; its error:
     struct vec3 error;
 };
 
@@ -317,9 +313,9 @@ static enum status run(struct bench *b, bool still)
         const struct setting *s = &settings[i];
         struct locator_options options = options_of(s);
         r[i].setting = s;
-        if (!s->followed)
+        if (!s->tracked)
             status = locator_open(&r[i].locator, &w.place, &w.lens, &options);
-        contenders[i] = (struct bench_contender){s->name, s->followed ? measure_track : measure_find, &r[i], false};
+        contenders[i] = (struct bench_contender){s->name, s->tracked ? measure_track : measure_find, &r[i], false};
     }
     for (int i = 0; i < PEERS && status == OK; i++) {
         struct runner *peer = &r[SETTINGS + i];
@@ -347,12 +343,8 @@ static enum status run_walking(struct bench *b) { return run(b, false); }
 static enum status run_still(struct bench *b) { return run(b, true); }
 
 const struct bench_stage bench_stage_map = {
-    "place",   "where a tablet is that is carried round a room",       "position_mm",
+    "place",   "localisation of a tablet carried round a room",        "position_mm",
     "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"}, run_walking};
 
-const struct bench_stage bench_stage_still = {"still",
-                                              "how steadily a tablet is placed that lies on a table",
-                                              "position_mm",
-                                              "time_ms",
-                                              {"turn_deg", "jump_mm", "jumps_over_5mm"},
-                                              run_still};
+const struct bench_stage bench_stage_still = {"still",   "jitter of a tablet that lies on a table", "position_mm",
+                                              "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"}, run_still};

@@ -1,6 +1,6 @@
-// How long preparing a take of a minute takes, step by step: processor time of all threads, time by the clock, and
-// how much memory the program has held by then. The pictures are played there and back until the minute is full, and
-// recorded without a place. Made twice, it has to be the same.
+// Stage "prepare": how long preparing a take of a minute takes, step by step: processor time of all threads, wall-clock
+// time, and the program's peak memory by then. The images are played forward and backward until the minute is full, and
+// recorded without a place. The result of a second run must be identical.
 #include "tests/bench/bench.h"
 
 #include "base/clock.h"
@@ -18,19 +18,19 @@ enum { MOST = 4000, FILMED = 120 };
 static const double MINUTE_S = 60;
 
 static const char *const step_names[AVATAR_STEPS] = {
-    [AVATAR_TSDF_FROM_JOINTS] = "decode, sort, first shape",
-    [AVATAR_SILHOUETTES_FROM_JOINTS] = "its outlines",
-    [AVATAR_TSDF_ALIGNED] = "lay on it, shape",
-    [AVATAR_SILHOUETTES_ALIGNED] = "its outlines",
-    [AVATAR_ROTATION_SEED] = "look for colours",
-    [AVATAR_ROTATION_TRACK] = "learn colours",
-    [AVATAR_ROTATION_MEASURE] = "how head and legs turn",
-    [AVATAR_TSDF_FINAL] = "lay on it so, shape",
-    [AVATAR_SILHOUETTES_FINAL] = "outlines",
-    [AVATAR_COLOR_SAMPLES] = "bend, gather colours",
-    [AVATAR_SURFACE] = "triangles",
-    [AVATAR_VERTEX_COLORS] = "light and colours",
-    [AVATAR_ATLAS] = "as it is drawn",
+    [AVATAR_TSDF_FROM_JOINTS] = "decode, TSDF from joints",
+    [AVATAR_SILHOUETTES_FROM_JOINTS] = "silhouettes",
+    [AVATAR_TSDF_ALIGNED] = "ICP, TSDF",
+    [AVATAR_SILHOUETTES_ALIGNED] = "silhouettes",
+    [AVATAR_ROTATION_SEED] = "axial rotation, seed",
+    [AVATAR_ROTATION_TRACK] = "axial rotation, track",
+    [AVATAR_ROTATION_MEASURE] = "axial rotation, measure",
+    [AVATAR_TSDF_FINAL] = "ICP, final TSDF",
+    [AVATAR_SILHOUETTES_FINAL] = "final silhouettes",
+    [AVATAR_COLOR_SAMPLES] = "deform, sample colours",
+    [AVATAR_SURFACE] = "mesh",
+    [AVATAR_VERTEX_COLORS] = "irradiance and albedo",
+    [AVATAR_ATLAS] = "texture atlas",
 };
 
 struct time_entry {
@@ -56,10 +56,10 @@ static enum status read_list(const char *folder, const char *name, struct time_l
         out->count += sscanf(line, "%lf %255s", &e->seconds, e->file) == 2;
     }
     fclose(from);
-    return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few pictures", path);
+    return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few images", path);
 }
 
-// start, end: seconds of what is played there and back.
+// start, end: the part that is played forward and backward, seconds.
 static enum status write_list(const struct scratch *scratch, const char *name, const struct time_list *list,
                               double start, double end)
 {
@@ -77,7 +77,7 @@ static enum status write_list(const struct scratch *scratch, const char *name, c
     return fclose(to) ? fail(ERR_IO, "%s cannot be written", name) : OK;
 }
 
-static enum status stretch(const struct scratch *scratch, const char *folder)
+static enum status stretch_to_minute(const struct scratch *scratch, const char *folder)
 {
     static struct time_list color, depth;
     static const char *const links[] = {"rgb", "depth", "calibration.json"};
@@ -103,51 +103,49 @@ static enum status stretch(const struct scratch *scratch, const char *folder)
 static enum status record(const struct scratch *scratch, const char *folder, const char *file)
 {
     char uri[300];
-    enum status status = stretch(scratch, folder);
+    enum status status = stretch_to_minute(scratch, folder);
     snprintf(uri, sizeof uri, "folder:%s", scratch->path);
     return status == OK ? bench_record(uri, file) : status;
 }
 
 // ------------------------------------------------------------- measuring
 
-struct moment_of {
+struct usage {
     double cpu_s, clock_s, memory_mib;
 };
 
-struct split {
-    struct moment_of began[AVATAR_STEPS];
+struct step_usage {
+    struct usage began[AVATAR_STEPS];
     bool known[AVATAR_STEPS];
 };
 
-static struct moment_of now(void)
+static struct usage now(void)
 {
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);
-    return (struct moment_of){bench_all_threads_ms() / 1000, (double)clock_now_ns() * 1e-9,
-                              (double)usage.ru_maxrss / 1024};
+    return (struct usage){bench_all_threads_ms() / 1000, (double)clock_now_ns() * 1e-9, (double)usage.ru_maxrss / 1024};
 }
 
-static bool went_on(void *self, double share)
+static bool report_progress(void *self, double share)
 {
     (void)self;
     return share <= 1;
 }
 
-static void began(void *self, int step)
+static void note_step(void *self, int step)
 {
-    struct split *s = self;
+    struct step_usage *s = self;
     s->began[step] = now();
     s->known[step] = true;
 }
 
-static enum status print_times(struct bench *b, const char *name, const struct moment_of *from,
-                               const struct moment_of *to)
+static enum status print_times(struct bench *b, const char *name, const struct usage *from, const struct usage *to)
 {
     return bench_add_row(b, name, (double[]){to->cpu_s - from->cpu_s, to->clock_s - from->clock_s, to->memory_mib});
 }
 
-static enum status print_split(struct bench *b, const struct split *s, const struct moment_of *begun,
-                               const struct moment_of *ended)
+static enum status print_steps(struct bench *b, const struct step_usage *s, const struct usage *begun,
+                               const struct usage *ended)
 {
     static const enum avatar_step order[] = {AVATAR_TSDF_FROM_JOINTS,
                                              AVATAR_SILHOUETTES_FROM_JOINTS,
@@ -162,16 +160,16 @@ static enum status print_split(struct bench *b, const struct split *s, const str
                                              AVATAR_COLOR_SAMPLES,
                                              AVATAR_VERTEX_COLORS,
                                              AVATAR_ATLAS};
-    enum status status = print_times(b, "what the joints say", begun, &s->began[order[0]]);
+    enum status status = print_times(b, "skeleton track", begun, &s->began[order[0]]);
     for (size_t i = 0; i < COUNT_OF(order) && status == OK; i++) {
         assert(s->known[order[i]]);
-        const struct moment_of *to = i + 1 < COUNT_OF(order) ? &s->began[order[i + 1]] : ended;
+        const struct usage *to = i + 1 < COUNT_OF(order) ? &s->began[order[i + 1]] : ended;
         status = print_times(b, step_names[order[i]], &s->began[order[i]], to);
     }
-    return status == OK ? print_times(b, "together", begun, ended) : status;
+    return status == OK ? print_times(b, "total", begun, ended) : status;
 }
 
-static bool same(const struct avatar *a, const struct avatar *b)
+static bool same_avatar(const struct avatar *a, const struct avatar *b)
 {
     size_t points = (size_t)a->surface.point_count;
     return a->surface.point_count == b->surface.point_count && a->frame_count == b->frame_count &&
@@ -185,20 +183,21 @@ static enum status measure(struct bench *b, struct take *take)
     static const char *const columns[] = {"cpu_s", "clock_s", "memory_mib"};
     struct source_rays *rays = NULL;
     struct avatar one = {0}, other = {0};
-    struct split split = {0};
-    const struct progress_watch watch = {.went_on = went_on, .self = &split, .began = began};
+    struct step_usage steps = {0};
+    const struct progress_watch watch = {.on_progress = report_progress, .self = &steps, .on_step = note_step};
     bench_columns(b, columns, COUNT_OF(columns));
     enum status status = source_rays_open(&rays, take_calibration(take));
-    struct moment_of begun = now();
+    struct usage begun = now();
     if (status == OK)
-        status = avatar_make(&one, take, rays, AVATAR_FRAMES, &watch);
-    struct moment_of ended = now();
+        status = avatar_make(&one, take, rays,
+                             &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &watch});
+    struct usage ended = now();
     if (status == OK)
-        status = print_split(b, &split, &begun, &ended);
+        status = print_steps(b, &steps, &begun, &ended);
     if (status == OK)
-        status = avatar_make(&other, take, rays, AVATAR_FRAMES, NULL);
-    if (status == OK && !same(&one, &other))
-        status = fail(ERR_INPUT, "prepared twice, the take is not the same");
+        status = avatar_make(&other, take, rays, &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4});
+    if (status == OK && !same_avatar(&one, &other))
+        status = fail(ERR_INPUT, "preparing the take again gave another avatar");
     avatar_free(&one);
     avatar_free(&other);
     source_rays_close(&rays);
@@ -239,4 +238,4 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_prepare = {
-    "prepare", "a minute's take made ready to be watched, step by step", NULL, NULL, {NULL}, run};
+    "prepare", "preparing a take of one minute, step by step", NULL, NULL, {NULL}, run};

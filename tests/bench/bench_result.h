@@ -1,4 +1,4 @@
-// What a stage's run comes to, and how it is shown. Seen by the frame only.
+// The results of a stage's run, and how they are shown. Used by bench.c and bench_result.c only.
 #pragma once
 #include "tests/bench/bench.h"
 #include "platform/json.h"

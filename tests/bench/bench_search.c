@@ -1,10 +1,8 @@
-// Which recorded frame is most like the one to be shown: ours, the plain loop
-// over equation 5, and nanoflann's k-d tree, over takes of 10 000 and 100 000
-// frames of somebody whose every bone swings on its own (nothing comes back, so
-// the nearest is not near). Asked for are frames of the take seen from up to a
-// radian aside, each coordinate 3 cm off. The error is how much more than the
-// best frame costs the frame found. Adding is timed a frame, the index alone
-// and all that a selector works out.
+// Stage "search": frame selection, the recorded frame closest to a query pose by [D14] eq. 5: ours, exhaustive search,
+// and nanoflann's k-d tree, over takes of 10 000 and 100 000 frames of a person whose every bone swings on its own (no
+// pose recurs, so the nearest is not near). Queries are frames of the take seen from up to a radian aside, with noise
+// of 3 cm in each coordinate. The error is the excess cost of the frame found over the best one. Insertion is timed per
+// frame, for the index alone and for all that a selector computes.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_search_nanoflann.h"
 #include "tests/support/limbs.h"
@@ -23,13 +21,13 @@ struct take_of_limbs {
     int count;
     struct skeleton *frames;
     struct frame_selector *selector;
-    float *numbers; // of the frames, necks at 0
+    float *numbers; // of the frames' joints, relative to the neck
     struct nanoflann_peer *peer;
     struct skeleton queries[QUERIES];
     struct frame_selection best[QUERIES];
 };
 
-// ------------------------------------------------------------- the plain loop
+// ------------------------------------------------------------- exhaustive search
 
 static double equation_5(const struct skeleton *k, const struct skeleton *n)
 {
@@ -39,7 +37,7 @@ static double equation_5(const struct skeleton *k, const struct skeleton *n)
     return sum;
 }
 
-static struct frame_selection plain_loop(const struct take_of_limbs *t, const struct skeleton *k)
+static struct frame_selection exhaustive_search(const struct take_of_limbs *t, const struct skeleton *k)
 {
     struct frame_selection best = {0, equation_5(k, &t->frames[0])};
     for (int n = 1; n < t->count; n++) {
@@ -63,7 +61,7 @@ static enum status search_ours(const struct take_of_limbs *t, const struct skele
     return status;
 }
 
-// Its answers are held by tests/reenact/test_frame_selection; here only the time is of interest.
+// Its answers are checked by tests/reenact/test_frame_selection; here only the time matters.
 static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
     struct frame_selection found[PART_COUNT];
@@ -71,9 +69,9 @@ static enum status search_parts(const struct take_of_limbs *t, const struct skel
     return frame_selector_find_parts(t->selector, k, found);
 }
 
-static enum status search_plainly(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+static enum status search_exhaustively(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
-    *frame = plain_loop(t, k).frame;
+    *frame = exhaustive_search(t, k).frame;
     return OK;
 }
 
@@ -147,14 +145,14 @@ static enum status fill(struct take_of_limbs *t)
     for (int n = 0; n < t->count && status == OK; n++)
         status = frame_selector_add(t->selector, n, &t->frames[n], &body);
     if (status == OK)
-        printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with all that is known of "
-               "its parts\n",
+        printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with the indices of "
+               "body parts\n",
                t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
     started_ms = bench_clock_ms();
     if (status == OK)
         status = frame_selector_pack(t->selector);
     if (status == OK)
-        printf("search: settling them: %.0f ms\n", bench_clock_ms() - started_ms);
+        printf("search: packing the index: %.0f ms\n", bench_clock_ms() - started_ms);
     return status;
 }
 
@@ -174,7 +172,7 @@ static enum status make(struct take_of_limbs *t, int count)
     for (int i = 0; i < QUERIES; i++) {
         const struct skeleton *shown = &t->frames[(int)(rng_uniform(&rng) * count)];
         t->queries[i] = limbs_rotated(shown, 2 * rng_uniform(&rng) - 1, 0.03, &rng);
-        t->best[i] = plain_loop(t, &t->queries[i]);
+        t->best[i] = exhaustive_search(t, &t->queries[i]);
     }
     enum status status = fill(t);
     return status == OK ? nanoflann_peer_open(&t->peer, t->numbers, (size_t)count) : status;
@@ -190,17 +188,17 @@ static enum status run(struct bench *b)
     if (status == OK) {
         struct search_contender small[] = {{&takes[0], search_ours},
                                            {&takes[0], search_parts},
-                                           {&takes[0], search_plainly},
+                                           {&takes[0], search_exhaustively},
                                            {&takes[0], search_nanoflann}};
         struct search_contender large[] = {{&takes[1], search_ours},
                                            {&takes[1], search_parts},
-                                           {&takes[1], search_plainly},
+                                           {&takes[1], search_exhaustively},
                                            {&takes[1], search_nanoflann}};
         const struct bench_contender contenders[] = {
-            {"ours, 10 000 frames", measure, &small[0], false},  {"ours, its eleven parts", measure, &small[1], false},
-            {"plain loop", measure, &small[2], false},           {"nanoflann", measure, &small[3], true},
-            {"ours, 100 000 frames", measure, &large[0], false}, {"ours, its eleven parts", measure, &large[1], false},
-            {"plain loop", measure, &large[2], false},           {"nanoflann", measure, &large[3], false},
+            {"ours, 10 000 frames", measure, &small[0], false},  {"ours, eleven parts", measure, &small[1], false},
+            {"exhaustive", measure, &small[2], false},           {"nanoflann", measure, &small[3], true},
+            {"ours, 100 000 frames", measure, &large[0], false}, {"ours, eleven parts", measure, &large[1], false},
+            {"exhaustive", measure, &large[2], false},           {"nanoflann", measure, &large[3], false},
         };
         status = bench_run(b, contenders, COUNT_OF(contenders), QUERIES / BATCH);
     }
@@ -214,7 +212,7 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_search = {"search",
-                                               "the recorded frame most like the one to be shown",
+                                               "frame selection: the recorded frame closest to a pose",
                                                "excess_cost_m",
                                                "time_ms",
                                                {"same_frame", "first_ms"},

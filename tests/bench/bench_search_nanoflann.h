@@ -1,5 +1,5 @@
-// What a user would take instead for the nearest pose: nanoflann's k-d tree, in
-// single precision and with the squared Euclidean distance that it has.
+// The usual alternative for the nearest pose: nanoflann's k-d tree, in single precision and with its squared Euclidean
+// distance.
 #pragma once
 #include "base/status.h"
 

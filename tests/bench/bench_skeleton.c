@@ -1,10 +1,9 @@
-// Joints from depth: error against time over the tracker's settings, beside what
-// libapriltag takes for the same instant's colour picture.
+// Stage "skeleton": joints from depth: error against time over the tracker's settings, next to what libapriltag takes
+// for the same instant's colour image.
 //
-// Without --data the small world's kata is filmed here. With --data FOLDER, a
-// folder with depth.txt and calibration.json, and joints_truth.csv and
-// sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --joints
-// or --sequences tables of error alone, see bench_skeleton_trials.h.
+// Without --data the small world's kata is rendered. With --data FOLDER, a folder with depth.txt and calibration.json,
+// and joints_truth.csv and sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --joints or
+// --sequences tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
@@ -54,7 +53,7 @@ struct skeleton_peer {
     struct apriltag_peer *apriltag;
 };
 
-// Only its time counts: it knows nothing of bodies.
+// Only its time counts: it does not estimate joints.
 static enum status measure_peer(void *self, int item, struct bench_measure *out)
 {
     struct skeleton_peer *o = self;

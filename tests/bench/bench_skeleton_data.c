@@ -26,7 +26,7 @@ static void to_gray(const uint8_t *rgb, size_t count, uint8_t *gray)
         gray[i] = (uint8_t)((77 * rgb[3 * i] + 150 * rgb[3 * i + 1] + 29 * rgb[3 * i + 2] + 128) >> 8);
 }
 
-// The next frame, with room for its pictures; NULL: out of memory.
+// The next frame, with buffers for its images; NULL: out of memory.
 static struct skeleton_frame *add_frame(struct skeleton_data *data)
 {
     struct skeleton_frame *f = &data->frame[data->count++];
@@ -53,7 +53,7 @@ static enum status film(struct skeleton_data *data)
         double t = k / 30.0;
         struct world_shot shot = {lens, from, t, true};
         if (!rgb || !f) {
-            status = fail(ERR_MEMORY, "no memory for the pictures");
+            status = fail(ERR_MEMORY, "no memory for the images");
             break;
         }
         f->time_ns = (int64_t)llround(t * 1e9);
@@ -70,7 +70,7 @@ static enum status film(struct skeleton_data *data)
 
 // ------------------------------------------------------------- a folder
 
-// The first of the two places where `name` is; an error names the second.
+// Opens the first of the two places where `name` is; an error names the second.
 static enum status open_truth(const char *folder, const char *name, FILE **out)
 {
     static const char *const places[] = {"truth", "../truth"};
@@ -125,7 +125,7 @@ static enum status read_truth(struct skeleton_data *data, const char *folder)
     for (int i = 0; i < data->count && status == OK; i++)
         for (int j = 0; j < JOINT_COUNT; j++)
             if (!(data->frame[i].truth.confidence[j] > 0))
-                return fail(ERR_INPUT, "%s: picture %d has no true %s", folder, i, joint_name((enum joint)j));
+                return fail(ERR_INPUT, "%s: image %d has no true %s", folder, i, joint_name((enum joint)j));
     return status;
 }
 
@@ -144,8 +144,8 @@ static enum status read_folder(struct skeleton_data *data, const char *folder)
     while (data->count < FRAMES_MOST && (status = source_next(source, &frame)) == OK) {
         struct skeleton_frame *f = add_frame(data);
         if (!f || !frame.depth || !frame.color) {
-            status = f ? fail(ERR_INPUT, "%s: picture %s lacks colour or depth", folder, frame.name)
-                       : fail(ERR_MEMORY, "no memory for the pictures of %s", folder);
+            status = f ? fail(ERR_INPUT, "%s: image %s lacks colour or depth", folder, frame.name)
+                       : fail(ERR_MEMORY, "no memory for the images of %s", folder);
             break;
         }
         f->time_ns = frame.time_ns;

@@ -1,4 +1,4 @@
-// What the skeleton's bench works on: depth and grey pictures with true joints.
+// Input of the stage "skeleton": depth and grey images with true joints.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "base/lens.h"
@@ -16,8 +16,7 @@ struct skeleton_data {
     int count;
 };
 
-// folder NULL: films the small world. Else a folder with its truth in truth/ or
-// ../truth: joints_truth.csv in world axes and sensor_truth.txt. At most 300
-// frames are read. On error *data is empty.
+// folder NULL: renders the small world. Else a folder with its truth in truth/ or ../truth: joints_truth.csv in world
+// axes and sensor_truth.txt. At most 300 frames are read. On error *data is empty.
 MUST_CHECK enum status skeleton_data_open(struct skeleton_data *data, const char *folder);
 void skeleton_data_close(struct skeleton_data *data);

@@ -1,4 +1,4 @@
-// People made and filmed in the small world: by motion and by body.
+// Stage "skeleton" on figures rendered in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
 
 #include "tests/bench/bench_smoother.h"
@@ -15,14 +15,14 @@ static const char *const columns[] = {"mean_mm", "p95_mm",  "in_10cm_%", "claime
                                       "swapped", "step_mm", "frames",    "lost"};
 enum { MEAN, P95, WITHIN, CLAIMED, SWAPPED, STEP, FRAMES, LOST };
 
-// What is said of a take: distances of the joints that are claimed.
+// The result on a take: errors of the joints that are claimed (confidence above 0).
 struct joint_tally {
     double error_m[FRAMES_MOST * JOINT_COUNT];
     int claimed, frames, lost, swapped, within;
     double step_m;
 };
 
-// A pair of joints that fits the truth far better the other way round.
+// A pair of joints that fits the truth far better with left and right swapped.
 static bool is_swapped(const struct skeleton *got, const struct skeleton *truth)
 {
     static const enum joint pair[4][2] = {{JOINT_LEFT_HAND, JOINT_RIGHT_HAND},
@@ -60,7 +60,7 @@ static enum status film(const struct world *w, struct pose from, struct smoothed
 {
     struct lens lens = f->calibration.depth;
     uint16_t *depth = calloc((size_t)lens.width * (size_t)lens.height, sizeof *depth);
-    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for an image");
     int count = (int)fmin(FRAMES_MOST, world_seconds(w) * FPS);
     for (int k = 0; k < count && status == OK; k++) {
         double time_s = (double)k / FPS;
@@ -79,12 +79,12 @@ static enum status film(const struct world *w, struct pose from, struct smoothed
 static void tally_up(const struct smoothed_film *f, const struct skeleton *got, const struct skeleton *truth,
                      struct joint_tally *t)
 {
-    static const struct skeleton nobody;
+    static const struct skeleton none;
     *t = (struct joint_tally){.frames = f->count};
     for (int k = 0; k < f->count; k++) {
         t->lost += !f->found[k];
         if (f->found[k])
-            add_frame(t, &got[k], &truth[k], k ? &got[k - 1] : &nobody);
+            add_frame(t, &got[k], &truth[k], k ? &got[k - 1] : &none);
     }
 }
 
@@ -109,7 +109,7 @@ static enum status add_row(struct bench *b, const char *name, struct joint_tally
     return bench_add_row(b, name, value);
 }
 
-enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // from the whole take, and from the past only
 struct sums {
     double of[KINDS][BENCH_COLUMNS];
 };
@@ -121,7 +121,7 @@ static enum status add_film(struct bench *b, const struct world *w, struct pose 
     struct smoothed_film f = {.calibration = world_calibration(0.5)};
     struct skeleton *truth = calloc(FRAMES_MOST, sizeof *truth);
     char online[320];
-    snprintf(online, sizeof online, "%s, told at once", name);
+    snprintf(online, sizeof online, "%s, online", name);
     enum status status = truth ? film(w, from, &f, truth) : fail(ERR_MEMORY, "no memory for the truth");
     if (status == OK)
         status = smoothed_film_track(&f);
@@ -141,12 +141,12 @@ static enum status add_averages(struct bench *b, const struct sums *sums, size_t
         double value[COUNT_OF(columns)];
         for (size_t k = 0; k < COUNT_OF(columns); k++)
             value[k] = sums->of[kind][k] / (double)count;
-        status = bench_add_row(b, kind == ONLINE ? "average, told at once" : "average", value);
+        status = bench_add_row(b, kind == ONLINE ? "average, online" : "average", value);
     }
     return status;
 }
 
-// From the front, or from the figure's left by this angle, at the same distance of the room's middle.
+// From the front, or from the figure's left by this angle, at the same distance from the room's middle.
 static struct pose seen_from(const struct world *w, double aside_degrees)
 {
     double half = aside_degrees * 3.14159265358979323846 / 360;

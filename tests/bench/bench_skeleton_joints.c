@@ -1,6 +1,6 @@
-// One person joint by joint, next to truth that somebody else's figure carries: how far off each joint is, and how far
-// with what is constant of that taken out. Where a figure's knee lies within its leg is its maker's choice, which no
-// depth shows; how it moves is not.
+// Stage "skeleton" joint by joint on one person, next to truth from another body model: each joint's error, and the
+// same with its constant part removed. Where a model places the knee within the leg is its author's choice, which no
+// depth image shows; how it moves is not.
 #include "tests/bench/bench_smoother.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
@@ -11,8 +11,8 @@ static const char *const columns[] = {"mean_mm",    "p95_mm",    "within_10cm_%"
                                       "forward_mm", "mean_less", "p95_less",      "within_less", "lost"};
 enum { MEAN, P95, WITHIN, ASIDE, DOWN, FORWARD, MEAN_LESS, P95_LESS, WITHIN_LESS, LOST };
 
-// Of one joint over the film, in the axes of the half of the body that it hangs on: x to the person's left, y down, z
-// forward.
+// Errors of one joint over the film, in the axes of the trunk or pelvis it belongs to: x to the person's left, y down,
+// z forward.
 struct joint_errors {
     struct vec3 *off;
     int count;
@@ -24,7 +24,7 @@ static bool hangs_on_pelvis(int j)
            j == JOINT_RIGHT_KNEE || j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
 }
 
-// The true trunk's or pelvis's.
+// v in the axes of the true trunk or pelvis.
 static struct vec3 in_body(const struct skeleton *truth, int j, struct vec3 v)
 {
     const bool pelvis = hangs_on_pelvis(j);
@@ -46,9 +46,12 @@ static struct vec3 constant_of(const struct joint_errors *of)
     return mean;
 }
 
-// Of `count` joints together; less: what is constant of each taken out.
-static void sum_up(const struct joint_errors *of, int count, bool less, double *mean_mm, double *p95_mm, double *within,
-                   double *scratch)
+struct joint_summary {
+    double mean_mm, p95_mm, within; // within: percent within 10 cm
+};
+
+// Over `count` joints together; less: with the constant part of each removed.
+static struct joint_summary sum_up(const struct joint_errors *of, int count, bool less, double *scratch)
 {
     int used = 0, close = 0;
     double sum = 0;
@@ -61,9 +64,8 @@ static void sum_up(const struct joint_errors *of, int count, bool less, double *
             scratch[used++] = e;
         }
     }
-    *mean_mm = 1000 * sum / used;
-    *p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
-    *within = 100.0 * close / used;
+    const double p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
+    return (struct joint_summary){1000 * sum / used, p95_mm, 100.0 * close / used};
 }
 
 static enum status add_row(struct bench *b, const char *name, const struct joint_errors *of, int count, int frames,
@@ -71,10 +73,11 @@ static enum status add_row(struct bench *b, const char *name, const struct joint
 {
     double v[COUNT_OF(columns)];
     const struct vec3 constant = constant_of(of);
-    const double none = count > 1 ? NAN : 1000; // of different joints, a mean of these says nothing
+    const double none = count > 1 ? NAN : 1000; // over different joints the mean of these says nothing
     v[ASIDE] = none * constant.x, v[DOWN] = none * constant.y, v[FORWARD] = none * constant.z;
-    sum_up(of, count, false, &v[MEAN], &v[P95], &v[WITHIN], scratch);
-    sum_up(of, count, true, &v[MEAN_LESS], &v[P95_LESS], &v[WITHIN_LESS], scratch);
+    const struct joint_summary all = sum_up(of, count, false, scratch), less = sum_up(of, count, true, scratch);
+    v[MEAN] = all.mean_mm, v[P95] = all.p95_mm, v[WITHIN] = all.within;
+    v[MEAN_LESS] = less.mean_mm, v[P95_LESS] = less.p95_mm, v[WITHIN_LESS] = less.within;
     v[LOST] = frames - of->count;
     return bench_add_row(b, name, v);
 }
@@ -95,7 +98,7 @@ static enum status compare(struct bench *b, const struct skeleton_data *data, co
             }
     }
     if (status == OK && !of[0].count)
-        status = fail(ERR_INPUT, "nobody was found in these pictures");
+        status = fail(ERR_INPUT, "no person was found in these images");
     bench_columns(b, columns, COUNT_OF(columns));
     for (int j = 0; j < JOINT_COUNT && status == OK; j++)
         status = add_row(b, joint_name((enum joint)j), &of[j], 1, data->count, scratch);

@@ -1,4 +1,4 @@
-// Real people, next to what Kinect's own tracker made of the same pictures.
+// Stage "skeleton" on real people, next to the result of the Kinect SDK's tracker on the same images.
 #include "tests/bench/bench_smoother.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
@@ -9,13 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-// What we compare, with Kinect's names; of two the nearer counts, and the first is the bone's end.
-enum { LIKE = 14, JOINTS_MOST = 20, FRAMES_MOST = 400, REACH = 4 };
+// The joints compared, with the SDK's names; of two the nearer counts, and the first is the bone's end.
+enum { COMPARED = 14, JOINTS_MOST = 20, FRAMES_MOST = 400, REACH = 4 };
 
 static const struct {
     enum joint ours;
     const char *theirs[2];
-} like[LIKE] = {
+} compared[COMPARED] = {
     {JOINT_HEAD, {"head", NULL}},
     {JOINT_NECK, {"shoulder_center", NULL}},
     {JOINT_LEFT_SHOULDER, {"left_shoulder", NULL}},
@@ -42,8 +42,8 @@ static const char *const columns[] = {"head",      "neck",      "shoulders", "el
 enum { MEDIAN = 8, OVER, P95, BONES, JITTER, THEIRS, STEP, LOST };
 
 struct sequence {
-    struct vec3 ours[FRAMES_MOST][LIKE];
-    struct vec3 theirs[FRAMES_MOST][LIKE][2]; // the same twice where there is one
+    struct vec3 ours[FRAMES_MOST][COMPARED];
+    struct vec3 theirs[FRAMES_MOST][COMPARED][2]; // the same twice where there is only one
     bool found[FRAMES_MOST];
     int count, lost;
 };
@@ -61,22 +61,22 @@ static enum status read_theirs(struct sequence *s, const char *folder)
         if (sscanf(line, "%lf,%63[^,],%lf,%lf,%lf", &t, name, &p.x, &p.y, &p.z) != 5)
             continue;
         long frame = lround(t * 30);
-        for (int k = 0; k < LIKE && frame >= 0 && frame < s->count; k++)
+        for (int k = 0; k < COMPARED && frame >= 0 && frame < s->count; k++)
             for (int i = 0; i < 2; i++) {
-                const char *wanted = like[k].theirs[like[k].theirs[i] ? i : 0];
+                const char *wanted = compared[k].theirs[compared[k].theirs[i] ? i : 0];
                 if (!strcmp(name, wanted))
                     s->theirs[frame][k][i] = p;
             }
     }
     fclose(file);
     for (int f = 0; f < s->count; f++)
-        for (int k = 0; k < LIKE; k++)
+        for (int k = 0; k < COMPARED; k++)
             if (s->theirs[f][k][0].z <= 0 || s->theirs[f][k][1].z <= 0)
-                return fail(ERR_INPUT, "%s: frame %d has no %s", path, f, like[k].theirs[0]);
+                return fail(ERR_INPUT, "%s: frame %d has no %s", path, f, compared[k].theirs[0]);
     return OK;
 }
 
-static enum status follow(struct smoothed_film *f, const char *folder)
+static enum status track_sequence(struct smoothed_film *f, const char *folder)
 {
     char uri[4096];
     struct source *source;
@@ -99,8 +99,8 @@ static enum status compare(struct sequence *s, const struct smoothed_film *f, co
     for (int i = 0; i < f->count; i++) {
         s->found[i] = f->found[i];
         s->lost += !f->found[i];
-        for (int k = 0; k < LIKE; k++)
-            s->ours[i][k] = got[i].joint[like[k].ours];
+        for (int k = 0; k < COMPARED; k++)
+            s->ours[i][k] = got[i].joint[compared[k].ours];
     }
     return read_theirs(s, folder);
 }
@@ -111,8 +111,8 @@ static double gap(const struct sequence *s, int frame, int k)
                 v3_distance(s->ours[frame][k], s->theirs[frame][k][1]));
 }
 
-// How much a bone's length wanders, standard deviation.
-static double wander(const struct sequence *s, int a, int b, bool ours)
+// Standard deviation of a bone's length.
+static double bone_deviation(const struct sequence *s, int a, int b, bool ours)
 {
     double sum = 0, sum2 = 0;
     for (int f = 0; f < s->count; f++) {
@@ -124,12 +124,13 @@ static double wander(const struct sequence *s, int a, int b, bool ours)
     return sqrt(fmax(0, sum2 / s->count - sum / s->count * (sum / s->count)));
 }
 
-// How often theirs wander as much as ours, geometric mean over the bones.
-static double steadier(const struct sequence *s)
+// Ratio of their bone-length deviation to ours, geometric mean over the bones.
+static double deviation_ratio(const struct sequence *s)
 {
     double sum = 0;
     for (size_t i = 0; i < COUNT_OF(bone); i++)
-        sum += log(wander(s, bone[i].a, bone[i].b, false) / fmax(1e-4, wander(s, bone[i].a, bone[i].b, true)));
+        sum += log(bone_deviation(s, bone[i].a, bone[i].b, false) /
+                   fmax(1e-4, bone_deviation(s, bone[i].a, bone[i].b, true)));
     return exp(sum / COUNT_OF(bone));
 }
 
@@ -138,7 +139,7 @@ static struct vec3 at(const struct sequence *s, bool ours, int f, int k)
     return ours ? s->ours[f][k] : s->theirs[f][k][0];
 }
 
-// Far from where it is `REACH` frames before and after, on the average of as many.
+// Slow: compared with `REACH` frames before and after, averaged over as many.
 static bool is_slow(const struct sequence *s, bool ours, int f, int k)
 {
     struct vec3 go = v3(0, 0, 0);
@@ -147,14 +148,14 @@ static bool is_slow(const struct sequence *s, bool ours, int f, int k)
     return v3_length(go) / (REACH * (REACH + 1)) * 30 < 0.03; // metres a second
 }
 
-// Where both trackers say that a joint stands still: how far it is from its own
-// mean of the frames around, rms. NaN: nothing stands still.
+// Where both trackers agree that a joint stands still: its rms distance from its own mean over the frames around. NaN:
+// nothing stands still.
 static void find_jitter(const struct sequence *s, double *ours_m, double *theirs_m)
 {
     double sum[2] = {0, 0};
     int count = 0;
     for (int f = REACH; f < s->count - REACH; f++)
-        for (int k = 0; k < LIKE; k++) {
+        for (int k = 0; k < COMPARED; k++) {
             if (!is_slow(s, true, f, k) || !is_slow(s, false, f, k))
                 continue;
             count++;
@@ -172,11 +173,11 @@ static void find_jitter(const struct sequence *s, double *ours_m, double *theirs
 
 static void measure(const struct sequence *s, double value[COUNT_OF(columns)])
 {
-    static double all[FRAMES_MOST * LIKE], one[FRAMES_MOST];
+    static double all[FRAMES_MOST * COMPARED], one[FRAMES_MOST];
     int every = 0;
     for (size_t k = 0; k < COUNT_OF(columns); k++)
         value[k] = 0;
-    for (int k = 0; k < LIKE; k++) {
+    for (int k = 0; k < COMPARED; k++) {
         int count = 0;
         for (int f = 0; f < s->count; f++) {
             if (s->found[f])
@@ -191,14 +192,14 @@ static void measure(const struct sequence *s, double value[COUNT_OF(columns)])
     }
     value[MEDIAN] = 1000 * bench_percentile(all, every, 0.5);
     value[P95] = 1000 * bench_percentile(all, every, 0.95);
-    value[BONES] = steadier(s);
+    value[BONES] = deviation_ratio(s);
     find_jitter(s, &value[JITTER], &value[THEIRS]);
     value[JITTER] *= 1000;
     value[THEIRS] *= 1000;
     value[LOST] = s->lost;
 }
 
-// Every `step`th from `first` on: means, but the worst step and the sum of what is counted.
+// Every `step`th row from `first` on: means, but the maximum of the step and the sum of counts.
 static enum status sum_up(struct bench *b, const char *name, double (*values)[COUNT_OF(columns)], size_t count,
                           size_t first, size_t step)
 {
@@ -218,7 +219,7 @@ static enum status sum_up(struct bench *b, const char *name, double (*values)[CO
     return bench_add_row(b, name, out);
 }
 
-enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // from the whole take, and from the past only
 
 typedef double values_row[COUNT_OF(columns)];
 
@@ -229,13 +230,13 @@ static enum status add_sequence(struct bench *b, const char *folder, struct sequ
     struct smoothed_film f = {0};
     char name[300];
     const char *slash = strrchr(folder, '/');
-    enum status status = follow(&f, folder);
+    enum status status = track_sequence(&f, folder);
     for (int kind = 0; kind < KINDS && status == OK; kind++) {
         status = compare(s, &f, kind == ONLINE ? f.online : f.smoothed, folder);
         if (status != OK)
             break;
         measure(s, values[kind][at]);
-        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == ONLINE ? ", told at once" : "");
+        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == ONLINE ? ", online" : "");
         status = bench_add_row(b, name, values[kind][at]);
     }
     smoothed_film_free(&f);
@@ -249,7 +250,7 @@ static enum status add_sums(struct bench *b, values_row *values[KINDS], size_t c
         status = sum_up(b, "second, fourth, sixth ...", values[SMOOTHED], count, 1, 2);
     if (status == OK)
         status = sum_up(b, "all", values[SMOOTHED], count, 0, 1);
-    return status == OK ? sum_up(b, "all, told at once", values[ONLINE], count, 0, 1) : status;
+    return status == OK ? sum_up(b, "all, online", values[ONLINE], count, 0, 1) : status;
 }
 
 enum status trial_sequences(struct bench *b, const char *folder)

@@ -7,14 +7,14 @@
 
 static bool grow(struct smoothed_film *f)
 {
-    int room = f->capacity ? 2 * f->capacity : 64;
-    size_t n = (size_t)room;
+    int capacity = f->capacity ? 2 * f->capacity : 64;
+    size_t n = (size_t)capacity;
     int64_t *time_ns = realloc(f->time_ns, n * sizeof *time_ns);
     f->time_ns = time_ns ? time_ns : f->time_ns;
     uint16_t **depth = realloc(f->depth, n * sizeof *depth);
     f->depth = depth ? depth : f->depth;
     if (time_ns && depth)
-        f->capacity = room;
+        f->capacity = capacity;
     return time_ns && depth;
 }
 
@@ -22,29 +22,29 @@ enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const ui
 {
     size_t bytes = (size_t)f->calibration.depth.width * (size_t)f->calibration.depth.height * sizeof *depth;
     if (f->count == f->capacity && !grow(f))
-        return fail(ERR_MEMORY, "no memory for another picture");
+        return fail(ERR_MEMORY, "no memory for another image");
     if (!(f->depth[f->count] = malloc(bytes)))
-        return fail(ERR_MEMORY, "no memory for another picture");
+        return fail(ERR_MEMORY, "no memory for another image");
     memcpy(f->depth[f->count], depth, bytes);
     f->time_ns[f->count++] = time_ns;
     return OK;
 }
 
-static enum status there_and_back(struct smoothed_film *f, struct tracker *tracker, struct smoother *settle)
+static enum status forward_backward(struct smoothed_film *f, struct tracker *tracker, struct smoother *smoother)
 {
     enum status status = OK;
     for (int k = 0; k < f->count && status >= 0; k++) {
         status = tracker_next(tracker, f->time_ns[k], f->depth[k], &f->online[k], NULL);
         f->found[k] = status == OK;
         if (status >= 0)
-            status = smoother_push(settle, tracker, f->time_ns[k], f->found[k] ? &f->online[k] : NULL);
+            status = smoother_push(smoother, tracker, f->time_ns[k], f->found[k] ? &f->online[k] : NULL);
     }
     for (int k = f->count - 1; k >= 0 && status >= 0; k--)
-        status = smoother_backward(settle, tracker, k, f->depth[k]);
+        status = smoother_backward(smoother, tracker, k, f->depth[k]);
     if (status >= 0)
-        status = smoother_solve(settle);
+        status = smoother_solve(smoother);
     for (int k = 0; k < f->count && status == OK; k++) {
-        const struct skeleton *smoothed = smoother_skeleton(settle, k);
+        const struct skeleton *smoothed = smoother_skeleton(smoother, k);
         f->found[k] = smoothed != NULL;
         if (smoothed)
             f->smoothed[k] = *smoothed;
@@ -55,7 +55,7 @@ static enum status there_and_back(struct smoothed_film *f, struct tracker *track
 enum status smoothed_film_track(struct smoothed_film *f)
 {
     struct tracker *tracker = NULL;
-    struct smoother *settle = NULL;
+    struct smoother *smoother = NULL;
     size_t n = (size_t)f->count + 1;
     f->online = calloc(n, sizeof *f->online);
     f->smoothed = calloc(n, sizeof *f->smoothed);
@@ -64,10 +64,10 @@ enum status smoothed_film_track(struct smoothed_film *f)
     if (status == OK)
         status = tracker_open(&tracker, &f->calibration, NULL);
     if (status == OK)
-        status = smoother_open(&settle, &f->calibration);
+        status = smoother_open(&smoother, &f->calibration);
     if (status == OK)
-        status = there_and_back(f, tracker, settle);
-    smoother_close(&settle);
+        status = forward_backward(f, tracker, smoother);
+    smoother_close(&smoother);
     tracker_close(&tracker);
     return status;
 }

@@ -1,4 +1,4 @@
-// A film tracked as `record` does it: what is told at once, and what is told when its end is known.
+// Tracks a film as `record` does: the online estimate, and the smoothed estimate once the end is known.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "base/lens.h"
@@ -8,12 +8,12 @@ struct smoothed_film {
     int count, capacity;
     int64_t *time_ns;
     uint16_t **depth;
-    struct skeleton *online, *smoothed; // all confidence 0: nobody
+    struct skeleton *online, *smoothed; // all confidence 0: no person
     bool *found;
 };
 
-// Empty it with {0} and set its calibration first. Copies the picture. ERR_MEMORY.
+// Zero the struct with {0} and set its calibration first. Copies the image. ERR_MEMORY.
 MUST_CHECK enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const uint16_t *depth);
-// Fills told, settled and found. ERR_MEMORY.
+// Fills online, smoothed and found. ERR_MEMORY.
 MUST_CHECK enum status smoothed_film_track(struct smoothed_film *f);
 void smoothed_film_free(struct smoothed_film *f);

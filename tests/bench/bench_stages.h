@@ -1,4 +1,4 @@
-// All stages, in the order in which they run. One line each, here and below.
+// All stages, in the order in which they run. One line each, in both lists.
 #pragma once
 #include "tests/bench/bench.h"
 

@@ -1,6 +1,5 @@
-// One tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in
-// a picture of 640 x 480 with f = 525 and noise of 2 grey levels: how wrong its
-// range and its turn come out, by one picture alone, and how long that takes.
+// Stage "tags": one tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in an image of 640 x 480 with
+// f = 525 and noise of 2 grey levels: errors of its range and its rotation from a single image, and the time.
 #include "tests/bench/bench.h"
 
 #include "locate/pose_solver.h"
@@ -10,51 +9,50 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { PICTURES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+enum { IMAGES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 2014;
 static const double SIDE_M = 0.16, FLIP_DEG = 15;
 
 struct tag_images {
     struct lens lens;
-    uint8_t *rgb, *gray; // PICTURES of each
-    struct pose camera_from_tag[PICTURES];
-    int32_t id[PICTURES];
+    uint8_t *rgb, *gray; // IMAGES of each
+    struct pose camera_from_tag[IMAGES];
+    int32_t id[IMAGES];
 };
 
 static enum status make(struct tag_images *p)
 {
-    uint64_t rng = SEED;
+    struct rng rng = {SEED};
     p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
-    p->rgb = malloc((size_t)PICTURES * PIXELS * 3);
-    p->gray = malloc((size_t)PICTURES * PIXELS);
+    p->rgb = malloc((size_t)IMAGES * PIXELS * 3);
+    p->gray = malloc((size_t)IMAGES * PIXELS);
     if (!p->rgb || !p->gray)
-        return fail(ERR_MEMORY, "no memory for pictures of tags");
+        return fail(ERR_MEMORY, "no memory for images of tags");
     printf("tags: seed %llu\n", (unsigned long long)SEED);
-    for (int i = 0; i < PICTURES; i++) {
-        double distance = 1 + 4 * tag_picture_uniform(&rng);
-        double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
-        struct place_tag tag = {.id = (int32_t)(TAG_ID_COUNT * tag_picture_uniform(&rng)),
-                                .side_m = SIDE_M,
-                                .world_from_tag = POSE_IDENTITY};
-        struct tag_picture picture = {
+    for (int i = 0; i < IMAGES; i++) {
+        double distance = 1 + 4 * rng_uniform(&rng);
+        double yaw = 2 * rng_uniform(&rng) - 1, pitch = 2 * rng_uniform(&rng) - 1;
+        struct place_tag tag = {
+            .id = (int32_t)(TAG_ID_COUNT * rng_uniform(&rng)), .side_m = SIDE_M, .world_from_tag = POSE_IDENTITY};
+        struct tag_picture image = {
             .lens = p->lens,
             .tags = &tag,
             .tag_count = 1,
             .noise = 2,
             .seed = SEED + (uint64_t)i,
-            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
+            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * rng_uniform(&rng)),
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
-        // anywhere in the picture
-        double up = 0.6 * (tag_picture_uniform(&rng) - 0.5), right = 0.8 * (tag_picture_uniform(&rng) - 0.5);
+        // anywhere in the image
+        double up = 0.6 * (rng_uniform(&rng) - 0.5), right = 0.8 * (rng_uniform(&rng) - 0.5);
         struct vec3 aside = v3(right, up, 0);
-        picture.world_from_camera.translation =
-            v3_add(picture.world_from_camera.translation,
-                   v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));
-        if (!tag_picture_draw(&picture))
+        image.world_from_camera.translation =
+            v3_add(image.world_from_camera.translation,
+                   v3_scale(quat_rotate(image.world_from_camera.rotation, aside), distance));
+        if (!tag_picture_draw(&image))
             return fail(ERR_INPUT, "tag %d could not be drawn", (int)tag.id);
-        gray_from_rgb(picture.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
-        p->camera_from_tag[i] = pose_inverse(picture.world_from_camera);
+        gray_from_rgb(image.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
+        p->camera_from_tag[i] = pose_inverse(image.world_from_camera);
         p->id[i] = tag.id;
     }
     return OK;
@@ -66,7 +64,7 @@ static void judge(const struct tag_images *p, int item, struct pose found, doubl
     const struct pose *truth = &p->camera_from_tag[item];
     double turned = pose_angle(found, *truth) * 57.29577951308232;
     out->error = fabs(found.translation.z - truth->translation.z) * 1e3;
-    out->extra[0] = fmin(turned, FLIP_DEG); // one mirrored pose must not hide the rest
+    out->extra[0] = fmin(turned, FLIP_DEG); // one mirrored pose must not dominate the mean
     out->extra[1] = turned > FLIP_DEG;
 }
 
@@ -74,7 +72,7 @@ struct tags_ours {
     const struct tag_images *images;
     struct tag_detector *finder;
     struct tag_refiner *refiner;
-    struct tag_pattern patterns[PICTURES];
+    struct tag_pattern patterns[IMAGES];
     uint8_t *gray;
 };
 
@@ -82,8 +80,8 @@ static enum status open_ours(struct tags_ours *o, const struct tag_images *p, do
 {
     *o = (struct tags_ours){.images = p, .gray = malloc(PIXELS)};
     if (!o->gray)
-        return fail(ERR_MEMORY, "no memory for a picture");
-    for (int i = 0; i < PICTURES; i++)
+        return fail(ERR_MEMORY, "no memory for an image");
+    for (int i = 0; i < IMAGES; i++)
         if (!tag_pattern(p->id[i], &o->patterns[i]))
             return fail(ERR_MEMORY, "no memory for a tag's pattern");
     enum status status = tag_refiner_open(&o->refiner, &p->lens);
@@ -97,7 +95,7 @@ static void close_ours(struct tags_ours *o)
     free(o->gray);
 }
 
-// From the colour picture to the pose, as locate does it for a place of one tag.
+// From the colour image to the pose, as the locator does for a place of one tag.
 static enum status measure_ours(void *self, int item, struct bench_measure *out)
 {
     struct tags_ours *o = self;
@@ -107,7 +105,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     int count;
     double started_ms = bench_clock_ms();
     gray_from_rgb(rgb, PIXELS, o->gray);
-    enum status status = tag_detector_detect(o->finder, o->gray, WIDTH, HEIGHT, seen, 8, &count);
+    enum status status = tag_detector_detect(o->finder, &(struct gray_image){o->gray, WIDTH, HEIGHT}, seen, 8, &count);
     if (status != OK)
         return status;
     for (int i = 0; i < count; i++) {
@@ -117,7 +115,8 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
             !tag_refine(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
             continue;
         struct pnp_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
-        if (pnp_solve(&tag, 1, p->lens.fx, p->lens.fy, 2.5, NULL, &fit) == NOTHING)
+        if (pnp_solve(&(struct pose_problem){.tags = &tag, .tag_count = 1, .fx = p->lens.fx, .fy = p->lens.fy}, 2.5,
+                      &fit) == NOTHING)
             continue;
         judge(p, item, fit.camera_from_world, started_ms, out);
         return OK;
@@ -171,7 +170,7 @@ static enum status run(struct bench *b)
             {"ArUco, subpixel", measure_peer, &peers[3], false},
             {"ArUco, apriltag corners", measure_peer, &peers[4], false},
         };
-        status = bench_run(b, contenders, COUNT_OF(contenders), PICTURES);
+        status = bench_run(b, contenders, COUNT_OF(contenders), IMAGES);
     }
     for (int i = 0; i < 3; i++)
         close_ours(&ours[i]);
@@ -182,9 +181,5 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_tags = {"tags",
-                                             "one tag, one picture: how far is it, how is it turned",
-                                             "range_error_mm",
-                                             "time_ms",
-                                             {"turn_deg", "mirrored"},
-                                             run};
+const struct bench_stage bench_stage_tags = {
+    "tags", "range and rotation of one tag from one image", "range_error_mm", "time_ms", {"turn_deg", "mirrored"}, run};

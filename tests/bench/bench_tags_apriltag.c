@@ -51,9 +51,9 @@ static struct pose pose_of(apriltag_detection_t *detection, const struct lens *l
 enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens, int32_t id,
                                double side_m, struct pose *camera_from_tag)
 {
-    image_u8_t picture = {
+    image_u8_t image = {
         .width = lens->width, .height = lens->height, .stride = lens->width, .buf = (uint8_t *)(uintptr_t)gray};
-    zarray_t *found = apriltag_detector_detect(p->detector, &picture);
+    zarray_t *found = apriltag_detector_detect(p->detector, &image);
     enum status status = NOTHING;
     for (int i = 0; i < zarray_size(found); i++) {
         apriltag_detection_t *detection;
@@ -78,9 +78,9 @@ static double area_of(const apriltag_detection_t *d)
 enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens,
                                  const struct place_tag *tags, int32_t tag_count, struct pose *world_from_camera)
 {
-    image_u8_t picture = {
+    image_u8_t image = {
         .width = lens->width, .height = lens->height, .stride = lens->width, .buf = (uint8_t *)(uintptr_t)gray};
-    zarray_t *found = apriltag_detector_detect(p->detector, &picture);
+    zarray_t *found = apriltag_detector_detect(p->detector, &image);
     apriltag_detection_t *largest = NULL;
     const struct place_tag *tag = NULL;
     for (int i = 0; i < zarray_size(found); i++) {

@@ -10,7 +10,7 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
                  struct pose *out)
 {
     cv::setNumThreads(1);
-    const cv::Mat picture(lens->height, lens->width, CV_8UC1, const_cast<uint8_t *>(gray));
+    const cv::Mat image(lens->height, lens->width, CV_8UC1, const_cast<uint8_t *>(gray));
     static const cv::Ptr<cv::aruco::Dictionary> family =
         cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
     auto options = cv::aruco::DetectorParameters::create();
@@ -19,23 +19,24 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
                                                               : cv::aruco::CORNER_REFINE_NONE;
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
-    cv::aruco::detectMarkers(picture, family, corners, ids, options);
+    cv::aruco::detectMarkers(image, family, corners, ids, options);
     for (size_t i = 0; i < ids.size(); i++) {
         if (ids[i] != id)
             continue;
-        // OpenCV 4 prints this family turned by 180 degrees: its top left is our bottom right.
-        float shift = how == ARUCO_APRILTAG ? 0.5f : 0; // that code counts from the corner of the first pixel
+        // OpenCV 4 prints this family rotated by 180 degrees: its top left is our bottom right.
+        float shift = how == ARUCO_APRILTAG ? 0.5f : 0; // that method counts from the corner of the first pixel
         std::vector<cv::Point2f> seen;
         for (int k = 0; k < 4; k++)
             seen.push_back(corners[i][(size_t)(k + 2) % 4] - cv::Point2f(shift, shift));
         float h = (float)side_m / 2;
         const std::vector<cv::Point3f> square = {{-h, h, 0}, {h, h, 0}, {h, -h, 0}, {-h, -h, 0}};
         const cv::Matx33d camera(lens->fx, 0, lens->cx, 0, lens->fy, lens->cy, 0, 0, 1);
-        cv::Vec3d turn, shift_m;
-        if (!cv::solvePnP(square, seen, camera, cv::noArray(), turn, shift_m, false, cv::SOLVEPNP_IPPE_SQUARE))
+        cv::Vec3d rotation_vector, shift_m;
+        if (!cv::solvePnP(square, seen, camera, cv::noArray(), rotation_vector, shift_m, false,
+                          cv::SOLVEPNP_IPPE_SQUARE))
             return NOTHING;
-        double angle = cv::norm(turn), s = angle > 1e-12 ? std::sin(angle / 2) / angle : 0.5;
-        out->rotation = {turn[0] * s, turn[1] * s, turn[2] * s, std::cos(angle / 2)};
+        double angle = cv::norm(rotation_vector), s = angle > 1e-12 ? std::sin(angle / 2) / angle : 0.5;
+        out->rotation = {rotation_vector[0] * s, rotation_vector[1] * s, rotation_vector[2] * s, std::cos(angle / 2)};
         out->translation = {shift_m[0], shift_m[1], shift_m[2]};
         return OK;
     }

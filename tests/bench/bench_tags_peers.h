@@ -1,5 +1,5 @@
-// What a user would take instead for tags: libapriltag as it comes, and OpenCV's
-// ArUco with the same family. Grey pictures, one tag of known number and side.
+// The usual alternatives for tags: libapriltag as it comes, and OpenCV's ArUco with the same family. Grey images, one
+// tag of known number and side.
 #pragma once
 #include "capture/recording/place.h"
 
@@ -14,7 +14,7 @@ void apriltag_peer_close(struct apriltag_peer **p);
 enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens, int32_t id,
                                double side_m, struct pose *camera_from_tag);
 
-// Of the tags of a place the largest in sight, and from it the camera. NOTHING: none of them is in sight.
+// The camera's pose from the largest visible tag of a place. NOTHING: none of them is visible.
 enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens,
                                  const struct place_tag *tags, int32_t tag_count, struct pose *world_from_camera);
 

@@ -1,9 +1,9 @@
-// Pictures of the take seen from all round: how far they are from the truth, by the angle between the sensor's and
-// the viewer's view of the person; what each cause costs, joints and camera poses being replaced by the true ones;
-// and next to it the method of 2014, and the shown frame's own depth as a mesh.
+// Stage "views": synthesised images of the take from all round: their error by the angle between the sensor's and the
+// viewer's direction to the person; the contribution of each cause, with joints and camera poses replaced by the true
+// ones; and next to it DETAIL_PAPER ([D14]), and the selected frame's own depth as a mesh.
 //
-// The error is the share of the two outlines' union that only one of them covers (1 - intersection over union). The
-// psnr is over that union; "inside" over what both cover, where only colours can be wrong.
+// The error is the share of the two silhouettes' union that only one of them covers (1 - intersection over union). The
+// psnr is over that union; "inside" over the intersection, where only colours can be wrong.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_views_data.h"
 #include "tests/bench/bench_views_mesh.h"
@@ -67,7 +67,7 @@ static int64_t nearest_frame(const struct take *take, int64_t since_ns)
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct views_viewer *v = self;
-    const struct views_image *p = &v->data->picture[item];
+    const struct views_image *p = &v->data->image[item];
     size_t pixels = (size_t)v->data->lens.width * (size_t)v->data->lens.height;
     if (!v->true_poses && !p->placed)
         return NOTHING;
@@ -102,7 +102,7 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
     struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
     uint8_t *rgb = malloc(3 * pixels), *rgba = malloc(4 * pixels), *alpha = malloc(pixels);
-    enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for an image");
     if (status == OK)
         status = renderer_open(&own, gpu, data->own, &data->lens, &options);
     if (status == OK)
@@ -112,23 +112,23 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
         status = renderer_open(&paper, gpu, data->own, &data->lens, &options);
     if (status == OK) {
         struct views_viewer full = {data, own, false, rgb, rgba, alpha}, poses = full, joints = full, both = full,
-                            old = full, mesh = full;
+                            paper_viewer = full, mesh = full;
         poses.true_poses = both.true_poses = true;
         joints.renderer = both.renderer = true_joints;
-        old.renderer = paper;
+        paper_viewer.renderer = paper;
         mesh.renderer = NULL;
         const struct bench_contender contenders[] = {
             {"full", measure, &full, false},
             {"full, true poses", measure, &poses, false},
             {"full, true joints", measure, &joints, false},
             {"full, both true", measure, &both, false},
-            {"paper", measure, &old, true},
-            {"the depth as a mesh", measure, &mesh, false},
+            {"paper", measure, &paper_viewer, true},
+            {"depth mesh", measure, &mesh, false},
         };
         int bin_of[VIEWS_MOST];
         for (int i = 0; i < data->count; i++) {
             bin_of[i] = 0;
-            while (bin_of[i] < BINS - 1 && data->picture[i].angle_deg >= bin_ends_deg[bin_of[i]])
+            while (bin_of[i] < BINS - 1 && data->image[i].angle_deg >= bin_ends_deg[bin_of[i]])
                 bin_of[i]++;
         }
         const struct bench_groups bins = {bin_names, BINS, bin_of};
@@ -157,9 +157,6 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_views = {"views",
-                                              "the person seen from all round",
-                                              "outline_pct",
-                                              "draw_ms",
-                                              {"psnr_db", "inside_db", "missing_pct", "extra_pct"},
-                                              run};
+const struct bench_stage bench_stage_views = {
+    "views",   "synthesised images of the person from all round",    "outline_pct",
+    "draw_ms", {"psnr_db", "inside_db", "missing_pct", "extra_pct"}, run};

@@ -15,11 +15,11 @@
 enum { FILMED = 240, VIEW_COUNT = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
 static const double SCALE = 1, SAME_S = 0.002;
 
-// The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
+// The true joints of each frame of the take, in its colour camera's axes; and the sensor's pose in the truth's world.
 struct truth {
     struct skeleton joints[MOST_FRAMES];
     struct vec3 waist[MOST_FRAMES];
-    struct pose world_from_sensor; // it stands still
+    struct pose world_from_sensor; // the sensor does not move
 };
 
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -27,9 +27,9 @@ static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * 
 void views_data_close(struct views_data *data)
 {
     for (int i = 0; i < data->count; i++) {
-        free(data->picture[i].room);
-        free(data->picture[i].expected);
-        free(data->picture[i].mask);
+        free(data->image[i].room);
+        free(data->image[i].expected);
+        free(data->image[i].mask);
     }
     take_close(&data->own);
     take_close(&data->true_take);
@@ -88,14 +88,14 @@ static enum status add_true_frame(struct recording_writer *writer, struct take *
     return status;
 }
 
-// The take once more, with the true joints.
+// Records the take again with the true joints.
 static enum status record_truth(struct views_data *data, const struct truth *truth)
 {
     struct recording_writer *writer = NULL;
     const char *path = scratch_file(&data->scratch, "views.reenact");
     enum status status = recording_append(&writer, path);
     if (status == OK)
-        status = recording_begin_take(writer, "told", take_calibration(data->own));
+        status = recording_begin_take(writer, "true", take_calibration(data->own));
     for (int64_t i = 0; i < take_frame_count(data->own) && status == OK; i++)
         status = add_true_frame(writer, data->own, i, &truth->joints[i]);
     if (status == OK)
@@ -110,10 +110,10 @@ static enum status record_truth(struct views_data *data, const struct truth *tru
         status = recording_open(&data->recording, path);
     if (status == OK)
         status = take_open(&data->own, data->recording, "own");
-    return status == OK ? take_open(&data->true_take, data->recording, "told") : status;
+    return status == OK ? take_open(&data->true_take, data->recording, "true") : status;
 }
 
-// ------------------------------------------------------------- the pictures
+// ------------------------------------------------------------- the images
 
 static uint8_t *copy(const uint8_t *bytes, size_t count)
 {
@@ -123,17 +123,17 @@ static uint8_t *copy(const uint8_t *bytes, size_t count)
     return out;
 }
 
-// One more picture, of which it keeps copies.
-static enum status add_picture(struct views_data *data, int64_t since_ns, struct pose truth, const uint8_t *room,
-                               const uint8_t *expected, const uint8_t *mask)
+// Adds an image, of which it keeps copies.
+static enum status add_image(struct views_data *data, int64_t since_ns, struct pose truth, const uint8_t *room,
+                             const uint8_t *expected, const uint8_t *mask)
 {
     size_t pixels = pixels_of(&data->lens);
-    struct views_image *p = &data->picture[data->count++];
+    struct views_image *p = &data->image[data->count++];
     *p = (struct views_image){.since_ns = since_ns, .truth = truth};
     p->room = copy(room, 3 * pixels);
     p->expected = copy(expected, 3 * pixels);
     p->mask = copy(mask, pixels);
-    return p->room && p->expected && p->mask ? OK : fail(ERR_MEMORY, "no memory for the pictures");
+    return p->room && p->expected && p->mask ? OK : fail(ERR_MEMORY, "no memory for the images");
 }
 
 static double angle_deg(struct vec3 sensor, struct vec3 viewer, struct vec3 person)
@@ -147,7 +147,7 @@ static void set_angles(struct views_data *data, const struct truth *truth)
 {
     int64_t frames = take_frame_count(data->own), start = take_entry(data->own, 0)->time_ns;
     for (int i = 0; i < data->count; i++) {
-        struct views_image *p = &data->picture[i];
+        struct views_image *p = &data->image[i];
         int64_t best = 0;
         for (int64_t f = 1; f < frames; f++)
             if (llabs(take_entry(data->own, f)->time_ns - start - p->since_ns) <
@@ -157,8 +157,9 @@ static void set_angles(struct views_data *data, const struct truth *truth)
     }
 }
 
-// Finds the cameras, and puts their truth into the place's axes: there the sensor, and with it the person, stands where
-// we find it, and the true cameras stand about it as in truth. So what finding either costs is told, not the one alone.
+// Localises the cameras, and puts their truth into the place's axes: the sensor, and with it the person, stands where
+// we localise it, and the true cameras stand relative to it as in the truth. So the error includes the localisation of
+// both.
 static enum status find_images(struct views_data *data, const struct truth *truth, const struct place *place)
 {
     const struct pose place_from_truth =
@@ -167,7 +168,7 @@ static enum status find_images(struct views_data *data, const struct truth *trut
     int n = 0;
     enum status status = camera_tracker_open(&track, place, &data->lens, NULL);
     for (int i = 0; i < data->count && status >= 0; i++) {
-        struct views_image *p = &data->picture[i];
+        struct views_image *p = &data->image[i];
         struct location at;
         struct camera_motion motion;
         status = camera_tracker_process(track, p->room, NULL, p->since_ns, &at, &motion);
@@ -181,9 +182,9 @@ static enum status find_images(struct views_data *data, const struct truth *trut
     if (status < 0)
         return status;
     if (n < 10)
-        return fail(ERR_INPUT, "only %d of the pictures can be placed", n);
+        return fail(ERR_INPUT, "only %d of the images can be localised", n);
     for (int i = 0; i < data->count; i++)
-        data->picture[i].truth = pose_multiply(place_from_truth, data->picture[i].truth);
+        data->image[i].truth = pose_multiply(place_from_truth, data->image[i].truth);
     return OK;
 }
 
@@ -194,7 +195,7 @@ static enum status film_images(struct views_data *data, const struct world *worl
     data->lens = world_viewer_calibration(SCALE).color;
     size_t pixels = pixels_of(&data->lens);
     uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
-    enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for an image");
     for (int i = 0; i < VIEW_COUNT && status == OK; i++) {
         double t = seconds * i / VIEW_COUNT;
         struct world_shot shot = {data->lens, world_viewer_pose(world, t), t, false};
@@ -203,7 +204,7 @@ static enum status film_images(struct views_data *data, const struct world *worl
         if (status == OK)
             status = world_render(world, &shot, &(struct world_image){.color = with, .mask = mask});
         if (status == OK)
-            status = add_picture(data, (int64_t)llround(t * 1e9), shot.world_from_camera, room, with, mask);
+            status = add_image(data, (int64_t)llround(t * 1e9), shot.world_from_camera, room, with, mask);
     }
     free(room);
     free(with);
@@ -288,7 +289,7 @@ static enum status read_truth(const struct views_data *data, const char *folder,
     return status;
 }
 
-// The picture of that name as it should be, and where the person is in it.
+// The expected image of that name, and the mask of the person in it.
 static enum status read_expected(const struct views_data *data, const char *folder, const char *name, uint8_t *rgb,
                                  uint8_t **mask)
 {
@@ -306,14 +307,14 @@ static enum status read_expected(const struct views_data *data, const char *fold
     if (status == OK)
         status = png_read(path, PNG_GRAY8, &pixels, &width, &height);
     if (status == OK && (width != data->lens.width || height != data->lens.height))
-        status = fail(ERR_INPUT, "%s is not of the pictures' size", path);
+        status = fail(ERR_INPUT, "%s is not of the images' size", path);
     for (size_t i = 0; status == OK && i < pixels_of(&data->lens); i++)
         ((uint8_t *)pixels)[i] = ((uint8_t *)pixels)[i] > 127;
     *mask = pixels;
     return status;
 }
 
-static enum status read_pictures(struct views_data *data, const char *folder)
+static enum status read_images(struct views_data *data, const char *folder)
 {
     char uri[4096];
     struct source *camera = NULL;
@@ -328,7 +329,7 @@ static enum status read_pictures(struct views_data *data, const char *folder)
         data->lens = source_calibration(camera)->color;
     uint8_t *expected = malloc(3 * pixels_of(&data->lens) + 1);
     if (status == OK && !expected)
-        status = fail(ERR_MEMORY, "no memory for a picture");
+        status = fail(ERR_MEMORY, "no memory for an image");
     while (status == OK && data->count < VIEWS_MOST && (status = source_next(camera, &frame)) == OK) {
         struct pose pose;
         uint8_t *mask = NULL;
@@ -337,7 +338,7 @@ static enum status read_pictures(struct views_data *data, const char *folder)
             continue;
         status = read_expected(data, folder, frame.name, expected, &mask);
         if (status == OK)
-            status = add_picture(data, frame.time_ns - first_ns, pose, frame.color, expected, mask);
+            status = add_image(data, frame.time_ns - first_ns, pose, frame.color, expected, mask);
         free(mask);
     }
     free(expected);
@@ -360,7 +361,7 @@ static enum status read_folder(struct views_data *data, const char *folder, stru
     if (status == OK)
         status = record_truth(data, truth);
     if (status == OK)
-        status = read_pictures(data, folder);
+        status = read_images(data, folder);
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)

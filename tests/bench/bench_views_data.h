@@ -1,5 +1,5 @@
-// What the bench of pictures works on: a take with its own joints and the same take with the true ones, and pictures
-// of the room with and without the person, from known places.
+// Input of the stage "views": a take with estimated joints and the same take with the true ones, and images of the room
+// with and without the person, from known poses.
 #pragma once
 #include "capture/recording/recording.h"
 #include "tests/support/scratch.h"
@@ -10,8 +10,8 @@ struct views_image {
     int64_t since_ns;         // of the take's first frame
     uint8_t *room, *expected; // RGB: without the person, and with
     uint8_t *mask;            // not 0: the person
-    struct pose found, truth; // world_from_camera in the place's axes: as we find it, and as it is to the sensor
-    bool placed;              // found
+    struct pose found, truth; // world_from_camera in the place's axes: estimated, and true relative to the sensor
+    bool placed;              // localised
     double angle_deg;         // between the sensor's and this view of the person, from above
 };
 
@@ -19,12 +19,11 @@ struct views_data {
     struct scratch scratch;
     struct recording *recording;
     struct take *own, *true_take; // with our joints, with the true ones
-    struct lens lens;             // of the pictures
-    struct views_image picture[VIEWS_MOST];
+    struct lens lens;             // of the images
+    struct views_image image[VIEWS_MOST];
     int count;
 };
 
-// folder NULL: films the small world. Else as bench_folder.h has it.
-// On error *data is to be closed all the same.
+// folder NULL: renders the small world. Else as bench_folder.h says. On error *data must be closed too.
 MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder);
 void views_data_close(struct views_data *data);

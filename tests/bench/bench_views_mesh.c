@@ -3,13 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double DEPTH_JUMP_M = 0.06; // neighbours further apart in depth are not joined
+static const double DEPTH_JUMP_M = 0.06; // neighbours further apart in depth are not joined; chosen by hand
 
 struct mesh_corner {
     bool there;
-    double depth_m;     // in the sensor's picture
+    double depth_m;     // in the sensor's image
     double x, y, z;     // in the viewer's: pixels, metres
-    const uint8_t *rgb; // of the sensor's picture
+    const uint8_t *rgb; // of the sensor's image
 };
 
 struct mesh_canvas {

@@ -1,5 +1,5 @@
-// What a user would take instead: a recorded frame's depth picture as a mesh, each pixel of the person with its own
-// colour, seen from the viewer. Nothing is gathered from other frames.
+// The usual alternative: one recorded frame's depth image as a mesh, each pixel of the person with its own colour, seen
+// from the viewer. No fusion with other frames.
 #pragma once
 #include "capture/recording/recording.h"
 

@@ -1,4 +1,4 @@
-// The body's radii, on pictures of a puppet whose truth is known.
+// Body radii measured in images of a puppet with known radii.
 #include "tests/support/test.h"
 
 #include "capture/body_radii.h"
@@ -13,7 +13,7 @@ static struct calibration kinect(void)
     return (struct calibration){lens, lens, true, POSE_IDENTITY};
 }
 
-// Arms out, legs apart, 2.5 m away, facing the camera: the left hand is on the picture's right.
+// Arms out, legs apart, 2.5 m away, facing the camera: the left hand is on the image's right.
 static struct skeleton puppet(void)
 {
     struct skeleton s;
@@ -52,7 +52,7 @@ static const double true_radius[PART_COUNT] = {
 static uint16_t depth[WIDTH * HEIGHT];
 static uint8_t mask[WIDTH * HEIGHT];
 
-// Draws every part flat, as a band of its radius about its bone, 5 cm before it.
+// Draws every part flat, as a band of its radius around its bone, 5 cm in front of it.
 static void draw(const struct calibration *c, const struct skeleton *s)
 {
     memset(depth, 0, sizeof depth);
@@ -84,7 +84,7 @@ static void test_radii_of_clear_pose(void **state)
     EXPECT_INT(r.body.representative_frame, 5);
     for (int p = 0; p < PART_COUNT; p++) {
         double length = v3_distance(s.joint[part_ends[p].from], s.joint[part_ends[p].to]);
-        // a pixel is 9 mm wide at that distance; thighs and lower torso run into each other
+        // a pixel is 9 mm wide at that distance; thighs and lower torso overlap
         EXPECT_NEAR(r.body.radius_rate[p] * length, true_radius[p], p == PART_LOWER_TORSO ? 0.03 : 0.012);
     }
 }
@@ -101,7 +101,7 @@ static void test_score_prefers_paper_criteria(void **state)
     EXPECT_TRUE(value > body_radii_pose_score(&arms_down) + 0.1);
     EXPECT_TRUE(value > body_radii_pose_score(&arms_forward) + 0.1);
     EXPECT_TRUE(body_radii_pose_score(&arms_down) > body_radii_pose_score(&crossed));
-    // Seen from behind, the same pose is worth the same.
+    // Seen from behind, the same pose has the same score.
     struct skeleton back = good;
     for (int j = 0; j < JOINT_COUNT; j++)
         back.joint[j] = v3(-good.joint[j].x, good.joint[j].y, 5 - good.joint[j].z);
@@ -134,7 +134,7 @@ static void test_hard_cases_give_no_radius_and_no_nan(void **state)
     struct skeleton s = puppet();
     draw(&c, &s);
     struct skeleton none = s;
-    none.joint[JOINT_LEFT_HAND] = none.joint[JOINT_LEFT_ELBOW]; // a limb of no length
+    none.joint[JOINT_LEFT_HAND] = none.joint[JOINT_LEFT_ELBOW]; // a limb of zero length
     EXPECT_NEAR(body_radii_measure_part(&c, &none, depth, mask, PART_LEFT_FOREARM), 0, 0);
     struct skeleton behind = s;
     behind.joint[JOINT_LEFT_HAND].z = -1;

@@ -1,4 +1,4 @@
-// Skirts and coats: a hem is found where one is, and the legs above it are where they should be.
+// Skirts and coats: a hem is detected where there is one, and the legs that it hides are in the right place.
 #include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
@@ -6,13 +6,13 @@
 
 #include <string.h>
 
-// What the first pictures of a motion say of a hem; filmed from so much nearer than the sensor stands.
+// The hem estimate from ten frames of a motion, filmed from `nearer_m` in front of the sensor's place.
 static struct hem_estimate learn_hem(const char *figure, const char *motion, double height_m, double nearer_m,
                                      double *waist_m, double *knee_m)
 {
     struct tracked_film f;
     struct depth_evidence *e;
-    struct hem_estimate belief = {0};
+    struct hem_estimate estimate = {0};
     tracked_film_open(&f, figure, motion);
     struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, nearer_m));
     struct vec3 up = quat_rotate(quat_conjugate(from.rotation), v3(0, 0, 1));
@@ -30,11 +30,11 @@ static struct hem_estimate learn_hem(const char *figure, const char *motion, dou
         *waist_m = truth.joint[JOINT_WAIST].z;
         *knee_m = truth.joint[JOINT_LEFT_KNEE].z;
         if (hem_detect(&task, height_m, &hem))
-            hem_update(&belief, &hem, *waist_m);
+            hem_update(&estimate, &hem, *waist_m);
     }
     evidence_close(&e);
     tracked_film_close(&f);
-    return belief;
+    return estimate;
 }
 
 static void test_hem_is_detected(void **state)
@@ -42,8 +42,8 @@ static void test_hem_is_detected(void **state)
     (void)state;
     static const struct {
         const char *figure, *motion;
-        double height_m, nearer_m; // at 1.3 m no feet are in sight
-        bool tails;
+        double height_m, nearer_m; // 1.3 m nearer, no feet are visible
+        bool hem;
     } who[] = {
         {"skirt", "pirouette", 1.65, 0, true},  {"coat", "kata", 1.78, 0, true},
         {"woman", "pirouette", 1.70, 0, false}, {"heavy", "kata", 1.75, 0, false},
@@ -55,14 +55,14 @@ static void test_hem_is_detected(void **state)
         double waist_m, knee_m;
         struct hem_estimate b =
             learn_hem(who[i].figure, who[i].motion, who[i].height_m, who[i].nearer_m, &waist_m, &knee_m);
-        print_message("%s, %s, %g m nearer: %d pictures, %.2f m below the waist (the knee %.2f), %.2f m wide, narrower "
+        print_message("%s, %s, %g m nearer: %d frames, %.2f m below the waist (the knee %.2f), %.2f m wide, narrower "
                       "by %.2f\n",
                       who[i].figure, who[i].motion, who[i].nearer_m, b.count, b.below_m, waist_m - knee_m, b.wide_m,
                       b.narrow);
-        EXPECT_INT(hem_is_worn(b.narrow, b.wide_m, who[i].height_m, false), who[i].tails);
-        if (!who[i].tails)
+        EXPECT_INT(hem_is_worn(b.narrow, b.wide_m, who[i].height_m, false), who[i].hem);
+        if (!who[i].hem)
             continue;
-        EXPECT_AT_MOST(b.below_m, waist_m - knee_m + 0.02); // both end above the knee
+        EXPECT_AT_MOST(b.below_m, waist_m - knee_m + 0.02); // both hems end above the knee
         EXPECT_AT_LEAST(b.below_m, waist_m - knee_m - 0.14);
     }
 }
@@ -89,7 +89,7 @@ static void test_legs_under_skirt(void **state)
             crossed += got.joint[JOINT_LEFT_FOOT].x < got.joint[JOINT_RIGHT_FOOT].x;
         }
         print_message("%s: hips, knees and feet %.4f m off, feet crossed in %d frames\n", who[w], sum / count, crossed);
-        EXPECT_AT_MOST(sum / count, 0.040);
+        EXPECT_AT_MOST(sum / count, 0.032);
         EXPECT_INT(crossed, 0);
         tracked_film_close(&f);
     }

@@ -1,7 +1,7 @@
-// What locate says of its errors must be true of them: of cameras whose place is known, as
-// many lie inside the 95 % ellipsoid as should.
+// The covariances of poses from tags are consistent: of cameras with known poses, the expected share
+// lies inside the 95 % ellipsoid.
 //
-//     test_covariance [PICTURES]      of each kind; default 20
+//     test_map_covariance [IMAGES]      of each kind; default 20
 #include "tests/support/random.h"
 #include "tests/support/covariance_check.h"
 #include "tests/support/tag_picture.h"
@@ -12,11 +12,11 @@
 enum { WIDTH = 320, HEIGHT = 240 };
 static const double F_PX = 300;
 static uint8_t rgb[WIDTH * HEIGHT * 3];
-static int pictures = 20;
+static int images = 20;
 
-// Where a map has a tag that errs by so much in each of its own axes.
+// Adds an error to the mapped pose of a tag: standard deviations in each of its own axes.
 static const double MAP_ROTATION = 0.01, MAP_SHIFT_M = 0.002;
-static void map_badly(struct place_tag *tag, struct rng *rng)
+static void perturb_map(struct place_tag *tag, struct rng *rng)
 {
     const struct vec3 rotation = rng_normal3(rng, MAP_ROTATION);
     const struct pose off = {quat_from_rotation_vector(rotation), rng_normal3(rng, MAP_SHIFT_M)};
@@ -26,8 +26,8 @@ static void map_badly(struct place_tag *tag, struct rng *rng)
         tag->covariance[i] = (float)(k < 3 ? MAP_ROTATION * MAP_ROTATION : MAP_SHIFT_M * MAP_SHIFT_M);
 }
 
-// Pictures with `noise` grey levels of the first `count` tags from near and far, steep and straight.
-static void observe_tags(int count, double noise, bool badly_mapped, struct coverage_count *all)
+// Images of the first `count` tags from near and far, oblique and frontal, with `noise` grey levels.
+static void observe_tags(int count, double noise, bool inaccurate_map, struct coverage_count *all)
 {
     struct place_tag tags[3] = {
         {.id = 3, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {-0.15, 0.1, 0}}},
@@ -40,16 +40,16 @@ static void observe_tags(int count, double noise, bool badly_mapped, struct cove
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct locator_options options = locator_default_options();
     struct locator *l;
-    uint64_t rng = 77 + (uint64_t)count;
+    struct rng rng = {77 + (uint64_t)count};
     struct coverage_count t = {0};
     options.max_position_sigma_m = 10;
-    for (int i = 0; i < pictures; i++) {
+    for (int i = 0; i < images; i++) {
         memcpy(mapped, tags, sizeof mapped);
-        for (int k = 0; k < count && badly_mapped; k++)
-            map_badly(&mapped[k], &errors);
+        for (int k = 0; k < count && inaccurate_map; k++)
+            perturb_map(&mapped[k], &errors);
         EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
-        double distance = 0.7 + 0.8 * tag_picture_uniform(&rng), yaw = 1.6 * tag_picture_uniform(&rng) - 0.8,
-               pitch = 1 * tag_picture_uniform(&rng) - 0.5, roll = 6.28 * tag_picture_uniform(&rng);
+        double distance = 0.7 + 0.8 * rng_uniform(&rng), yaw = 1.6 * rng_uniform(&rng) - 0.8,
+               pitch = 1 * rng_uniform(&rng) - 0.5, roll = 6.28 * rng_uniform(&rng);
         struct tag_picture p = {.lens = lens,
                                 .tags = tags,
                                 .tag_count = count,
@@ -66,9 +66,9 @@ static void observe_tags(int count, double noise, bool badly_mapped, struct cove
             continue;
         coverage_add(&t, &at, p.world_from_camera);
     }
-    printf("%d tags, noise %.0f%s: ", count, noise, badly_mapped ? ", mapped badly" : "");
+    printf("%d tags, noise %.0f%s: ", count, noise, inaccurate_map ? ", inaccurate map" : "");
     print_coverage(&t);
-    EXPECT_AT_LEAST(t.found, 0.9 * pictures);
+    EXPECT_AT_LEAST(t.found, 0.9 * images);
     expect_coverage(&t);
     all->found += t.found;
     all->sum += t.sum;
@@ -101,6 +101,6 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_tag_covariances_are_consistent)};
     if (argc > 1)
-        pictures = atoi(argv[1]);
+        images = atoi(argv[1]);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,7 @@
-// What locate says of its errors where it goes by natural points, with tags and without: cameras in the
-// small world, each with a map of its own that is exact but for where its features were seen.
+// The covariances of poses from landmarks are consistent, with tags and without: cameras in the synthetic
+// world, each with a map of its own that is exact except for the noise of its features.
 //
-//     test_covariance_points [PICTURES [SEED]]      default 12 31
+//     test_map_covariance_landmarks [IMAGES [SEED]]      default 12 31
 #include "locate/landmark_matching.h"
 #include "locate/tag_corners.h"
 #include "tests/support/random.h"
@@ -16,7 +16,7 @@ enum { WIDTH = 480, HEIGHT = 360, PIXELS = WIDTH * HEIGHT };
 static uint8_t rgb[PIXELS * 3], gray[PIXELS];
 static uint16_t depth[PIXELS];
 static struct world *world;
-static int pictures = 12;
+static int images = 12;
 static uint64_t seed = 31;
 
 static void film(struct lens lens, struct pose world_from_camera, uint64_t noise)
@@ -26,7 +26,7 @@ static void film(struct lens lens, struct pose world_from_camera, uint64_t noise
     world_color_noise(rgb, WIDTH, HEIGHT, noise);
 }
 
-// The features of the picture in hand, where they truly are; none at the edge of something.
+// The features of the present image, at their true positions; none at depth edges.
 static int map_points(const struct lens *lens, struct pose world_from_camera, struct place_point *points)
 {
     static struct feature features[FEATURES_MAX];
@@ -51,7 +51,7 @@ static int map_points(const struct lens *lens, struct pose world_from_camera, st
     return count;
 }
 
-// From somewhere in the middle of the room to any side.
+// A random view from near the middle of the room.
 static struct pose any_view(struct rng *rng)
 {
     struct quat level = {-0.7071067811865476, 0, 0, 0.7071067811865476}; // z forward along the world's y, y down
@@ -68,7 +68,7 @@ static struct pose perturbed_pose(struct pose view, struct rng *rng)
     return pose_multiply(view, (struct pose){quat_from_rotation_vector(rotation_vector), shift});
 }
 
-static void look_at(const struct place *place, const struct lens *lens, struct pose truth, struct coverage_count *t)
+static void localize(const struct place *place, const struct lens *lens, struct pose truth, struct coverage_count *t)
 {
     struct locator_options options = locator_default_options();
     struct locator *l;
@@ -93,22 +93,22 @@ static void test_landmark_covariances_are_consistent(void **state)
     o.threads = 2;
     EXPECT_STATUS(world_open(&world, &o), OK);
     struct place_tag *tags = (struct place_tag *)(uintptr_t)world_tags(world, &tag_count);
-    for (int i = 0; i < pictures; i++) {
+    for (int i = 0; i < images; i++) {
         struct pose mapped = any_view(&rng), truth = perturbed_pose(mapped, &rng);
         film(lens, mapped, 100 + 2 * (uint64_t)i);
         int count = map_points(&lens, mapped, points);
         film(lens, truth, 101 + 2 * (uint64_t)i);
-        look_at(&(struct place){.points = points, .point_count = count}, &lens, truth, &alone);
-        look_at(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens,
-                truth, &with_tags);
+        localize(&(struct place){.points = points, .point_count = count}, &lens, truth, &alone);
+        localize(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens,
+                 truth, &with_tags);
     }
     world_close(&world);
     printf("points alone: ");
     print_coverage(&alone);
     printf("points and tags: ");
     print_coverage(&with_tags);
-    EXPECT_AT_LEAST(alone.found, pictures / 2);
-    EXPECT_AT_LEAST(with_tags.found, pictures / 2);
+    EXPECT_AT_LEAST(alone.found, images / 2);
+    EXPECT_AT_LEAST(with_tags.found, images / 2);
     expect_coverage(&alone);
     expect_coverage(&with_tags);
 }
@@ -117,7 +117,7 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_landmark_covariances_are_consistent)};
     if (argc > 1)
-        pictures = atoi(argv[1]);
+        images = atoi(argv[1]);
     if (argc > 2)
         seed = (uint64_t)atoi(argv[2]);
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
-// What a sweep's pictures show is the same whether one is extracted at at a time or as many as there is room for, and
-// comes in their order.
+// The front end's results are the same whether it works on one image at a time or on as many as it holds, and come in
+// the images' order.
 #include "tests/support/test.h"
 
 #include "capture/mapping/map_frontend.h"
@@ -8,13 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PICTURES = 9 };
+enum { IMAGES = 9 };
 
 struct frontend_sweep {
     struct map map;
     struct map_tag tags[64];
-    uint8_t *color[PICTURES];
-    uint16_t *depth[PICTURES];
+    uint8_t *color[IMAGES];
+    uint16_t *depth[IMAGES];
 };
 
 static void film(struct frontend_sweep *s)
@@ -32,14 +32,14 @@ static void film(struct frontend_sweep *s)
     }
     s->map.tag_count = count - 1; // the last one is not listed
     size_t pixels = (size_t)s->map.calibration.color.width * (size_t)s->map.calibration.color.height;
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         s->color[i] = malloc(pixels * 3);
         s->depth[i] = malloc(pixels * sizeof *s->depth[i]);
         EXPECT_TRUE(s->color[i] && s->depth[i]);
-        struct world_shot shot = {s->map.calibration.color, world_sweep_pose(world, WORLD_SWEEP_S * i / PICTURES), 0,
+        struct world_shot shot = {s->map.calibration.color, world_sweep_pose(world, WORLD_SWEEP_S * i / IMAGES), 0,
                                   false};
-        struct world_image picture = {.color = s->color[i], .depth = s->depth[i]};
-        EXPECT_STATUS(world_render(world, &shot, &picture), OK);
+        struct world_image image = {.color = s->color[i], .depth = s->depth[i]};
+        EXPECT_STATUS(world_render(world, &shot, &image), OK);
     }
     world_close(&world);
 }
@@ -73,19 +73,19 @@ static void expect_same(const struct map_frontend_result *a, const struct map_fr
     }
 }
 
-static void test_same_for_any_thread_count(void **state)
+static void test_results_do_not_depend_on_queue_length(void **state)
 {
     (void)state;
     struct frontend_sweep s;
     struct mapper_options options = mapper_default_options();
     struct map_frontend *single, *many;
-    struct map_frontend_result alone[PICTURES], result;
+    struct map_frontend_result alone[IMAGES], result;
     film(&s);
     EXPECT_STATUS(map_frontend_open(&single, &s.map, &options), OK);
     EXPECT_STATUS(map_frontend_open(&many, &s.map, &options), OK);
     EXPECT_STATUS(map_frontend_take(many, &result), NOTHING);
     int tags = 0, features = 0, taken = 0, put_first = 0;
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         put(&s, single, i);
         EXPECT_STATUS(map_frontend_take(single, &alone[i]), OK);
         EXPECT_INT(alone[i].number, 10 * i);
@@ -94,7 +94,7 @@ static void test_same_for_any_thread_count(void **state)
     }
     EXPECT_AT_LEAST(tags, 5);
     EXPECT_AT_LEAST(features, 500);
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         if (map_frontend_full(many)) {
             put_first = put_first ? put_first : i;
             EXPECT_STATUS(map_frontend_take(many, &result), OK);
@@ -108,12 +108,12 @@ static void test_same_for_any_thread_count(void **state)
         expect_same(&result, &alone[taken++]);
         map_frame_free(&result.observed);
     }
-    EXPECT_INT(taken, PICTURES);
-    put(&s, many, 0); // closed with pictures in it
+    EXPECT_INT(taken, IMAGES);
+    put(&s, many, 0); // closed with images in it
     put(&s, many, 1);
     map_frontend_close(&many);
     map_frontend_close(&single);
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         map_frame_free(&alone[i].observed);
         free(s.color[i]);
         free(s.depth[i]);
@@ -122,6 +122,6 @@ static void test_same_for_any_thread_count(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_for_any_thread_count)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_results_do_not_depend_on_queue_length)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-// One way a take was followed weighed against the other: the same body, tracked a little wrong, is the same body; a
-// limb is weighed where the other way has it; legs that one way has exchanged are the less likely.
+// Comparison of the poses of two passes: the same body, tracked a little wrong, has even odds; a limb is judged where
+// the other pass has it; exchanged legs are less likely.
 #include "capture/body/two_bone_ik.h"
 #include "capture/tracking/tracker_backward.h"
 #include "tests/support/random.h"
@@ -7,14 +7,14 @@
 #include "tests/support/test.h"
 
 enum { FPS = 30, FRAMES = 24, EVERY = 6, SEED = 11 };
-#define ROOT_M       0.03 // of each coordinate; as the measures of a take's beginning and end make of a pose
+#define ROOT_M       0.03 // of each coordinate; as proportions of a take's beginning and end change a pose
 #define LIMB_RADIANS 0.10
-#define EVEN_ODDS    8.0 // weighed before it lies as well, it is 35
+#define EVEN_ODDS    6.0 // 4.6; without the refit before the comparison it is 35
 
 static const enum segment limbs[] = {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM,
                                      SEG_LEFT_THIGH,     SEG_LEFT_SHIN,    SEG_RIGHT_THIGH,     SEG_RIGHT_SHIN};
 
-static struct body_pose misclassified(const struct body_pose *pose, struct rng *rng)
+static struct body_pose perturbed(const struct body_pose *pose, struct rng *rng)
 {
     struct body_pose out = *pose;
     out.root = v3_add(out.root, rng_normal3(rng, ROOT_M));
@@ -25,7 +25,7 @@ static struct body_pose misclassified(const struct body_pose *pose, struct rng *
     return out;
 }
 
-// Somebody as they stand, and as near as they may come: only the upper body is in sight.
+// A person at the usual distance, and so near that only the upper body is visible.
 static void log_odds_of_same(double ahead_m)
 {
     struct tracked_film f;
@@ -40,14 +40,14 @@ static void log_odds_of_same(double ahead_m)
         EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &tracked, f.mask), OK);
         if (k % EVERY != EVERY - 1)
             continue;
-        struct body_pose other = misclassified(tracker_pose(f.tracker), &rng);
+        struct body_pose other = perturbed(tracker_pose(f.tracker), &rng);
         double whole = fabs(tracker_log_odds(f.tracker, &other).whole_body);
         sum += whole;
         most = fmax(most, whole);
         count++;
     }
-    print_message("seed %d, %g m nearer: odds against the same body %.1f, at most %.1f\n", SEED, ahead_m, sum / count,
-                  most);
+    print_message("seed %d, %g m nearer: log-odds against the same body %.1f, at most %.1f\n", SEED, ahead_m,
+                  sum / count, most);
     EXPECT_AT_MOST(sum / count, EVEN_ODDS);
     tracked_film_close(&f);
 }
@@ -68,14 +68,14 @@ static double moved_m(const struct body_build *a, const struct body_build *b, en
     return v3_distance(a->origin[s], b->origin[s]);
 }
 
-// A trunk that stands a little aside and is turned: the limb must come to its place, and not go with the trunk. A limb
-// that is stretched out may not reach there by as much as its root is aside.
-static void test_limb_is_copied_from_other_pose(void **state)
+// A trunk that is shifted and rotated a little: the limb must come to its place and not go with the trunk. A limb that
+// is stretched out may miss it by as much as its root is shifted.
+static void test_limb_is_transferred_from_other_pose(void **state)
 {
     (void)state;
     struct rng rng = {SEED};
     struct body_shape shape = {.hem_m = 0};
-    double laid = 0, copied = 0;
+    double transferred = 0, copied = 0;
     int count = 0;
     for (int i = 0; i < 50; i++) {
         struct body_pose from = body_standing_pose(v3(0, 0, 2.5), v3(0, -1, 0), 6.28 * i / 50), to;
@@ -88,22 +88,22 @@ static void test_limb_is_copied_from_other_pose(void **state)
             to.rotation[trunk[s]] = quat_multiply(to.rotation[trunk[s]], rotation);
         }
         for (int k = 0; k < LIMB_COUNT; k++) {
-            struct body_pose copy = to, lay = to;
-            struct body_build there, with_copy, with_lay;
+            struct body_pose copy = to, transfer = to;
+            struct body_build there, with_copy, with_transfer;
             body_forward_kinematics(&shape, &from, &there);
             limb_copy(k, &from, &copy);
-            limb_transfer(k, &shape, &there, &lay);
+            limb_transfer(k, &shape, &there, &transfer);
             body_forward_kinematics(&shape, &copy, &with_copy);
-            body_forward_kinematics(&shape, &lay, &with_lay);
-            EXPECT_AT_MOST(moved_m(&with_lay, &there, end[k]), moved_m(&with_lay, &there, root[k]) + 1e-9);
-            laid += moved_m(&with_lay, &there, end[k]);
+            body_forward_kinematics(&shape, &transfer, &with_transfer);
+            EXPECT_AT_MOST(moved_m(&with_transfer, &there, end[k]), moved_m(&with_transfer, &there, root[k]) + 1e-9);
+            transferred += moved_m(&with_transfer, &there, end[k]);
             copied += moved_m(&with_copy, &there, end[k]);
             count++;
         }
     }
-    print_message("seed %d: an end is %.0f mm off its place, where one that goes with the trunk is %.0f\n", SEED,
-                  1000 * laid / count, 1000 * copied / count);
-    EXPECT_AT_MOST(laid, 0.5 * copied);
+    print_message("seed %d: a transferred limb's end is %.0f mm off its place, a copied one's %.0f\n", SEED,
+                  1000 * transferred / count, 1000 * copied / count);
+    EXPECT_AT_MOST(transferred, 0.27 * copied); // 0.22
 }
 
 // The same body, but each foot comes to where the other one is.
@@ -118,8 +118,8 @@ static struct body_pose legs_exchanged(const struct body_shape *shape, const str
     return out;
 }
 
-// One foot exchanged and not the other would leave a leg without any, and with both it is even but for the hips: what
-// the pictures say of both together must not drown in what they say of one.
+// Exchanging one foot alone leaves one leg's points unexplained, and exchanging both makes a difference at the hips
+// only: the log-odds of both together must not be lost beside those of one.
 static void test_swapped_legs_are_less_likely(void **state)
 {
     (void)state;
@@ -144,11 +144,11 @@ static void test_swapped_legs_are_less_likely(void **state)
         alone += 0.5 * (legs[0][1] + legs[1][0]);
         EXPECT_NEAR(legs[0][0], 0, 0);
     }
-    print_message("of %d pictures %d speak against both legs exchanged (odds %.0f), %d even more against one (%.0f)\n",
+    print_message("of %d frames %d are against both legs exchanged (log-odds %.0f), %d even more against one (%.0f)\n",
                   count, against, both / count, one, alone / count);
-    EXPECT_AT_LEAST(count, 10);
-    EXPECT_AT_LEAST(against, 0.9 * count);
-    EXPECT_AT_LEAST(one, 0.9 * count);
+    EXPECT_AT_LEAST(count, 25);
+    EXPECT_AT_LEAST(against, 0.96 * count); // all
+    EXPECT_AT_LEAST(one, 0.96 * count);
     tracked_film_close(&f);
 }
 
@@ -156,7 +156,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_pose_has_even_odds),
-        cmocka_unit_test(test_limb_is_copied_from_other_pose),
+        cmocka_unit_test(test_limb_is_transferred_from_other_pose),
         cmocka_unit_test(test_swapped_legs_are_less_likely),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
-// Where the recording sensor stands: a stand that gives way by centimetres is noticed, somebody who walks about before
-// it is not taken for that.
+// The pose of the recording sensor: a stand that yields by centimetres is detected; a person who moves in front of the
+// sensor is not mistaken for that.
 #include "capture/sensor_pose.h"
 #include "tests/support/film.h"
 #include "tests/support/test.h"
@@ -18,7 +18,7 @@ static int enter(void **state)
 {
     (void)state;
     place = film_mapped_place(&world, 24, &world_from_place);
-    world_close(&world); // in which nobody moves
+    world_close(&world); // the one without a person
     struct world_options options = world_default_options();
     options.threads = 2;
     EXPECT_STATUS(world_open(&world, &options), OK);
@@ -35,10 +35,10 @@ static int leave(void **state)
 
 struct stand_outcome {
     int moves, far_moves;
-    double off_m, seen_at; // at the end; the frame after which it was noticed
+    double off_m, detected_at; // at the end; the frame at which the move was detected
 };
 
-// Films the dancer with a sensor that is pushed once.
+// Films the actor with a sensor that is pushed once.
 static struct stand_outcome film(struct vec3 push, double yaw)
 {
     struct calibration c = world_calibration(1);
@@ -47,30 +47,30 @@ static struct stand_outcome film(struct vec3 push, double yaw)
     uint16_t *depth = malloc(pixels * sizeof *depth);
     struct sensor_pose *s;
     struct pose stand = world_sensor_pose(world), pushed = stand, at;
-    struct stand_outcome o = {.seen_at = -1};
+    struct stand_outcome o = {.detected_at = -1};
     pushed.translation = v3_add(pushed.translation, push);
     pushed.rotation = quat_multiply(pushed.rotation, quat_from_rotation_vector(v3(0, yaw, 0)));
     EXPECT_TRUE(color && depth);
     EXPECT_STATUS(sensor_pose_open(&s, &place, &c), OK);
     for (int i = 0; i < FRAMES; i++) {
         struct world_shot shot = {c.color, i < PUSHED_AT ? stand : pushed, i / 30.0, true};
-        // the others it does not look at
-        bool looked_at = i < SENSOR_POSE_WARM_UP || i % (i > PUSHED_AT && v3_length(push) > 0 ? SOON : SELDOM) == 0;
-        if (looked_at) {
+        // the other frames are not used
+        bool used = i < SENSOR_POSE_WARM_UP || i % (i > PUSHED_AT && v3_length(push) > 0 ? SOON : SELDOM) == 0;
+        if (used) {
             EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = color, .depth = depth}), OK);
             world_color_noise(color, c.color.width, c.color.height, (uint64_t)i);
             EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i, depth), OK);
         }
-        EXPECT_STATUS(sensor_pose_update(s, looked_at ? color : NULL, looked_at ? depth : NULL), OK);
-        if (sensor_pose_moves(s) && o.seen_at < 0)
-            o.seen_at = i;
+        EXPECT_STATUS(sensor_pose_update(s, used ? color : NULL, used ? depth : NULL), OK);
+        if (sensor_pose_moves(s) && o.detected_at < 0)
+            o.detected_at = i;
     }
     EXPECT_TRUE(sensor_pose_get(s, &at));
     o.moves = sensor_pose_moves(s);
     o.far_moves = sensor_pose_far_moves(s);
     o.off_m = v3_distance(pose_apply(world_from_place, at.translation), pushed.translation);
-    printf("pushed by %.0f mm: moved %d times, %d far, noticed at frame %.0f, in the end %.1f mm off\n",
-           v3_length(push) * 1e3, o.moves, o.far_moves, o.seen_at, o.off_m * 1e3);
+    printf("pushed by %.0f mm: moved %d times, %d far, detected at frame %.0f, in the end %.1f mm off\n",
+           v3_length(push) * 1e3, o.moves, o.far_moves, o.detected_at, o.off_m * 1e3);
     sensor_pose_close(&s);
     free(color);
     free(depth);
@@ -91,7 +91,7 @@ static void test_sagging_stand(void **state)
     struct stand_outcome o = film(v3(0.03, 0.015, 0.01), 0.004);
     EXPECT_INT(o.moves, 1);
     EXPECT_INT(o.far_moves, 0);
-    EXPECT_AT_MOST(o.seen_at, PUSHED_AT + 25);
+    EXPECT_AT_MOST(o.detected_at, PUSHED_AT + 25);
     EXPECT_AT_MOST(o.off_m, 0.01);
 }
 

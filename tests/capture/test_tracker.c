@@ -1,9 +1,8 @@
-// Joints from depth, against the small world's truth, and all that may happen
-// to a sensor on the way.
+// The tracker's joints against the small world's truth, and with difficult input.
 #include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
-#include "capture/body/body_fit.h"
+#include "capture/body/solid_distance.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -13,7 +12,7 @@ static void film(struct tracked_film *s, double time_s, uint64_t seed)
     tracked_film_shoot(s, world_sensor_pose(s->world), time_s, seed);
 }
 
-// No joint is ever NaN, far outside any room, or of a confidence that does not exist.
+// No joint is NaN, far outside any room, or of an undefined confidence.
 static void expect_sane(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -29,7 +28,7 @@ struct score {
     int frames, nothing, swapped;
 };
 
-// Left taken for right: the legs fit the truth far better the other way round.
+// Left and right exchanged: the joints fit the exchanged truth far better.
 static bool is_swapped(const struct skeleton *s, const struct skeleton *truth)
 {
     static const enum joint pair[3][2] = {{JOINT_LEFT_KNEE, JOINT_RIGHT_KNEE},
@@ -106,9 +105,9 @@ static void test_full_rotation_keeps_left_and_right(void **state)
     struct score score = run(&s, 20, 100, false);
     EXPECT_INT(score.nothing, 0);
     EXPECT_INT(score.swapped, 0);
-    EXPECT_AT_MOST(score.mean_m, 0.045);
-    EXPECT_AT_LEAST(score.within_10cm, 0.95);
-    EXPECT_AT_LEAST(score.iou, 0.89);
+    EXPECT_AT_MOST(score.mean_m, 0.03);
+    EXPECT_AT_LEAST(score.within_10cm, 0.98);
+    EXPECT_AT_LEAST(score.iou, 0.92);
     tracked_film_close(&s);
 }
 
@@ -132,9 +131,9 @@ static void test_other_people_are_tracked(void **state)
         tracked_film_open(&s, who[k], "kata");
         struct score score = run(&s, 30, 1.2, false);
         EXPECT_INT(score.swapped, 0);
-        EXPECT_AT_MOST(score.mean_m, 0.065);
-        EXPECT_AT_LEAST(score.within_10cm, 0.88);
-        EXPECT_AT_MOST(score.jump_m, 0.25);
+        EXPECT_AT_MOST(score.mean_m, 0.038);
+        EXPECT_AT_LEAST(score.within_10cm, 0.98);
+        EXPECT_AT_MOST(score.jump_m, 0.13);
         tracked_film_close(&s);
     }
 }
@@ -155,8 +154,11 @@ static void test_bone_lengths_are_constant(void **state)
             high[p] = k == 0 ? length : fmax(high[p], length);
         }
     }
-    for (int p = 0; p < PART_COUNT; p++) // they are still learned, by little
-        EXPECT_AT_MOST(high[p] / low[p], 1.12);
+    double most = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        most = fmax(most, high[p] / low[p]);
+    print_message("bone lengths, longest to shortest: at most %.3f\n", most);
+    EXPECT_AT_MOST(most, 1.05); // they are still being learned
     tracked_film_close(&s);
 }
 
@@ -166,18 +168,18 @@ static void test_deterministic(void **state)
     struct tracked_film s;
     tracked_film_open(&s, "woman", "kata");
     struct skeleton first[8];
-    for (int turn = 0; turn < 3; turn++) {
-        if (turn == 1) { // a new tracker; then the old one, emptied
+    for (int run_index = 0; run_index < 3; run_index++) {
+        if (run_index == 1) { // a new tracker; then the same one after a reset
             tracker_close(&s.tracker);
             EXPECT_STATUS(tracker_open(&s.tracker, &s.calibration, NULL), OK);
-        } else if (turn == 2) {
+        } else if (run_index == 2) {
             tracker_reset(s.tracker);
         }
         for (int k = 0; k < 8; k++) {
             struct skeleton got;
             film(&s, 1 + k / 30.0, 7 + (uint64_t)k);
             EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(1 + k / 30.0), s.depth, &got, NULL), OK);
-            if (turn == 0)
+            if (run_index == 0)
                 first[k] = got;
             for (int j = 0; j < JOINT_COUNT; j++)
                 EXPECT_NEAR(v3_distance(got.joint[j], first[k].joint[j]), 0, 0);
@@ -202,7 +204,8 @@ static void test_black_repeated_and_backward_frames(void **state)
     uint16_t *black = calloc(s.pixels, sizeof *black);
     assert_non_null(black);
     struct skeleton got, truth;
-    EXPECT_STATUS(tracker_next(s.tracker, 0, black, &got, s.mask), NOTHING); // nobody yet
+    EXPECT_STATUS(tracker_next(s.tracker, 0, black, &got, s.mask), NOTHING); // no person yet
+    double worst = 0, worst_again = 0;
     for (int k = 1; k < 30; k++) {
         double t = k / 30.0;
         film(&s, t, (uint64_t)k);
@@ -216,13 +219,16 @@ static void test_black_repeated_and_backward_frames(void **state)
         int64_t when = k == 20 ? nanoseconds(0.1) : nanoseconds(t); // the clock jumps back once
         EXPECT_STATUS(tracker_next(s.tracker, when, s.depth, &got, s.mask), OK);
         expect_sane(&got);
-        EXPECT_AT_MOST(mean_error(&got, &truth), 0.09);
+        worst = fmax(worst, mean_error(&got, &truth));
         if (k == 15) { // the same frame at the same time again
             struct skeleton again;
             EXPECT_STATUS(tracker_next(s.tracker, when, s.depth, &again, s.mask), OK);
-            EXPECT_AT_MOST(mean_error(&again, &got), 0.03);
+            worst_again = mean_error(&again, &got);
         }
     }
+    print_message("worst frame %.4f m off; the same frame again differs by %.4f m\n", worst, worst_again);
+    EXPECT_AT_MOST(worst, 0.045);
+    EXPECT_AT_MOST(worst_again, 0.025);
     free(black);
     tracked_film_close(&s);
 }
@@ -236,11 +242,11 @@ static void test_close_far_and_partly_outside_image(void **state)
     struct skeleton truth = world_joints_in_camera(s.world, 0, stand);
     double z = truth.joint[JOINT_TORSO].z;
     static const struct {
-        double distance_m, aside_m, bound_m;
-    } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.5, 0.25}};
+        double distance_m, lateral_m, bound_m;
+    } at[] = {{0.9, 0, 0.065}, {4.5, 0, 0.055}, {2.5, 1.5, 0.055}};
     for (size_t k = 0; k < COUNT_OF(at); k++) {
         tracker_reset(s.tracker);
-        struct pose from = moved(stand, v3(truth.joint[JOINT_TORSO].x - at[k].aside_m, 0, z - at[k].distance_m));
+        struct pose from = moved(stand, v3(truth.joint[JOINT_TORSO].x - at[k].lateral_m, 0, z - at[k].distance_m));
         struct skeleton want = world_joints_in_camera(s.world, 0, from), got;
         enum status status = NOTHING;
         for (int frame = 0; frame < 6; frame++) {
@@ -254,10 +260,10 @@ static void test_close_far_and_partly_outside_image(void **state)
         for (enum joint j = JOINT_HEAD; j <= JOINT_TORSO; j++)
             if (j == JOINT_HEAD || j == JOINT_NECK || j == JOINT_TORSO)
                 error = fmax(error, v3_distance(got.joint[j], want.joint[j]));
-        print_message("at %.1f m, %.2f m aside: head, neck and torso within %.3f m\n", at[k].distance_m, at[k].aside_m,
-                      error);
+        print_message("at %.1f m, %.2f m to the side: head, neck and torso within %.3f m\n", at[k].distance_m,
+                      at[k].lateral_m, error);
         EXPECT_AT_MOST(error, at[k].bound_m);
-        if (k == 0) // what the picture's lower edge cuts off was never seen
+        if (k == 0) // what the image's lower edge crops was never visible
             for (int side = 0; side < 2; side++)
                 EXPECT_TRUE(got.confidence[side ? JOINT_LEFT_FOOT : JOINT_RIGHT_FOOT] == 0);
     }
@@ -270,6 +276,7 @@ static void test_one_of_two_people_is_tracked(void **state)
     struct tracked_film s, other;
     tracked_film_open(&s, "woman", "still");
     tracked_film_open(&other, "man", "still");
+    double worst = 0;
     for (int k = 0; k < 6; k++) {
         tracked_film_shoot(&other, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)), 0, 90 + (uint64_t)k);
         film(&s, 0, 30 + (uint64_t)k);
@@ -281,8 +288,10 @@ static void test_one_of_two_people_is_tracked(void **state)
             two = world_joints_in_camera(other.world, 0, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)));
         EXPECT_STATUS(tracker_next(s.tracker, k * 33333333LL, s.depth, &got, s.mask), OK);
         expect_sane(&got);
-        EXPECT_AT_MOST(fmin(mean_error(&got, &one), mean_error(&got, &two)), 0.09);
+        worst = fmax(worst, fmin(mean_error(&got, &one), mean_error(&got, &two)));
     }
+    print_message("two people: worst frame %.4f m off\n", worst);
+    EXPECT_AT_MOST(worst, 0.032);
     tracked_film_close(&s);
     tracked_film_close(&other);
 }
@@ -324,10 +333,9 @@ static void test_zero_length_and_straight_limbs(void **state)
     (void)state;
     // No length at all: from a to a.
     struct body_solid nothing = {.a = {0, 0, 2}, .b = {0, 0, 2}, .radius_a = 0.05, .radius_b = 0.05};
-    struct vec3 n, on;
-    double t, side;
-    EXPECT_NEAR(solid_distance(&nothing, v3(0, 0, 1.9), &n, &on, &t, &side), 0.05, 1e-9);
-    EXPECT_TRUE(isfinite(solid_distance(&nothing, v3(0, 0, 2), &n, &on, &t, &side)) && v3_finite(n));
+    struct vec3 normal;
+    EXPECT_NEAR(solid_distance(&nothing, v3(0, 0, 1.9), NULL), 0.05, 1e-9);
+    EXPECT_TRUE(isfinite(solid_distance(&nothing, v3(0, 0, 2), &normal)) && v3_finite(normal));
     // A body shrunk to a millimetre and one with arms as straight as can be still build.
     struct body_shape shape = {.log = {-7}};
     struct body_pose pose = body_standing_pose(v3(0, 0, 2), v3(0, -1, 0), 0);
@@ -340,7 +348,7 @@ static void test_zero_length_and_straight_limbs(void **state)
     struct vec3 upper = v3_sub(build.joint[JOINT_LEFT_ELBOW], build.joint[JOINT_LEFT_SHOULDER]),
                 lower = v3_sub(build.joint[JOINT_LEFT_HAND], build.joint[JOINT_LEFT_ELBOW]);
     EXPECT_NEAR(v3_length(v3_cross(v3_unit(upper), v3_unit(lower))), 0, 1e-12);
-    // Facing the camera, the person's left is on the picture's right.
+    // Facing the camera, the person's left is on the image's right.
     EXPECT_AT_LEAST(build.joint[JOINT_LEFT_HAND].x, 0.1);
     EXPECT_AT_MOST(build.joint[JOINT_RIGHT_HAND].x, -0.1);
     EXPECT_AT_LEAST(build.joint[JOINT_LEFT_FOOT].y, build.joint[JOINT_LEFT_HIP].y + 0.7);

@@ -1,5 +1,4 @@
-// What a tracker does not see: which way round somebody stands at first, what is
-// behind a table, an arm behind the back.
+// What depth does not show: which way a person faces at first, legs behind a table, an arm behind the back.
 #include "tests/support/tracked_film.h"
 #include "tests/support/test.h"
 
@@ -13,21 +12,21 @@ static bool is_mirrored(const struct skeleton *got, const struct skeleton *truth
     return cross < 0.7 * keep;
 }
 
-// From the front, or from the figure's left by this angle, at the same distance of the room's middle.
-static struct pose seen_from(const struct tracked_film *s, double aside_degrees)
+// The sensor's pose, rotated about the room's middle by this angle to the figure's left.
+static struct pose seen_from(const struct tracked_film *s, double azimuth_degrees)
 {
-    double half = aside_degrees * 3.14159265358979323846 / 360;
+    double half = azimuth_degrees * 3.14159265358979323846 / 360;
     return pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(s->world));
 }
 
 static void test_any_initial_facing(void **state)
 {
     (void)state;
-    static const double aside[] = {0, 90, 180, 270};
+    static const double azimuth[] = {0, 90, 180, 270};
     struct tracked_film s;
     tracked_film_open(&s, "man", "kata");
-    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
-        struct pose from = seen_from(&s, aside[i]);
+    for (size_t i = 0; i < COUNT_OF(azimuth); i += TRACKED_EACH) {
+        struct pose from = seen_from(&s, azimuth[i]);
         int last = -1;
         tracker_reset(s.tracker);
         for (int k = 0; k < 25; k++) {
@@ -38,20 +37,20 @@ static void test_any_initial_facing(void **state)
             if (is_mirrored(&got, &truth))
                 last = k;
         }
-        print_message("seen from %g degrees: left and right are right from frame %d on\n", aside[i], last + 1);
-        EXPECT_AT_MOST(last + 1, i == 0 ? 0 : 20);
+        print_message("seen from %g degrees: left and right are right from frame %d on\n", azimuth[i], last + 1);
+        EXPECT_INT(last + 1, 0);
     }
     tracked_film_close(&s);
 }
 
-// Nobody stands then as people mostly do.
+// Initial poses that are far from standing.
 static void test_bent_or_kicking_initial_pose(void **state)
 {
     (void)state;
     static const struct {
         const char *motion;
         double time_s, most_m;
-    } starts[] = {{"bend", 4, 0.06}, {"kata", 3.9, 0.15}};
+    } starts[] = {{"bend", 4, 0.03}, {"kata", 3.9, 0.08}};
     for (size_t i = 0; i < COUNT_OF(starts); i++) {
         struct tracked_film s;
         struct skeleton got;
@@ -67,7 +66,7 @@ static void test_bent_or_kicking_initial_pose(void **state)
     }
 }
 
-// A table: where a ray meets the box, nearer than what is there.
+// Renders a table into the depth image: the box from `low` to `high`, world axes.
 static void put_table(struct tracked_film *s, struct pose from, struct vec3 low, struct vec3 high)
 {
     const struct lens *l = &s->calibration.depth;
@@ -111,9 +110,9 @@ static void test_behind_table(void **state)
             mirrored += is_mirrored(&got, &truth);
             error += error_of(&got, &truth) / 40;
         }
-        print_message("%s behind a table: %.3f m over the joints that are claimed\n", motions[m], error);
+        print_message("%s behind a table: %.3f m over the joints with confidence\n", motions[m], error);
         EXPECT_INT(mirrored, 0);
-        EXPECT_AT_MOST(error, 0.065);
+        EXPECT_AT_MOST(error, 0.035);
         tracked_film_close(&s);
     }
 }
@@ -121,15 +120,15 @@ static void test_behind_table(void **state)
 static void test_hidden_arm_is_recovered(void **state)
 {
     (void)state;
-    static const double aside[] = {0, 45, -45};
+    static const double azimuth[] = {0, 45, -45};
     struct tracked_film s;
     tracked_film_open(&s, "man", "hide");
-    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
-        struct pose from = seen_from(&s, aside[i]);
+    for (size_t i = 0; i < COUNT_OF(azimuth); i += TRACKED_EACH) {
+        struct pose from = seen_from(&s, azimuth[i]);
         double hidden = 0, out = 0;
-        int again = -1, out_k = 60; // by then it hangs in sight again
+        int again = -1, out_k = 60; // by then it hangs visibly again
         tracker_reset(s.tracker);
-        for (int k = 16; k < 82; k++) { // so far it hangs
+        for (int k = 16; k < 82; k++) { // until here it hangs
             double t = (double)k / FPS;
             struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
             tracked_film_shoot(&s, from, t, (uint64_t)k);
@@ -142,30 +141,30 @@ static void test_hidden_arm_is_recovered(void **state)
         }
         print_message(
             "from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
-            aside[i], hidden, again, out);
-        EXPECT_TRUE(again >= 0 && again <= 10);
-        EXPECT_AT_MOST(out, 0.12);
+            azimuth[i], hidden, again, out);
+        EXPECT_TRUE(again >= 0 && again <= 3);
+        EXPECT_AT_MOST(out, 0.06);
     }
     tracked_film_close(&s);
 }
 
-static bool in_sight(const struct lens *l, struct vec3 p)
+static bool in_image(const struct lens *l, struct vec3 p)
 {
     struct pixel px = lens_project(l, p);
     return px.x >= 0 && px.y >= 0 && px.x < l->width && px.y < l->height;
 }
 
 struct claims {
-    int gone, claimed; // joints beyond the picture's edge; of them, said to be seen
-    int visible, seen; // the same in the picture
+    int gone, claimed; // joints outside the image; of them, with confidence 1
+    int visible, seen; // the same inside the image
 };
 
-// The last seconds of a visit, in which the figure walks out of the picture.
-static void watch_leave(const char *figure, double aside_degrees, struct claims *c)
+// The last seconds of a visit, in which the figure walks out of the image.
+static void watch_leave(const char *figure, double azimuth_degrees, struct claims *c)
 {
     struct tracked_film s;
     tracked_film_open(&s, figure, "visit");
-    struct pose from = seen_from(&s, aside_degrees);
+    struct pose from = seen_from(&s, azimuth_degrees);
     for (int k = 0; k < 3 * FPS; k++) {
         double t = world_seconds(s.world) - 3.5 + (double)k / FPS;
         struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
@@ -173,7 +172,7 @@ static void watch_leave(const char *figure, double aside_degrees, struct claims 
         if (tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL) != OK)
             continue;
         for (int j = 0; j < JOINT_COUNT; j++) {
-            bool there = in_sight(&s.calibration.depth, truth.joint[j]), sure = got.confidence[j] == 1;
+            bool there = in_image(&s.calibration.depth, truth.joint[j]), sure = got.confidence[j] == 1;
             c->visible += there;
             c->seen += there && sure;
             c->gone += !there;
@@ -183,22 +182,22 @@ static void watch_leave(const char *figure, double aside_degrees, struct claims 
     tracked_film_close(&s);
 }
 
-// Of who walks out of the picture, what is already beyond its edge is mostly not said to be seen.
+// While a person walks out of the image, most joints outside it do not have confidence 1.
 static void test_joints_outside_image_are_predicted(void **state)
 {
     (void)state;
     static const struct {
         const char *figure;
-        double aside_degrees;
+        double azimuth_degrees;
     } films[] = {{"man", 0}, {"coat", 20}, {"child", 10}};
     struct claims c = {0};
     for (size_t i = 0; i < COUNT_OF(films); i++)
-        watch_leave(films[i].figure, films[i].aside_degrees, &c);
-    print_message("of %d joints beyond the edge %d are said to be seen, of %d in the picture %d\n", c.gone, c.claimed,
+        watch_leave(films[i].figure, films[i].azimuth_degrees, &c);
+    print_message("of %d joints outside the image %d have confidence 1, of %d inside %d\n", c.gone, c.claimed,
                   c.visible, c.seen);
     EXPECT_AT_LEAST(c.gone, 100);
-    EXPECT_AT_MOST(c.claimed, 0.4 * c.gone);
-    EXPECT_AT_LEAST(c.seen, 0.78 * c.visible);
+    EXPECT_AT_MOST(c.claimed, 0.33 * c.gone);  // 0.29
+    EXPECT_AT_LEAST(c.seen, 0.81 * c.visible); // 0.83
 }
 
 int main(void)

@@ -1,18 +1,18 @@
-// A depth sensor that is not there: a driver for the real OpenNI2, which shows
-// it the pictures of a folder (TUM layout, see platform/folder.c) as a device
-// with a depth and a colour stream. So everything in front of the driver is
-// what runs with a real sensor. OpenNI2 loads it as lib*.so.0 from the folder
-// OpenNI2/Drivers beside its own library; see CMakeLists.txt here.
+// A simulated depth sensor: a driver for the real OpenNI2 that presents the
+// images of a folder (TUM layout, see platform/folder.c) as a device with a depth
+// and a colour stream, so that everything above the driver is what runs with a
+// real sensor. OpenNI2 loads it as lib*.so.0 from the folder OpenNI2/Drivers
+// beside its own library; see CMakeLists.txt here.
 //
 // Set in the environment before OpenNI2 starts:
 //   REENACT_FAKE_SENSOR=DIR[:DIR…]        a device for each folder; unset: none
-//   REENACT_FAKE_SENSOR_FPS=30            pictures per second; 0: as fast as they can be read
-//   REENACT_FAKE_SENSOR_AT_END=unplug     or stop (stay silent), or loop (time goes on)
-//   REENACT_FAKE_SENSOR_UNPLUG_AFTER=N    goes away after N pictures
+//   REENACT_FAKE_SENSOR_FPS=30            frames per second; 0: as fast as they can be read
+//   REENACT_FAKE_SENSOR_AT_END=unplug     or stop (send no more), or loop (times continue to rise)
+//   REENACT_FAKE_SENSOR_UNPLUG_AFTER=N    disconnects after N frames
 //   REENACT_FAKE_SENSOR_DEPTH=1mm         or 100um: the only unit it offers
-//   REENACT_FAKE_SENSOR_MIRROR=settable   or fixed: mirrored and cannot be told otherwise
+//   REENACT_FAKE_SENSOR_MIRROR=settable   or fixed: always mirrored
 //
-// Like real sensors it mirrors until it is told not to. Times are those of
+// Like real sensors it mirrors by default. Times are those of
 // the folder's list in microseconds; frame numbers count from 1.
 #define XN_NEW(type, ...)  new type(__VA_ARGS__)
 #define XN_DELETE(pointer) delete (pointer)
@@ -47,8 +47,8 @@ std::string setting(const char *name, const char *otherwise)
     return value ? value : otherwise;
 }
 
-// OpenNI2's properties come as untyped memory.
-template <typename T> OniStatus give(const T &value, void *data, int *size)
+// OpenNI2's properties are untyped memory.
+template <typename T> OniStatus write_property(const T &value, void *data, int *size)
 {
     if (*size < static_cast<int>(sizeof value))
         return ONI_STATUS_BAD_PARAMETER;
@@ -57,7 +57,7 @@ template <typename T> OniStatus give(const T &value, void *data, int *size)
     return ONI_STATUS_OK;
 }
 
-template <typename T> OniStatus take(T &value, const void *data, int size)
+template <typename T> OniStatus read_property(T &value, const void *data, int size)
 {
     if (size != static_cast<int>(sizeof value))
         return ONI_STATUS_BAD_PARAMETER;
@@ -82,7 +82,7 @@ class Stream : public oni::driver::StreamBase
 
     void stop() override
     {
-        // A picture on its way is let through first: OpenNI2 takes its side down next.
+        // Waits for an image being sent: OpenNI2 frees its side of the stream next.
         std::lock_guard<std::mutex> guard(sending_);
         started_ = false;
     }
@@ -101,16 +101,17 @@ class Stream : public oni::driver::StreamBase
     OniStatus getProperty(int id, void *data, int *size) override
     {
         switch (id) {
-        case ONI_STREAM_PROPERTY_VIDEO_MODE: return give(mode_, data, size);
+        case ONI_STREAM_PROPERTY_VIDEO_MODE: return write_property(mode_, data, size);
         case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
-            return give(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
+            return write_property(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
         case ONI_STREAM_PROPERTY_VERTICAL_FOV:
-            return give(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
-        case ONI_STREAM_PROPERTY_MIRRORING: return give(OniBool(mirrored_ ? TRUE : FALSE), data, size);
-        case ONI_STREAM_PROPERTY_STRIDE: return give(stride(), data, size);
-        case ONI_STREAM_PROPERTY_CROPPING: return give(OniCropping{}, data, size); // recordings need it
-        case ONI_STREAM_PROPERTY_MAX_VALUE: return give(65535, data, size);
-        case ONI_STREAM_PROPERTY_MIN_VALUE: return give(0, data, size);
+            return write_property(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
+        case ONI_STREAM_PROPERTY_MIRRORING: return write_property(OniBool(mirrored_ ? TRUE : FALSE), data, size);
+        case ONI_STREAM_PROPERTY_STRIDE: return write_property(stride(), data, size);
+        case ONI_STREAM_PROPERTY_CROPPING:
+            return write_property(OniCropping{}, data, size); // OpenNI2's recorder needs it
+        case ONI_STREAM_PROPERTY_MAX_VALUE: return write_property(65535, data, size);
+        case ONI_STREAM_PROPERTY_MIN_VALUE: return write_property(0, data, size);
         default: return ONI_STATUS_NOT_SUPPORTED;
         }
     }
@@ -119,14 +120,14 @@ class Stream : public oni::driver::StreamBase
     {
         if (id == ONI_STREAM_PROPERTY_VIDEO_MODE) {
             OniVideoMode wanted;
-            OniStatus status = take(wanted, data, size);
+            OniStatus status = read_property(wanted, data, size);
             if (status != ONI_STATUS_OK)
                 return status;
             return std::memcmp(&wanted, &mode_, sizeof wanted) ? ONI_STATUS_NOT_SUPPORTED : ONI_STATUS_OK;
         }
         if (id == ONI_STREAM_PROPERTY_MIRRORING && setting("REENACT_FAKE_SENSOR_MIRROR", "settable") != "fixed") {
             OniBool wanted;
-            OniStatus status = take(wanted, data, size);
+            OniStatus status = read_property(wanted, data, size);
             if (status == ONI_STATUS_OK)
                 mirrored_ = wanted != FALSE;
             return status;
@@ -134,7 +135,7 @@ class Stream : public oni::driver::StreamBase
         return ONI_STATUS_NOT_SUPPORTED;
     }
 
-    // Hands one picture to OpenNI2, as this stream is set; nothing while it is stopped.
+    // Passes one image to OpenNI2 with this stream's settings; does nothing while the stream is stopped.
     void send(const void *pixels, int64_t time_ns, int index)
     {
         std::lock_guard<std::mutex> guard(sending_);
@@ -212,7 +213,7 @@ class Device : public oni::driver::DeviceBase
             return false;
         int fps = std::atoi(setting("REENACT_FAKE_SENSOR_FPS", "30").c_str());
         if (fps < 1)
-            fps = 30; // only what it says it does
+            fps = 30; // the rate that the video mode states
         const calibration &c = facts_.calibration;
         bool tenths = setting("REENACT_FAKE_SENSOR_DEPTH", "1mm") == "100um";
         modes_[0] = {tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM, c.depth.width,
@@ -263,14 +264,14 @@ class Device : public oni::driver::DeviceBase
 
     OniStatus getProperty(int id, void *data, int *size) override
     {
-        return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION ? give(registration_, data, size)
+        return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION ? write_property(registration_, data, size)
                                                             : ONI_STATUS_NOT_SUPPORTED;
     }
 
     OniStatus setProperty(int id, const void *data, int size) override
     {
         OniImageRegistrationMode wanted;
-        if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || take(wanted, data, size) != ONI_STATUS_OK ||
+        if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || read_property(wanted, data, size) != ONI_STATUS_OK ||
             !isImageRegistrationModeSupported(wanted))
             return ONI_STATUS_NOT_SUPPORTED;
         registration_ = wanted;
@@ -294,6 +295,14 @@ class Device : public oni::driver::DeviceBase
         return false;
     }
 
+    // Opens the folder again and reads its first frame.
+    enum status restart(frame *out)
+    {
+        folder_kind.close(self_);
+        enum status status = folder_open(&self_, folder_.c_str(), SOURCE_SENSOR, &facts_);
+        return status == OK ? folder_kind.next(self_, out) : NOTHING;
+    }
+
     void run()
     {
         using clock = std::chrono::steady_clock;
@@ -302,10 +311,9 @@ class Device : public oni::driver::DeviceBase
         std::string at_end = setting("REENACT_FAKE_SENSOR_AT_END", "unplug");
         std::unique_lock<std::mutex> guard(lock_);
         changed_.wait(guard, [this] { return closing_ || any_started(); });
-        // Both streams begin with the first picture, however slowly they are started.
+        // Both streams begin with the first frame, even if they are started one after the other.
         changed_.wait_for(guard, std::chrono::milliseconds(500), [this] { return closing_ || all_started(); });
-        // OpenNI2 counts a stream as started only after start() returned and takes no picture before; no real
-        // sensor is that quick.
+        // OpenNI2 accepts no image until start() has returned; no real sensor is that quick.
         if (changed_.wait_for(guard, std::chrono::milliseconds(100), [this] { return closing_; }))
             return;
         int64_t first_ns = 0, last_ns = 0, added_ns = 0;
@@ -316,16 +324,11 @@ class Device : public oni::driver::DeviceBase
                 if (changed_.wait_until(guard, due, [this] { return closing_; }))
                     return;
             }
-            frame picture = {};
-            enum status status = NOTHING;
-            if (index - 1 != unplug_after) {
-                status = folder_kind.next(self_, &picture);
-                if (status == NOTHING && at_end == "loop") {
-                    folder_kind.close(self_);
-                    added_ns = last_ns - first_ns + 33333000;
-                    if (folder_open(&self_, folder_.c_str(), SOURCE_SENSOR, &facts_) == OK)
-                        status = folder_kind.next(self_, &picture);
-                }
+            frame image = {};
+            enum status status = index - 1 == unplug_after ? NOTHING : folder_kind.next(self_, &image);
+            if (status == NOTHING && index - 1 != unplug_after && at_end == "loop") {
+                added_ns = last_ns - first_ns + 33333000;
+                status = restart(&image);
             }
             if (status != OK) {
                 guard.unlock();
@@ -333,17 +336,17 @@ class Device : public oni::driver::DeviceBase
                     unplugged_();
                 return;
             }
-            int64_t time_ns = picture.time_ns + added_ns;
+            int64_t time_ns = image.time_ns + added_ns;
             if (index == 1)
                 first_ns = time_ns;
             last_ns = time_ns;
-            // Not under the lock: OpenNI2 calls in from the other side with locks of its own. A stream that is
-            // destroyed meanwhile was stopped before, and lives until this is done.
+            // Without the lock: OpenNI2 calls this driver while holding its own locks. A stream that is destroyed
+            // meanwhile was stopped before, and `streams` keeps it alive.
             auto streams = streams_;
             guard.unlock();
             for (const auto &stream : streams)
-                stream->send(stream->sensor() == ONI_SENSOR_DEPTH ? static_cast<const void *>(picture.depth)
-                                                                  : picture.color,
+                stream->send(stream->sensor() == ONI_SENSOR_DEPTH ? static_cast<const void *>(image.depth)
+                                                                  : image.color,
                              time_ns, index);
             guard.lock();
         }
@@ -404,7 +407,10 @@ class Driver : public oni::driver::DriverBase
 
     void shutdown() override {}
 
-    void *enableFrameSync(oni::driver::StreamBase **, int) override { return this; } // pictures go out in pairs anyway
+    void *enableFrameSync(oni::driver::StreamBase **, int) override
+    {
+        return this;
+    } // frames are sent in pairs in any case
     void disableFrameSync(void *) override {}
 
   private:

@@ -1,6 +1,6 @@
-// For the leak sanitizer: keeps OpenNI2's player of .oni files in memory, so
-// that what it loses is told by its name (leaks.txt) and not by bare addresses
-// of a library that is gone. No other use.
+// For the leak sanitizer: keeps OpenNI2's player of .oni files loaded, so that
+// its leaks are reported with its name, which leaks.txt suppresses, and not as
+// addresses of an unloaded library. No other use.
 #pragma once
 #include <dlfcn.h>
 
@@ -8,5 +8,5 @@ static inline void keep_player(void)
 {
     void *player = dlopen(OPENNI2_PLAYER, RTLD_NOW | RTLD_NODELETE);
     if (player)
-        dlclose(player); // stays all the same
+        dlclose(player); // RTLD_NODELETE: it stays loaded
 }

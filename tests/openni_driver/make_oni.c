@@ -1,11 +1,11 @@
-// make-oni --from FOLDER --out FILE.oni: turns a folder of pictures into a
-// recording, with OpenNI2's own recorder and without loss. OpenNI2 sees the
-// folder as a sensor (fake_sensor.cpp), so the file is what a real recording is.
+// make-oni --from FOLDER --out FILE.oni: converts a folder of images to a
+// recording, with OpenNI2's own recorder and without loss. OpenNI2 reads the
+// folder as a sensor (fake_sensor.cpp), so the file is like a real recording.
 //
-// That includes a fault of OpenNI2 2.2: its depth coder swaps the last two
-// things it writes when a picture ends on an even number of equal values and
-// one more, so that up to 31 pixels at the end of the bottom row may hold a
-// neighbour's depth. Everything else is the folder's, bit for bit.
+// That includes a fault of OpenNI2 2.2: its depth coder swaps the last two codes
+// it writes when an image ends with an even number of equal values and one more,
+// so that up to 31 pixels at the end of the bottom row may hold a neighbour's
+// depth. Everything else equals the folder's, bit for bit.
 #include "base/clock.h"
 #include "platform/file.h"
 #include "platform/source.h"
@@ -58,15 +58,15 @@ static int64_t size_of(const char *path)
     return stat(path, &about) ? -1 : (int64_t)about.st_size;
 }
 
-// The recorder works on a thread of its own and says to nobody when it is ready; what it
-// writes to the file shows it. Waits until the file has been still for a while.
-static void wait_until_still(const char *path)
+// The recorder runs on its own thread and does not report when it is ready, except by what it has written. Waits until
+// the file's size has not changed for 200 ms, at most 5 s.
+static void wait_until_stable(const char *path)
 {
     int64_t size = -1, until_ns = clock_now_ns() + 5000000000;
-    for (int still = 0; still < 10 && clock_now_ns() < until_ns; still++) {
+    for (int stable = 0; stable < 10 && clock_now_ns() < until_ns; stable++) {
         int64_t now = size_of(path);
         if (now != size || now <= 0)
-            still = 0;
+            stable = 0;
         size = now;
         clock_sleep_until_ns(clock_now_ns() + 20000000);
     }
@@ -75,7 +75,7 @@ static void wait_until_still(const char *path)
 static enum status open_streams(struct oni_recording *r)
 {
     static const OniSensorType types[] = {ONI_SENSOR_DEPTH, ONI_SENSOR_COLOR};
-    OniBool off = FALSE; // as real recordings may be; a sensor that insists on mirroring is recorded so
+    OniBool off = FALSE; // a sensor that always mirrors is recorded mirrored
     if (oniDeviceOpen("reenact-fake-sensor/0", &r->device) != ONI_STATUS_OK)
         return oni_failed("does not find the fake sensor");
     for (int i = 0; i < 2; i++) {
@@ -88,7 +88,7 @@ static enum status open_streams(struct oni_recording *r)
     return OK;
 }
 
-// Records until `frames` depth pictures have gone by.
+// Records until `frames` depth images were sent.
 static enum status record(struct oni_recording *r, const char *path, int frames)
 {
     if (oniCreateRecorder(path, &r->recorder) != ONI_STATUS_OK)
@@ -98,12 +98,12 @@ static enum status record(struct oni_recording *r, const char *path, int frames)
             return oni_failed("does not record a stream");
     if (oniRecorderStart(r->recorder) != ONI_STATUS_OK)
         return oni_failed("does not record");
-    wait_until_still(path);
+    wait_until_stable(path);
     for (int i = 0; i < 2; i++)
         if (r->streams[i] && oniStreamStart(r->streams[i]) != ONI_STATUS_OK)
             return oni_failed("does not start a stream");
-    // The recorder gets every picture; only the last one matters here.
-    int64_t heard_ns = clock_now_ns();
+    // The recorder gets every image; only the number of the last one matters here.
+    int64_t last_frame_ns = clock_now_ns();
     for (int last = 0; last < frames;) {
         int index;
         OniFrame *frame;
@@ -111,12 +111,12 @@ static enum status record(struct oni_recording *r, const char *path, int frames)
             oniStreamReadFrame(r->streams[0], &frame) == ONI_STATUS_OK && frame) {
             last = frame->frameIndex;
             oniFrameRelease(frame);
-            heard_ns = clock_now_ns();
-        } else if (clock_now_ns() - heard_ns > 10000000000) {
+            last_frame_ns = clock_now_ns();
+        } else if (clock_now_ns() - last_frame_ns > 10000000000) {
             return fail(ERR_DEVICE, "no picture came for 10 s, after %d of %d", last, frames);
         }
     }
-    // Colour goes out after depth.
+    // The last colour image is sent after depth.
     clock_sleep_until_ns(clock_now_ns() + 200000000);
     return OK;
 }
@@ -124,7 +124,7 @@ static enum status record(struct oni_recording *r, const char *path, int frames)
 static void close_all(struct oni_recording *r)
 {
     if (r->recorder)
-        oniRecorderDestroy(&r->recorder); // writes what is still waiting
+        oniRecorderDestroy(&r->recorder); // flushes
     for (int i = 0; i < 2; i++)
         if (r->streams[i])
             oniStreamDestroy(r->streams[i]);
@@ -133,7 +133,7 @@ static void close_all(struct oni_recording *r)
     oniShutdown();
 }
 
-// How many pictures the recording says it holds.
+// Compares the number of frames that the recording states.
 static enum status check(const char *path, int64_t frames)
 {
     char uri[4096];
@@ -181,9 +181,8 @@ int main(int argc, char **argv)
         {"out", 'o', "FILE.oni", 0, "the recording to make", 0},
         {0},
     };
-    static const struct argp argp = {.options = known,
-                                     .parser = parse,
-                                     .doc = "Turns a folder of pictures into an OpenNI2 recording, without loss."};
+    static const struct argp argp = {
+        .options = known, .parser = parse, .doc = "Converts a folder of images to an OpenNI2 recording, without loss."};
     struct options options = {0};
     keep_player();
     argp_err_exit_status = 2;

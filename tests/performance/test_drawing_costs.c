@@ -1,8 +1,8 @@
-// What drawing asks of the GPU, in the small world: few calls, nothing made, compiled
-// or sent for what has not changed, and never more memory than is promised.
+// GPU costs of drawing, in the small world: few calls; nothing allocated, compiled or
+// uploaded for what has not changed; memory within the documented bound.
 #include "tests/support/test.h"
 
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 #include "tests/support/compiled.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/retake.h"
@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Views that are drawn: fewer where drawing is emulated.
+// Numbers of views; fewer where drawing is emulated.
 #ifdef EMULATED
 enum { ROUND = 6, SIDES = 1 };
 #else
@@ -19,12 +19,12 @@ enum { ROUND = 20, SIDES = 3 };
 #endif
 
 static struct rehearsed rehearsed;
-static struct take *take; // its
+static struct take *take; // of `rehearsed`
 static struct gpu *gpu;
-static struct renderer *of_one_frame; // keeps one; it is prepared once, for two tests
+static struct renderer *of_one_frame; // keeps one frame layer; shared by three tests
 static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0, 0};
 
-static struct pose round_him(double angle) { return rehearsed_orbit_pose(&rehearsed, 0, angle); }
+static struct pose orbit_pose(double angle) { return rehearsed_orbit_pose(&rehearsed, 0, angle); }
 
 static struct renderer *renderer_at(enum detail detail, size_t texture_bytes)
 {
@@ -45,7 +45,7 @@ static struct renderer *renderer_at(enum detail detail, size_t texture_bytes)
 
 static void draw(struct renderer *p, int64_t time_ns, double angle, const uint8_t *color)
 {
-    const struct pose viewer = round_him(angle);
+    const struct pose viewer = orbit_pose(angle);
     const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
     struct renderer_view view = {
         .world_from_camera = viewer, .time_ns = time_ns, .color = color, .viewer_from_room = &viewer_from_room};
@@ -67,25 +67,25 @@ static void test_few_draw_calls_and_no_reupload(void **state)
         draw(p, 0, 0.3 * i, grey);
         struct gpu_counts now = gpu_get_counts(gpu);
         EXPECT_AT_MOST(now.draws - before.draws, 6);
-        EXPECT_INT(now.uploads - before.uploads, 3); // the camera's picture, what is seen of him: points, triangles
+        EXPECT_INT(now.uploads - before.uploads, 3); // the camera image, the visible vertices, the triangles
         EXPECT_INT(now.made, before.made);
         before = now;
     }
     draw(p, take_entry(take, 2)->time_ns - take_entry(take, 0)->time_ns, 0, grey);
     struct gpu_counts now = gpu_get_counts(gpu);
-    print_message("%lld calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
+    print_message("%lld draw calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
                   (long long)(now.uploads - before.uploads));
-    EXPECT_INT(now.uploads - before.uploads, 5); // and the frame's colours and depth
+    EXPECT_INT(now.uploads - before.uploads, 5); // and the frame's colour and depth
     draw(p, 0, 0, grey);
     before = now;
     now = gpu_get_counts(gpu);
-    EXPECT_INT(now.uploads - before.uploads, 3); // both frames are kept
+    EXPECT_INT(now.uploads - before.uploads, 3); // both frames are resident
     EXPECT_INT(now.made, before.made);
     renderer_close(&p);
     free(grey);
 }
 
-// The actor at that frame, and how many uploads it took.
+// Draws the actor at that frame; returns the number of uploads.
 static int64_t draw_frame(struct renderer *p, int64_t frame, uint8_t *actor)
 {
     int64_t before = gpu_get_counts(gpu).uploads;
@@ -95,33 +95,33 @@ static int64_t draw_frame(struct renderer *p, int64_t frame, uint8_t *actor)
     return uploads;
 }
 
-// A frame that was loaded before it was wanted is only drawn, and the picture is the same byte for byte.
+// A prefetched frame is not loaded again, and its image is the same byte for byte.
 static void test_prefetched_image_is_identical(void **state)
 {
     (void)state;
     const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
-    uint8_t *ours = malloc(bytes), *other = malloc(bytes), *theirs = malloc(bytes);
+    uint8_t *loaded_image = malloc(bytes), *other = malloc(bytes), *prefetched_image = malloc(bytes);
     struct renderer *p = of_one_frame;
     struct frame_layer_loader *loader;
     struct frame_layer loaded;
-    int64_t loading = draw_frame(p, 3, ours);
+    int64_t loading = draw_frame(p, 3, loaded_image);
     draw_frame(p, 2, other);
     EXPECT_TRUE(renderer_nearest_resident_frame(p, 3, 0) < 0 && renderer_nearest_resident_frame(p, 2, 0) == 2);
-    EXPECT_STATUS(frame_layer_loader_open(&loader, take, rehearsed.rays, renderer_avatar(p)), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &rehearsed.source, renderer_avatar(p)), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, 3, &loaded), OK);
     EXPECT_STATUS(renderer_add_frame(p, &loaded), OK);
-    EXPECT_TRUE(!loaded.shift); // its contents went over
+    EXPECT_TRUE(!loaded.shift); // the renderer took over its contents
     EXPECT_INT(renderer_nearest_resident_frame(p, 3, 0), 3);
-    EXPECT_INT(loading - draw_frame(p, 3, theirs), 2); // colours and depth are there
-    EXPECT_TRUE(memcmp(ours, other, bytes));
-    EXPECT_TRUE(!memcmp(ours, theirs, bytes));
+    EXPECT_INT(loading - draw_frame(p, 3, prefetched_image), 2); // colour and depth are resident
+    EXPECT_TRUE(memcmp(loaded_image, other, bytes));
+    EXPECT_TRUE(!memcmp(loaded_image, prefetched_image, bytes));
     frame_layer_loader_close(&loader);
-    free(ours);
+    free(loaded_image);
     free(other);
-    free(theirs);
+    free(prefetched_image);
 }
 
-// Of the person only what is in so many columns in the middle.
+// Reduces the mask to *columns columns in its middle.
 static void narrow(void *self, struct retaken *f)
 {
     const int *columns = self;
@@ -136,35 +136,39 @@ static void narrow(void *self, struct retaken *f)
 
 static bool power_of_two(int side) { return !(side & (side - 1)); }
 
-// For a texture with such a side programs would be compiled once more, while somebody watches.
+// For a texture with such a side software rasterisers would compile programs once more, during playback.
 static void test_no_texture_side_is_power_of_two(void **state)
 {
     (void)state;
-    bool met = false;
+    bool tested = false;
     for (int columns = 14; columns <= 20; columns++) {
         char name[32];
         struct recording *recording;
         struct take *of;
+        struct take_skeletons *skeletons;
         struct frame_layer_loader *loader;
         struct frame_layer f;
         snprintf(name, sizeof name, "%d columns", columns);
         retake(rehearsed.rehearsal.file, "turn", name, narrow, &columns);
         EXPECT_STATUS(recording_open(&recording, rehearsed.rehearsal.file), OK);
         EXPECT_STATUS(take_open(&of, recording, name), OK);
-        EXPECT_STATUS(frame_layer_loader_open(&loader, of, rehearsed.rays, renderer_avatar(of_one_frame)), OK);
+        EXPECT_STATUS(take_skeletons_open(&skeletons, of), OK);
+        const struct frame_source source = {of, skeletons, rehearsed.rays};
+        EXPECT_STATUS(frame_layer_loader_open(&loader, &source, renderer_avatar(of_one_frame)), OK);
         EXPECT_STATUS(frame_layer_loader_load(loader, 3, &f), OK);
         EXPECT_TRUE(f.has_images);
         print_message("%d columns: colours %d x %d, depth %d x %d\n", columns, f.color.width, f.color.height,
                       f.depth.width, f.depth.height);
         EXPECT_TRUE(!power_of_two(f.color.width) && !power_of_two(f.color.height));
         EXPECT_TRUE(!power_of_two(f.depth.width) && !power_of_two(f.depth.height));
-        met |= f.color.width == 17;
+        tested |= f.color.width == 17;
         frame_layer_free(&f);
         frame_layer_loader_close(&loader);
+        take_skeletons_close(&skeletons);
         take_close(&of);
         recording_free(&recording);
     }
-    EXPECT_TRUE(met); // where it would have been 16
+    EXPECT_TRUE(tested); // a width that would have been 16
 }
 
 static int pixels_of(const uint8_t *rgba, struct gpu_box within)
@@ -177,8 +181,8 @@ static int pixels_of(const uint8_t *rgba, struct gpu_box within)
     return count;
 }
 
-// Whoever has no time to load a frame gets him in that frame's posture, with another's colours; and is told where he
-// is.
+// With view.within_ns a frame that is not resident is drawn in its own pose with the layer of a resident neighbour, and
+// result.within bounds what was drawn.
 static void test_substitute_frame_is_drawn(void **state)
 {
     (void)state;
@@ -186,30 +190,30 @@ static void test_substitute_frame_is_drawn(void **state)
     const int64_t step_ns = take_entry(take, FRAME)->time_ns - take_entry(take, BEFORE)->time_ns;
     const struct gpu_box all = {0, 0, lens.width, lens.height};
     const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
-    uint8_t *right = malloc(bytes), *before = malloc(bytes), *substitute = malloc(bytes);
+    uint8_t *exact = malloc(bytes), *before = malloc(bytes), *substitute = malloc(bytes);
     struct renderer *p = of_one_frame;
-    struct renderer_view view = {.world_from_camera = round_him(0.4),
+    struct renderer_view view = {.world_from_camera = orbit_pose(0.4),
                                  .time_ns = take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns,
                                  .within_ns = step_ns};
     struct renderer_result result;
-    draw_frame(p, FRAME, right);
+    draw_frame(p, FRAME, exact);
     draw_frame(p, BEFORE, before);
     EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, step_ns), BEFORE);
     EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, step_ns - 1), -1);
     EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, 0), -1); // it was not loaded
     EXPECT_STATUS(renderer_read_actor(p, substitute), OK);
-    EXPECT_TRUE(memcmp(substitute, before, bytes) && memcmp(substitute, right, bytes));
-    const int pixels = pixels_of(substitute, all), should_be = pixels_of(right, all);
+    EXPECT_TRUE(memcmp(substitute, before, bytes) && memcmp(substitute, exact, bytes));
+    const int pixels = pixels_of(substitute, all), should_be = pixels_of(exact, all);
     EXPECT_AT_LEAST(pixels, 0.9 * should_be);
     EXPECT_AT_MOST(pixels, 1.1 * should_be);
     EXPECT_INT(pixels_of(substitute, result.within), pixels);
     EXPECT_AT_MOST(result.within.width * result.within.height, 0.5 * lens.width * lens.height);
-    view.within_ns = step_ns - 1; // none is so near: it is loaded
+    view.within_ns = step_ns - 1; // none is so near: the frame is loaded
     EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_STATUS(renderer_read_actor(p, substitute), OK);
-    EXPECT_TRUE(!memcmp(substitute, right, bytes));
-    free(right);
+    EXPECT_TRUE(!memcmp(substitute, exact, bytes));
+    free(exact);
     free(before);
     free(substitute);
 }
@@ -218,10 +222,10 @@ static void test_memory_is_bounded(void **state)
 {
     (void)state;
     const struct calibration *c = take_calibration(take);
-    const size_t tablet = (size_t)lens.width * (size_t)lens.height,
-                 picture = (size_t)c->color.width * (size_t)c->color.height;
+    const size_t view_pixels = (size_t)lens.width * (size_t)lens.height,
+                 frame_pixels = (size_t)c->color.width * (size_t)c->color.height;
     for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
-        const size_t kept = 2 * picture * 4, before = gpu_get_counts(gpu).bytes_held;
+        const size_t kept = 2 * frame_pixels * 4, before = gpu_get_counts(gpu).bytes_held;
         struct renderer *p = renderer_at((enum detail)detail, kept);
         size_t most = 0;
         for (int64_t i = 0; i < take_frame_count(take); i++)
@@ -230,15 +234,15 @@ static void test_memory_is_bounded(void **state)
                 size_t held = gpu_get_counts(gpu).bytes_held - before;
                 most = held > most ? held : most;
             }
-        size_t bound = kept + 8 * picture + 42 * tablet + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
-        print_message("%zu bytes at most, %zu promised\n", most, bound);
+        size_t bound = kept + 8 * frame_pixels + 42 * view_pixels + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
+        print_message("%zu bytes at most, documented bound %zu\n", most, bound);
         EXPECT_AT_MOST((double)most, (double)bound);
         renderer_close(&p);
-        EXPECT_INT(gpu_get_counts(gpu).bytes_held, before); // all is given back
+        EXPECT_INT(gpu_get_counts(gpu).bytes_held, before); // all is released
     }
 }
 
-// A wall before him, as high as his waist.
+// A wall half-way between viewer and actor, up to the actor's waist.
 static struct occluder_mesh wall_before(struct pose viewer, struct vec3 waist)
 {
     static const uint16_t corners[6] = {0, 1, 2, 1, 2, 3};
@@ -260,18 +264,18 @@ static struct occluder_mesh wall_before(struct pose viewer, struct vec3 waist)
     return r;
 }
 
-static int opaque(struct renderer *p, uint8_t *rgba)
+static int actor_pixels(struct renderer *p, uint8_t *rgba)
 {
     const struct gpu_box all = {0, 0, lens.width, lens.height};
     EXPECT_STATUS(renderer_read_actor(p, rgba), OK);
     return pixels_of(rgba, all);
 }
 
-// As an app draws him: once he has been prepared, nothing is made or compiled when first something hides him.
+// As in an app: once all is uploaded, nothing is allocated or compiled when the room first hides the actor.
 static void test_room_upload_costs_no_frame(void **state)
 {
     (void)state;
-    const struct pose viewer = round_him(0.3);
+    const struct pose viewer = orbit_pose(0.3);
     const struct take_entry *first = take_entry(take, 0);
     const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
     uint8_t *rgba = malloc((size_t)lens.width * (size_t)lens.height * 4);
@@ -284,19 +288,20 @@ static void test_room_upload_costs_no_frame(void **state)
     struct renderer_result result;
     o.avatar_later = o.shadow = true;
     EXPECT_STATUS(renderer_open(&p, gpu, take, &lens, &o), OK);
-    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, 2, NULL), OK);
+    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, &(struct avatar_options){.max_frames = 2, .threads = 4}),
+                  OK);
     EXPECT_STATUS(renderer_set_avatar(p, &avatar), OK);
     EXPECT_STATUS(renderer_set_room(p, &room), OK);
     for (int i = 0; i < 200 && (i == 0 || !renderer_upload_done(p)); i++)
         EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_INT(result.level, DETAIL_FULL);
-    const int all = opaque(p, rgba), compiled = compiled_shader_count();
+    const int all = actor_pixels(p, rgba), compiled = compiled_shader_count();
     const int64_t made = gpu_get_counts(gpu).made;
     view.viewer_from_room = &viewer_from_room;
     EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
-    const int left = opaque(p, rgba);
-    print_message("%d pixels of him, %d behind the wall; %d compiled for it\n", all, left,
+    const int left = actor_pixels(p, rgba);
+    print_message("%d pixels of the actor, %d with the wall before; %d shaders compiled\n", all, left,
                   compiled_shader_count() - compiled);
     EXPECT_AT_LEAST(left, 0.1 * all);
     EXPECT_AT_MOST(left, 0.9 * all);
@@ -308,7 +313,7 @@ static void test_room_upload_costs_no_frame(void **state)
 
 static struct renderer_result draw_from(struct renderer *p, double back_m, double error_px)
 {
-    struct renderer_view view = {.world_from_camera = round_him(0)};
+    struct renderer_view view = {.world_from_camera = orbit_pose(0)};
     struct renderer_result result;
     struct vec3 back = quat_rotate(view.world_from_camera.rotation, v3(0, 0, -back_m));
     view.world_from_camera.translation = v3_add(view.world_from_camera.translation, back);
@@ -317,8 +322,8 @@ static struct renderer_result draw_from(struct renderer *p, double back_m, doubl
     return result;
 }
 
-// Auto draws at paper exactly where paper's predicted error is below the threshold,
-// and from farther away every level is wrong by fewer pixels.
+// DETAIL_AUTO draws DETAIL_PAPER exactly where its predicted error is below the threshold;
+// from farther away every level's predicted error is smaller.
 static void test_auto_error_stays_within_bound(void **state)
 {
     (void)state;

@@ -1,7 +1,6 @@
-// Nothing that takes long is put off until somebody watches: once the take is prepared, no target and no program is
-// made and no shader is compiled when he is drawn coarser or finer, or when another frame is shown. (When the room
-// comes to hide him: test_drawing_costs.) Where no graphics chip draws, a shader compiled in between is a picture that
-// takes five times as long.
+// No stalls during playback: once the take is prepared, no target or program is made and no shader is compiled when the
+// resolution scale or the shown frame changes. (When the room first hides the actor: test_drawing_costs.) With a
+// software rasteriser, compiling a shader makes one image take five times as long.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -18,7 +17,7 @@ static struct glass glass;
 
 static int64_t made(void) { return gpu_get_counts(glass.gpu).made; }
 
-// Draws the first frame until it has come to rest, at that level of the governor's.
+// Draws the first frame until the viewer is idle, at that level of the resolution governor.
 static void draw_at(int level)
 {
     glass.viewer.governor.level = level;
@@ -28,15 +27,15 @@ static void draw_at(int level)
     EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
 }
 
-// The picture last drawn, without controls, and with him or without.
-static void draw_scene(bool with_him)
+// The image last drawn, without controls, with the actor or without.
+static void draw_scene(bool with_actor)
 {
     struct viewer *t = &glass.viewer;
     const struct ui_input input = {
         .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(t->ui)};
     const struct brush brush = {t->ui, theme_of(true)};
     struct view_state show = t->state;
-    show.presence = with_him;
+    show.presence = with_actor;
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
     compositor_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->image, &show);
     ui_end(t->ui);
@@ -44,7 +43,7 @@ static void draw_scene(bool with_him)
     glass_read(&glass);
 }
 
-// Whoever plays on does not wait for a frame, however far from it those are that were loaded.
+// Playback does not wait for a frame to load, however far from it the resident ones are.
 static void test_playback_does_not_wait_for_frames(void **state)
 {
     (void)state;
@@ -55,7 +54,7 @@ static void test_playback_does_not_wait_for_frames(void **state)
     playback_seek(player, clock_now_ns(), player->length_ns - player->step_ns);
     glass_draw(&glass);
     EXPECT_TRUE(glass.viewer.request.playing);
-    EXPECT_AT_LEAST((double)glass.viewer.request.time_ns, 4e9); // only the first frame is there
+    EXPECT_AT_LEAST((double)glass.viewer.request.time_ns, 4e9); // only the first frame is resident
     EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
     EXPECT_INT(made(), made_before);
     glass_seek(&glass, 0);
@@ -73,24 +72,24 @@ static void test_resolution_change_costs_nothing(void **state)
     draw_scene(true);
     memcpy(fine, glass.rgba, bytes);
     draw_scene(false);
-    const double his = glass_difference(&glass, fine);
+    const double actor = glass_difference(&glass, fine); // the difference the actor makes
     const int64_t made_before = made();
     const int compiled_before = compiled_shader_count();
     for (int level = 1; level <= GOVERNOR_LEVELS; level++) {
         draw_at(level % GOVERNOR_LEVELS);
         draw_scene(true);
         const double off = glass_difference(&glass, fine);
-        print_message("at %.2f: %lld made, %d compiled; off by %.3f where he is %.3f\n",
+        print_message("at %.2f: %lld made, %d compiled; difference %.3f, of the whole actor %.3f\n",
                       governor_scale(&glass.viewer.governor), (long long)(made() - made_before),
-                      compiled_shader_count() - compiled_before, off, his);
-        EXPECT_AT_MOST(off, 0.1 * his); // he is where he was, as large
+                      compiled_shader_count() - compiled_before, off, actor);
+        EXPECT_AT_MOST(off, 0.1 * actor); // the same place and size
     }
     free(fine);
     EXPECT_INT(made(), made_before);
     EXPECT_INT(compiled_shader_count(), compiled_before);
 }
 
-// Whatever part of the picture they take up.
+// Whatever part of the image a frame's actor covers.
 static void test_later_frames_cost_as_the_first(void **state)
 {
     (void)state;
@@ -106,14 +105,14 @@ static void test_later_frames_cost_as_the_first(void **state)
     EXPECT_INT(compiled_shader_count(), compiled_before);
 }
 
-// A frame a second.
+// Retimes the take to one frame a second.
 static void slow_down(void *self, struct retaken *frame)
 {
     (void)self;
     frame->time_ns = frame->number * 1000000000;
 }
 
-// Prepared, and at rest on the first frame.
+// Prepared, idle, on the first frame.
 static int make(void **state)
 {
     (void)state;

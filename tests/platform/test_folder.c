@@ -1,6 +1,6 @@
-// A folder of pictures as a source: what comes out is what went in, colour and
-// depth find each other by time, and whatever is wrong is said in one sentence
-// that names the file. All pictures are made here.
+// A folder of images as a source: the round trip, pairing of colour and depth by
+// time, and an error sentence that names the file for each kind of fault. All
+// images are made here.
 #include "tests/support/test.h"
 
 #include "platform/file.h"
@@ -29,85 +29,86 @@ static const char calibration[] =
     " \"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, \"cy\": 12, \"unit_m\": 0.001},"
     " \"registered\": true, \"pixel_origin\": \"centre\" }";
 
-static void put_depth(struct folder_case *room, const char *name, int seed)
+static void put_depth(struct folder_case *test, const char *name, int seed)
 {
     struct rng rng = {(uint64_t)seed};
     for (int i = 0; i < W * H; i++)
-        room->mm[i] = i % 7 ? (uint16_t)(rng_uniform(&rng) * 65536) : 0;
-    const char *path = scratch_file(&room->scratch, name);
-    assert_int_equal(png_write(path, PNG_GRAY16, room->mm, W, H), OK);
+        test->mm[i] = i % 7 ? (uint16_t)(rng_uniform(&rng) * 65536) : 0;
+    const char *path = scratch_file(&test->scratch, name);
+    assert_int_equal(png_write(path, PNG_GRAY16, test->mm, W, H), OK);
 }
 
-static void put_color(struct folder_case *room, const char *name, int seed)
+static void put_color(struct folder_case *test, const char *name, int seed)
 {
     struct rng rng = {(uint64_t)seed + 1000};
     for (int i = 0; i < W * H * 3; i++)
-        room->rgb[i] = (uint8_t)(rng_uniform(&rng) * 256);
-    const char *path = scratch_file(&room->scratch, name);
+        test->rgb[i] = (uint8_t)(rng_uniform(&rng) * 256);
+    const char *path = scratch_file(&test->scratch, name);
     if (strstr(name, ".png")) {
-        assert_int_equal(png_write(path, PNG_RGB8, room->rgb, W, H), OK);
+        assert_int_equal(png_write(path, PNG_RGB8, test->rgb, W, H), OK);
         return;
     }
     uint8_t *bytes;
     size_t count;
-    assert_int_equal(jpeg_encode(room->rgb, W, H, 90, &bytes, &count), OK);
+    assert_int_equal(jpeg_encode(test->rgb, W, H, 90, &bytes, &count), OK);
     assert_int_equal(file_write(path, bytes, count), OK);
     free(bytes);
 }
 
 static int make_case(void **state)
 {
-    struct folder_case *room = calloc(1, sizeof *room);
-    room->scratch = scratch_make();
-    snprintf(room->uri, sizeof room->uri, "folder:%s", room->scratch.path);
+    struct folder_case *test = calloc(1, sizeof *test);
+    test->scratch = scratch_make();
+    snprintf(test->uri, sizeof test->uri, "folder:%s", test->scratch.path);
     const char *const below[] = {"rgb", "depth"};
     for (size_t i = 0; i < COUNT_OF(below); i++) {
-        const char *path = scratch_file(&room->scratch, below[i]);
+        const char *path = scratch_file(&test->scratch, below[i]);
         if (folder_make(path) != OK)
             return -1;
     }
-    scratch_text(&room->scratch, "calibration.json", calibration);
-    *state = room;
+    scratch_text(&test->scratch, "calibration.json", calibration);
+    *state = test;
     return 0;
 }
 
 static int clear_case(void **state)
 {
-    struct folder_case *room = *state;
-    scratch_remove(&room->scratch);
-    free(room);
+    struct folder_case *test = *state;
+    scratch_remove(&test->scratch);
+    free(test);
     return 0;
 }
 
-static struct source *open_as(const struct folder_case *room, enum source_wanted wanted)
+static struct source *open_as(const struct folder_case *test, enum source_wanted wanted)
 {
     struct source *s;
-    EXPECT_STATUS(source_open(&s, room->uri, wanted), OK);
+    EXPECT_STATUS(source_open(&s, test->uri, wanted), OK);
     return s;
 }
 
-static void refused(const struct folder_case *room, enum source_wanted wanted, enum status status, const char *part)
+static void expect_refused(const struct folder_case *test, enum source_wanted wanted, enum status status,
+                           const char *part)
 {
     struct source *s = (struct source *)8;
-    EXPECT_STATUS(source_open(&s, room->uri, wanted), status);
+    EXPECT_STATUS(source_open(&s, test->uri, wanted), status);
     assert_null(s);
     EXPECT_SAYS(part);
 }
 
-// ------------------------------------------------------------- what comes out
+// ------------------------------------------------------------- reading
 
 static void test_round_trip(void **state)
 {
-    struct folder_case *room = *state;
-    scratch_text(&room->scratch, "rgb.txt",
+    struct folder_case *test = *state;
+    scratch_text(&test->scratch, "rgb.txt",
                  "# color images\r\n# timestamp filename\n\n 1305031102.175304 rgb/first one.png \n"
                  "1305031102.2086379999\trgb/0001.jpg\n");
-    scratch_text(&room->scratch, "depth.txt", "1305031102.175304 depth/7.png\n1305031102.2086375001 ./depth/8.b.png");
-    put_color(room, "rgb/first one.png", 1);
-    put_color(room, "rgb/0001.jpg", 2);
-    put_depth(room, "depth/7.png", 3);
-    put_depth(room, "depth/8.b.png", 4);
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    scratch_text(&test->scratch, "depth.txt", "1305031102.175304 depth/7.png\n1305031102.2086375001 ./depth/8.b.png");
+    put_color(test, "rgb/first one.png", 1);
+    put_color(test, "rgb/0001.jpg", 2);
+    put_depth(test, "depth/7.png", 3);
+    put_depth(test, "depth/8.b.png", 4);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     assert_false(source_is_live(s));
     EXPECT_INT(source_remaining(s), 2);
     EXPECT_INT(source_dropped(s), 0);
@@ -127,18 +128,18 @@ static void test_round_trip(void **state)
     EXPECT_STATUS(source_next(s, &f), OK);
     EXPECT_INT(f.time_ns, 1305031102175304000);
     assert_string_equal(f.name, "7");
-    put_color(room, "again.png", 1);
-    assert_memory_equal(f.color, room->rgb, sizeof room->rgb);
+    put_color(test, "again.png", 1);
+    assert_memory_equal(f.color, test->rgb, sizeof test->rgb);
     assert_null(f.jpeg);
-    put_depth(room, "again.png", 3);
-    assert_memory_equal(f.depth, room->mm, sizeof room->mm);
+    put_depth(test, "again.png", 3);
+    assert_memory_equal(f.depth, test->mm, sizeof test->mm);
     EXPECT_INT(source_remaining(s), 1);
     EXPECT_STATUS(source_next(s, &f), OK);
-    EXPECT_INT(f.time_ns, 1305031102208637500); // to the nanosecond, though a double holds only 238 ns
+    EXPECT_INT(f.time_ns, 1305031102208637500); // exact to the nanosecond; a double would resolve 238 ns
     assert_string_equal(f.name, "8.b");
     uint8_t *bytes, decoded[W * H * 3];
     size_t count;
-    const char *path = scratch_file(&room->scratch, "rgb/0001.jpg");
+    const char *path = scratch_file(&test->scratch, "rgb/0001.jpg");
     EXPECT_STATUS(file_read(path, &bytes, &count), OK);
     EXPECT_INT(f.jpeg_bytes, count);
     assert_memory_equal(f.jpeg, bytes, count);
@@ -156,11 +157,11 @@ static void test_round_trip(void **state)
 
 static void test_camera_needs_no_depth(void **state)
 {
-    struct folder_case *room = *state;
-    scratch_text(&room->scratch, "rgb.txt", "-0.5 rgb/0007.png\n0 rgb/0008.png\n");
-    put_color(room, "rgb/0007.png", 7);
-    put_color(room, "rgb/0008.png", 8);
-    struct source *s = open_as(room, SOURCE_CAMERA);
+    struct folder_case *test = *state;
+    scratch_text(&test->scratch, "rgb.txt", "-0.5 rgb/0007.png\n0 rgb/0008.png\n");
+    put_color(test, "rgb/0007.png", 7);
+    put_color(test, "rgb/0008.png", 8);
+    struct source *s = open_as(test, SOURCE_CAMERA);
     EXPECT_INT(source_calibration(s)->depth.width, 0);
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
@@ -170,17 +171,17 @@ static void test_camera_needs_no_depth(void **state)
     EXPECT_STATUS(source_next(s, &f), OK);
     EXPECT_INT(f.time_ns, 0);
     source_close(&s);
-    refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt");
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "depth.txt");
 }
 
 static void test_sensor_needs_no_color(void **state)
 {
-    struct folder_case *room = *state;
-    scratch_text(&room->scratch, "depth.txt",
+    struct folder_case *test = *state;
+    scratch_text(&test->scratch, "depth.txt",
                  "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
-    put_depth(room, "depth/a-name-that-is-longer-than-a-frame-can-hold.png", 1);
-    put_depth(room, "depth/b.png", 2);
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    put_depth(test, "depth/a-name-that-is-longer-than-a-frame-can-hold.png", 1);
+    put_depth(test, "depth/b.png", 2);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     EXPECT_INT(source_calibration(s)->color.width, 0);
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
@@ -188,51 +189,51 @@ static void test_sensor_needs_no_color(void **state)
     assert_non_null(f.depth);
     assert_string_equal(f.name, "0000");
     EXPECT_STATUS(source_next(s, &f), OK);
-    assert_string_equal(f.name, "0001"); // one counts, so all count
+    assert_string_equal(f.name, "0001"); // one name is too long, so all frames are numbered
     source_close(&s);
-    refused(room, SOURCE_CAMERA, ERR_MISSING, "rgb.txt");
+    expect_refused(test, SOURCE_CAMERA, ERR_MISSING, "rgb.txt");
 }
 
 static void test_another_unit_becomes_millimetres(void **state)
 {
-    struct folder_case *room = *state;
+    struct folder_case *test = *state;
     char text[256];
     // TUM's own unit: 5000 to the metre.
     snprintf(text, sizeof text,
              "{\"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, "
              "\"cy\": 12, \"unit_m\": 0.0002}}");
-    scratch_text(&room->scratch, "calibration.json", text);
-    scratch_text(&room->scratch, "depth.txt", "1 depth/a.png\n");
-    put_depth(room, "depth/a.png", 5);
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    scratch_text(&test->scratch, "calibration.json", text);
+    scratch_text(&test->scratch, "depth.txt", "1 depth/a.png\n");
+    put_depth(test, "depth/a.png", 5);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
     int zeros = 0;
     for (int i = 0; i < W * H; i++) {
-        EXPECT_INT(f.depth[i], (room->mm[i] + 2) / 5);
-        zeros += !room->mm[i];
+        EXPECT_INT(f.depth[i], (test->mm[i] + 2) / 5);
+        zeros += !test->mm[i];
     }
     EXPECT_AT_LEAST(zeros, W * H / 7);
     source_close(&s);
-    // What does not fit into 16 bits of millimetres is no reading.
+    // What does not fit into 16 bits of millimetres becomes 0.
     snprintf(text, sizeof text,
              "{\"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, "
              "\"cy\": 12, \"unit_m\": 0.01}}");
-    scratch_text(&room->scratch, "calibration.json", text);
-    s = open_as(room, SOURCE_SENSOR);
+    scratch_text(&test->scratch, "calibration.json", text);
+    s = open_as(test, SOURCE_SENSOR);
     EXPECT_STATUS(source_next(s, &f), OK);
     for (int i = 0; i < W * H; i++)
-        EXPECT_INT(f.depth[i], room->mm[i] <= 6553 ? room->mm[i] * 10 : 0);
+        EXPECT_INT(f.depth[i], test->mm[i] <= 6553 ? test->mm[i] * 10 : 0);
     source_close(&s);
 }
 
 // ------------------------------------------------------------- pairs
 
 // Reads all frames; writes "name+" for one with colour, "name-" for one without.
-static void pairs(const struct folder_case *room, const char *wanted)
+static void expect_pairs(const struct folder_case *test, const char *wanted)
 {
     char got[256] = "";
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     struct frame f;
     while (source_next(s, &f) == OK) {
         size_t n = strlen(got);
@@ -244,58 +245,58 @@ static void pairs(const struct folder_case *room, const char *wanted)
 
 static void test_pairs_by_time(void **state)
 {
-    struct folder_case *room = *state;
+    struct folder_case *test = *state;
     const char *const names[] = {"a", "b", "c", "d", "e"};
     for (size_t i = 0; i < COUNT_OF(names); i++) {
         char name[32];
         snprintf(name, sizeof name, "depth/%s.png", names[i]);
-        put_depth(room, name, (int)i);
+        put_depth(test, name, (int)i);
     }
-    put_color(room, "rgb/x.png", 1);
-    scratch_text(&room->scratch, "depth.txt",
+    put_color(test, "rgb/x.png", 1);
+    scratch_text(&test->scratch, "depth.txt",
                  "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n1.3 depth/d.png\n1.4 depth/e.png\n");
-    // Exactly half a frame apart is a pair, a microsecond more is none.
-    scratch_text(&room->scratch, "rgb.txt", "1.05 rgb/x.png\n1.149999 rgb/x.png\n1.350001 rgb/x.png\n");
-    pairs(room, "a+ b+ c- d- e+ ");
-    // A late colour picture serves the nearer of two, and only once.
-    scratch_text(&room->scratch, "rgb.txt", "1.04 rgb/x.png\n1.24 rgb/x.png\n1.26 rgb/x.png\n");
-    pairs(room, "a+ b- c+ d+ e- ");
+    // Exactly half a frame apart is a pair, a microsecond more is not.
+    scratch_text(&test->scratch, "rgb.txt", "1.05 rgb/x.png\n1.149999 rgb/x.png\n1.350001 rgb/x.png\n");
+    expect_pairs(test, "a+ b+ c- d- e+ ");
+    // A late colour image is paired with the nearer of two depth images, and only once.
+    scratch_text(&test->scratch, "rgb.txt", "1.04 rgb/x.png\n1.24 rgb/x.png\n1.26 rgb/x.png\n");
+    expect_pairs(test, "a+ b- c+ d+ e- ");
     // Colour at twice the rate: the nearest is taken.
-    scratch_text(&room->scratch, "rgb.txt", "0.96 rgb/y.png\n1.01 rgb/x.png\n1.06 rgb/y.png\n1.11 rgb/x.png\n");
-    pairs(room, "a+ b+ c- d- e- ");
+    scratch_text(&test->scratch, "rgb.txt", "0.96 rgb/y.png\n1.01 rgb/x.png\n1.06 rgb/y.png\n1.11 rgb/x.png\n");
+    expect_pairs(test, "a+ b+ c- d- e- ");
     // Colour from another day.
-    scratch_text(&room->scratch, "rgb.txt", "100 rgb/y.png\n101 rgb/y.png\n");
-    pairs(room, "a- b- c- d- e- ");
+    scratch_text(&test->scratch, "rgb.txt", "100 rgb/y.png\n101 rgb/y.png\n");
+    expect_pairs(test, "a- b- c- d- e- ");
     // A gap in the depth does not widen what counts as half a frame.
-    scratch_text(&room->scratch, "depth.txt", "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n9 depth/d.png\n");
-    scratch_text(&room->scratch, "rgb.txt", "1.0 rgb/x.png\n1.1 rgb/x.png\n1.2 rgb/x.png\n8.9 rgb/x.png\n");
-    pairs(room, "a+ b+ c+ d- ");
+    scratch_text(&test->scratch, "depth.txt", "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n9 depth/d.png\n");
+    scratch_text(&test->scratch, "rgb.txt", "1.0 rgb/x.png\n1.1 rgb/x.png\n1.2 rgb/x.png\n8.9 rgb/x.png\n");
+    expect_pairs(test, "a+ b+ c+ d- ");
 }
 
-// ------------------------------------------------------------- what is wrong
+// ------------------------------------------------------------- errors
 
-static void two_frames(struct folder_case *room)
+static void put_three_frames(struct folder_case *test)
 {
-    scratch_text(&room->scratch, "rgb.txt", "1 rgb/1.jpg\n1.1 rgb/2.jpg\n1.2 rgb/3.jpg\n");
-    scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1.1 depth/2.png\n1.2 depth/3.png\n");
+    scratch_text(&test->scratch, "rgb.txt", "1 rgb/1.jpg\n1.1 rgb/2.jpg\n1.2 rgb/3.jpg\n");
+    scratch_text(&test->scratch, "depth.txt", "1 depth/1.png\n1.1 depth/2.png\n1.2 depth/3.png\n");
     for (int i = 1; i <= 3; i++) {
         char name[32];
         snprintf(name, sizeof name, "rgb/%d.jpg", i);
-        put_color(room, name, i);
+        put_color(test, name, i);
         snprintf(name, sizeof name, "depth/%d.png", i);
-        put_depth(room, name, i);
+        put_depth(test, name, i);
     }
 }
 
-static void remove_file(const struct folder_case *room, const char *name)
+static void remove_file(const struct folder_case *test, const char *name)
 {
-    const char *path = scratch_file(&room->scratch, name);
+    const char *path = scratch_file(&test->scratch, name);
     assert_int_equal(unlink(path), 0);
 }
 
-static void test_no_such_thing(void **state)
+static void test_missing_sources(void **state)
 {
-    struct folder_case *room = *state;
+    struct folder_case *test = *state;
     struct source *s;
     EXPECT_STATUS(source_open(&s, "folder:/nowhere/at/all", SOURCE_SENSOR), ERR_MISSING);
     EXPECT_SAYS("/nowhere/at/all");
@@ -308,16 +309,16 @@ static void test_no_such_thing(void **state)
     EXPECT_SAYS("libcamera");
     EXPECT_STATUS(source_open(&s, "libcamera:0", SOURCE_SENSOR), ERR_INPUT);
     EXPECT_SAYS("openni");
-    refused(room, SOURCE_SENSOR, ERR_MISSING, "neither rgb.txt nor depth.txt");
-    two_frames(room);
-    remove_file(room, "calibration.json");
-    refused(room, SOURCE_SENSOR, ERR_MISSING, "calibration.json");
+    expect_refused(test, SOURCE_SENSOR, ERR_MISSING, "neither rgb.txt nor depth.txt");
+    put_three_frames(test);
+    remove_file(test, "calibration.json");
+    expect_refused(test, SOURCE_SENSOR, ERR_MISSING, "calibration.json");
 }
 
 static void test_bad_calibration(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
+    struct folder_case *test = *state;
+    put_three_frames(test);
     static const struct {
         const char *from, *to, *says;
     } cases[] = {
@@ -346,24 +347,24 @@ static void test_bad_calibration(void **state)
         assert_non_null(at);
         snprintf(text, sizeof text, "%.*s%s%s", (int)(at - calibration), calibration, cases[i].to,
                  at + strlen(cases[i].from));
-        scratch_text(&room->scratch, "calibration.json", text);
-        refused(room, SOURCE_SENSOR, ERR_INPUT, "calibration.json");
+        scratch_text(&test->scratch, "calibration.json", text);
+        expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "calibration.json");
         EXPECT_SAYS(cases[i].says);
     }
 }
 
 static void test_two_cameras_apart(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
+    struct folder_case *test = *state;
+    put_three_frames(test);
     char text[sizeof calibration + 200];
     const char *at = strstr(calibration, "true");
     snprintf(
         text, sizeof text,
         "%.*sfalse, \"color_from_depth\": {\"translation_m\": [0.025, 0, -0.001], \"rotation\": [0, 0.6, 0, 0.8]}}",
         (int)(at - calibration), calibration);
-    scratch_text(&room->scratch, "calibration.json", text);
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    scratch_text(&test->scratch, "calibration.json", text);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     const struct calibration *c = source_calibration(s);
     assert_false(c->registered);
     EXPECT_NEAR(c->color_from_depth.translation.x, 0.025, 0);
@@ -371,14 +372,14 @@ static void test_two_cameras_apart(void **state)
     EXPECT_NEAR(c->color_from_depth.rotation.y, 0.6, 1e-15);
     source_close(&s);
     *strstr(text, "0.6") = '3';
-    scratch_text(&room->scratch, "calibration.json", text);
-    refused(room, SOURCE_SENSOR, ERR_INPUT, "rotation");
+    scratch_text(&test->scratch, "calibration.json", text);
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "rotation");
 }
 
 static void test_bad_lists(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
+    struct folder_case *test = *state;
+    put_three_frames(test);
     static const struct {
         const char *text, *says;
     } cases[] = {
@@ -393,21 +394,21 @@ static void test_bad_lists(void **state)
         {"100 depth/1.png\n100.1 depth/2.png\n5 depth/3.png\n", "line 3: the clock jumps back by 95.100 s"},
     };
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
-        scratch_text(&room->scratch, "depth.txt", cases[i].text);
-        refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt");
+        scratch_text(&test->scratch, "depth.txt", cases[i].text);
+        expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "depth.txt");
         EXPECT_SAYS(cases[i].says);
     }
-    const char *path = scratch_file(&room->scratch, "depth.txt");
+    const char *path = scratch_file(&test->scratch, "depth.txt");
     EXPECT_STATUS(file_write(path, "1 a\0b\n", 6), OK);
-    refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt is not a text file");
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "depth.txt is not a text file");
 }
 
 static void test_non_increasing_times_are_dropped(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
-    scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1 depth/2.png\n0.9 depth/2.png\n1.2 depth/3.png\n");
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    struct folder_case *test = *state;
+    put_three_frames(test);
+    scratch_text(&test->scratch, "depth.txt", "1 depth/1.png\n1 depth/2.png\n0.9 depth/2.png\n1.2 depth/3.png\n");
+    struct source *s = open_as(test, SOURCE_SENSOR);
     EXPECT_INT(source_dropped(s), 2);
     EXPECT_INT(source_remaining(s), 2);
     struct frame f;
@@ -419,10 +420,10 @@ static void test_non_increasing_times_are_dropped(void **state)
     source_close(&s);
 }
 
-// The second of three frames fails with a sentence that names `file`; the others come.
-static void second_fails(const struct folder_case *room, const char *file, const char *why)
+// The second of three frames fails with a sentence that names `file`; the others are read.
+static void expect_second_fails(const struct folder_case *test, const char *file, const char *why)
 {
-    struct source *s = open_as(room, SOURCE_SENSOR);
+    struct source *s = open_as(test, SOURCE_SENSOR);
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
     EXPECT_STATUS(source_next(s, &f), ERR_INPUT);
@@ -438,9 +439,9 @@ static void second_fails(const struct folder_case *room, const char *file, const
     source_close(&s);
 }
 
-static void cut_short(const struct folder_case *room, const char *name, size_t keep)
+static void cut_short(const struct folder_case *test, const char *name, size_t keep)
 {
-    const char *path = scratch_file(&room->scratch, name);
+    const char *path = scratch_file(&test->scratch, name);
     uint8_t *bytes;
     size_t count;
     EXPECT_STATUS(file_read(path, &bytes, &count), OK);
@@ -451,80 +452,80 @@ static void cut_short(const struct folder_case *room, const char *name, size_t k
 
 static void test_damaged_images(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
-    cut_short(room, "depth/2.png", 300);
-    second_fails(room, "depth/2.png", "damaged");
-    scratch_text(&room->scratch, "depth/2.png", "this is no picture");
-    second_fails(room, "depth/2.png", "damaged");
-    scratch_text(&room->scratch, "depth/2.png", "");
-    second_fails(room, "depth/2.png", "damaged");
-    put_color(room, "depth/2.png", 5);
-    second_fails(room, "depth/2.png", "8-bit");
-    remove_file(room, "depth/2.png");
-    second_fails(room, "depth/2.png", "is missing");
-    put_depth(room, "depth/2.png", 2);
-    cut_short(room, "rgb/2.jpg", 500);
-    second_fails(room, "rgb/2.jpg", "damaged");
-    cut_short(room, "rgb/2.jpg", 3);
-    second_fails(room, "rgb/2.jpg", "damaged");
-    remove_file(room, "rgb/2.jpg");
-    second_fails(room, "rgb/2.jpg", "line 2 of rgb.txt");
+    struct folder_case *test = *state;
+    put_three_frames(test);
+    cut_short(test, "depth/2.png", 300);
+    expect_second_fails(test, "depth/2.png", "damaged");
+    scratch_text(&test->scratch, "depth/2.png", "this is no picture");
+    expect_second_fails(test, "depth/2.png", "damaged");
+    scratch_text(&test->scratch, "depth/2.png", "");
+    expect_second_fails(test, "depth/2.png", "damaged");
+    put_color(test, "depth/2.png", 5);
+    expect_second_fails(test, "depth/2.png", "8-bit");
+    remove_file(test, "depth/2.png");
+    expect_second_fails(test, "depth/2.png", "is missing");
+    put_depth(test, "depth/2.png", 2);
+    cut_short(test, "rgb/2.jpg", 500);
+    expect_second_fails(test, "rgb/2.jpg", "damaged");
+    cut_short(test, "rgb/2.jpg", 3);
+    expect_second_fails(test, "rgb/2.jpg", "damaged");
+    remove_file(test, "rgb/2.jpg");
+    expect_second_fails(test, "rgb/2.jpg", "line 2 of rgb.txt");
 }
 
 static void test_another_size(void **state)
 {
-    struct folder_case *room = *state;
-    two_frames(room);
-    const char *path = scratch_file(&room->scratch, "depth/2.png");
-    EXPECT_STATUS(png_write(path, PNG_GRAY16, room->mm, W / 2, H), OK);
-    second_fails(room, "depth/2.png", "16 x 24 pixels, but calibration.json says 32 x 24");
-    path = scratch_file(&room->scratch, "depth/1.png");
-    EXPECT_STATUS(png_write(path, PNG_GRAY16, room->mm, W, H / 2), OK);
-    refused(room, SOURCE_SENSOR, ERR_INPUT, "depth/1.png has 32 x 12 pixels, but calibration.json says 32 x 24");
-    put_depth(room, "depth/1.png", 1);
-    put_depth(room, "depth/2.png", 2);
+    struct folder_case *test = *state;
+    put_three_frames(test);
+    const char *path = scratch_file(&test->scratch, "depth/2.png");
+    EXPECT_STATUS(png_write(path, PNG_GRAY16, test->mm, W / 2, H), OK);
+    expect_second_fails(test, "depth/2.png", "16 x 24 pixels, but calibration.json says 32 x 24");
+    path = scratch_file(&test->scratch, "depth/1.png");
+    EXPECT_STATUS(png_write(path, PNG_GRAY16, test->mm, W, H / 2), OK);
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "depth/1.png has 32 x 12 pixels, but calibration.json says 32 x 24");
+    put_depth(test, "depth/1.png", 1);
+    put_depth(test, "depth/2.png", 2);
     uint8_t *bytes;
     size_t count;
-    EXPECT_STATUS(jpeg_encode(room->rgb, W, H - 8, 90, &bytes, &count), OK);
-    path = scratch_file(&room->scratch, "rgb/2.jpg");
+    EXPECT_STATUS(jpeg_encode(test->rgb, W, H - 8, 90, &bytes, &count), OK);
+    path = scratch_file(&test->scratch, "rgb/2.jpg");
     EXPECT_STATUS(file_write(path, bytes, count), OK);
-    second_fails(room, "rgb/2.jpg", "32 x 16 pixels");
-    path = scratch_file(&room->scratch, "rgb/1.jpg");
+    expect_second_fails(test, "rgb/2.jpg", "32 x 16 pixels");
+    path = scratch_file(&test->scratch, "rgb/1.jpg");
     EXPECT_STATUS(file_write(path, bytes, count), OK);
-    refused(room, SOURCE_CAMERA, ERR_INPUT, "rgb/1.jpg has 32 x 16 pixels");
+    expect_refused(test, SOURCE_CAMERA, ERR_INPUT, "rgb/1.jpg has 32 x 16 pixels");
     free(bytes);
 }
 
-// ------------------------------------------------------------- the tablet's cameras
+// ------------------------------------------------------------- tablet cameras
 
 static void test_camera_metadata(void **state)
 {
-    struct folder_case *room = *state;
+    struct folder_case *test = *state;
     struct lens lens = {0};
-    setenv("XDG_CONFIG_HOME", room->scratch.path, 1);
+    setenv("XDG_CONFIG_HOME", test->scratch.path, 1);
     const char *id = "/base/soc/i2c0mux/ov5647@36";
     EXPECT_STATUS(camera_lens_read(id, &lens), NOTHING);
-    scratch_text(&room->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", calibration);
+    scratch_text(&test->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", calibration);
     EXPECT_STATUS(camera_lens_read(id, &lens), OK);
     EXPECT_NEAR(lens.fx, 26.5, 0);
     EXPECT_STATUS(camera_lens_scale(&lens, W * 2, H * 2, id), OK);
     EXPECT_INT(lens.width, 2 * W);
     EXPECT_NEAR(lens.fx, 53, 1e-12);
-    EXPECT_NEAR(lens.cx, W - 0.5, 1e-12); // the middle stays the middle
+    EXPECT_NEAR(lens.cx, W - 0.5, 1e-12); // the centre stays the centre
     EXPECT_STATUS(camera_lens_scale(&lens, 64, 36, id), ERR_INPUT);
     EXPECT_SAYS("64 x 36");
-    scratch_text(&room->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
+    scratch_text(&test->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
     EXPECT_STATUS(camera_lens_read(id, &lens), ERR_INPUT);
     EXPECT_SAYS("ov5647_36.json");
-    const struct lens learnt = {W, H, 31.25, 31.5, 15, 11, -0.1, 0.02, 0.001, 0.002, -0.003, 0.02, 0.01};
-    EXPECT_STATUS(camera_lens_save("learnt@7", &learnt), OK);
-    EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
-    EXPECT_TRUE(!memcmp(&lens, &learnt, sizeof lens));
-    struct lens sure = learnt;
-    sure.focal_sigma = 0.0001; // of the next place nobody is so sure
-    EXPECT_STATUS(camera_lens_save("learnt@7", &sure), OK);
-    EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
+    const struct lens saved = {W, H, 31.25, 31.5, 15, 11, -0.1, 0.02, 0.001, 0.002, -0.003, 0.02, 0.01};
+    EXPECT_STATUS(camera_lens_save("saved@7", &saved), OK);
+    EXPECT_STATUS(camera_lens_read("saved@7", &lens), OK);
+    EXPECT_TRUE(!memcmp(&lens, &saved, sizeof lens));
+    struct lens precise = saved;
+    precise.focal_sigma = 0.0001; // less than the lower bound of what is saved
+    EXPECT_STATUS(camera_lens_save("saved@7", &precise), OK);
+    EXPECT_STATUS(camera_lens_read("saved@7", &lens), OK);
     EXPECT_NEAR(lens.focal_sigma, 0.005, 0);
     unsetenv("XDG_CONFIG_HOME");
     lens = camera_lens_guess(1280, 720);
@@ -554,7 +555,7 @@ int main(void)
         WITH_CASE(test_sensor_needs_no_color),
         WITH_CASE(test_another_unit_becomes_millimetres),
         WITH_CASE(test_pairs_by_time),
-        WITH_CASE(test_no_such_thing),
+        WITH_CASE(test_missing_sources),
         WITH_CASE(test_bad_calibration),
         WITH_CASE(test_two_cameras_apart),
         WITH_CASE(test_bad_lists),

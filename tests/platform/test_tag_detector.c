@@ -1,3 +1,4 @@
+// The tag detector: numbers, corners and their order, duplicates, images without tags, invalid options.
 #include "tests/support/tag_picture.h"
 #include "tests/support/test.h"
 
@@ -16,13 +17,13 @@ static int find(struct tag_picture *p, double decimate, struct tag_detection *ou
     for (size_t i = 0; i < sizeof gray; i++)
         gray[i] = rgb[3 * i + 1];
     EXPECT_STATUS(tag_detector_open(&f, decimate), OK);
-    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, out, 8, &count), OK);
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, WIDTH, HEIGHT}, out, 8, &count), OK);
     tag_detector_close(&f);
     EXPECT_TRUE(f == NULL);
     return count;
 }
 
-// Number, order of corners and the centre-of-pixel convention, upright and turned.
+// Number, order of corners and the centre-of-pixel convention, upright and rotated by quarter turns.
 static void test_corner_order(void **state)
 {
     (void)state;
@@ -46,7 +47,7 @@ static void test_corner_order(void **state)
             mean.x += (seen[0].corner[k].x - truth[k].x) / 4;
             mean.y += (seen[0].corner[k].y - truth[k].y) / 4;
         }
-        EXPECT_NEAR(mean.x, 0, 0.12); // half a pixel would show here
+        EXPECT_NEAR(mean.x, 0, 0.12); // a shift of half a pixel would fail here
         EXPECT_NEAR(mean.y, 0, 0.12);
     }
 }
@@ -73,9 +74,10 @@ static void test_blank_image(void **state)
     int count = 7;
     memset(gray, 90, sizeof gray);
     EXPECT_STATUS(tag_detector_open(&f, 2), OK);
-    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, seen, 8, &count), OK);
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, WIDTH, HEIGHT}, seen, 8, &count), OK);
     EXPECT_INT(count, 0);
-    EXPECT_STATUS(tag_detector_detect(f, gray, 3, 2, seen, 8, &count), OK); // smaller than anything
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, 3, 2}, seen, 8, &count),
+                  OK); // smaller than any tag
     EXPECT_INT(count, 0);
     tag_detector_close(&f);
     tag_detector_close(&f);
@@ -94,7 +96,7 @@ static void test_invalid_options(void **state)
     EXPECT_TRUE(!tag_pattern(-1, &pattern));
     EXPECT_TRUE(!tag_pattern(TAG_ID_COUNT, &pattern));
     EXPECT_TRUE(tag_pattern(TAG_ID_COUNT - 1, &pattern));
-    for (int i = 0; i < TAG_CELLS; i++) { // the rim is black
+    for (int i = 0; i < TAG_CELLS; i++) { // the border is black
         EXPECT_INT(pattern.cell[0][i] + pattern.cell[i][0], 0);
         EXPECT_INT(pattern.cell[TAG_CELLS - 1][i] + pattern.cell[i][TAG_CELLS - 1], 0);
     }

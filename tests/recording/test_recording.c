@@ -1,11 +1,12 @@
-// A recording gives back what was put in, bit for bit, and answers wrong files
-// and wrong names with a status and a sentence.
+// A recording returns what was stored, bit for bit, and answers wrong files and wrong names with a status and a
+// sentence. Handles on one take share its index.
 #include "tests/support/recording_sample.h"
 
 #include "base/clock.h"
 #include "capture/recording/recording_schema.h"
 #include "platform/database.h"
 
+#include <pthread.h>
 #include <sys/wait.h>
 
 // ------------------------------------------------------------- round trip
@@ -31,7 +32,7 @@ static void same_place(const struct place *a, const struct place *b)
     }
     for (int i = 0; i < a->tag_count; i++) {
         EXPECT_INT(a->tags[i].id, b->tags[i].id);
-        EXPECT_INT(a->tags[i].sightings, b->tags[i].sightings);
+        EXPECT_INT(a->tags[i].observations, b->tags[i].observations);
         same_bytes(&a->tags[i].world_from_tag, &b->tags[i].world_from_tag, sizeof(struct pose));
         EXPECT_NEAR(a->tags[i].side_m, b->tags[i].side_m, 0);
         EXPECT_NEAR(a->tags[i].rms_px, b->tags[i].rms_px, 0);
@@ -52,7 +53,7 @@ static void same_frame(struct take *t, int index)
 {
     static struct sample_frame m;
     static uint8_t rgb[COLOR_WIDTH * COLOR_HEIGHT * 3];
-    make_frame(&m, index);
+    sample_frame_make(&m, index);
     const struct take_entry *e = take_entry(t, index);
     EXPECT_INT(e->time_ns, m.frame.time_ns);
     EXPECT_INT(e->located, m.frame.located);
@@ -76,7 +77,7 @@ static void test_round_trip(void **state)
 {
     (void)state;
     const char *path = sample_path("round");
-    write_recording(path);
+    sample_recording_write(path);
     EXPECT_TRUE(!file_exists(sample_path("round-wal")));
     EXPECT_TRUE(!file_exists(sample_path("round-shm")));
     path = sample_path("round");
@@ -155,7 +156,7 @@ static void test_unknown_joints_do_not_spoil_the_file(void **state)
     EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
     struct take_frame frame = {.world_from_camera = POSE_IDENTITY, .has_skeleton = true};
     frame.skeleton.joint[JOINT_HEAD] = v3(NAN, 1, 2);
-    EXPECT_STATUS(recording_add_frame(w, &frame), OK); // confidence 0: its position means nothing
+    EXPECT_STATUS(recording_add_frame(w, &frame), OK); // confidence 0: its position is meaningless
     frame.time_ns = 1;
     frame.skeleton.confidence[JOINT_HEAD] = 1;
     EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
@@ -186,7 +187,7 @@ static void test_take_names(void **state)
     EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), OK);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), ERR_EXISTS);
-    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), OK); // the refusal broke nothing
+    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), OK); // the writer can go on
     EXPECT_STATUS(recording_close(&w), OK);
 
     EXPECT_STATUS(recording_open(&r, path), OK);
@@ -201,7 +202,7 @@ static void test_take_names(void **state)
     EXPECT_STATUS(recording_append(&w, path), OK);
     EXPECT_STATUS(recording_begin_take(w, "d", &calibration), ERR_EXISTS);
     EXPECT_STATUS(recording_begin_take(w, "e", &calibration), OK);
-    add_frames(w, 0, 2);
+    sample_frames_add(w, 0, 2);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_STATUS(recording_open(&r, path), OK);
@@ -211,13 +212,13 @@ static void test_take_names(void **state)
     recording_free(&r);
 }
 
-// ------------------------------------------------------------- joints told anew
+// ------------------------------------------------------------- replaced skeletons
 
 static void test_skeletons_can_be_replaced(void **state)
 {
     (void)state;
     char path[300];
-    snprintf(path, sizeof path, "%s", sample_path("anew"));
+    snprintf(path, sizeof path, "%s", sample_path("replaced"));
     struct recording_writer *w;
     struct recording *r;
     struct take *t;
@@ -226,7 +227,7 @@ static void test_skeletons_can_be_replaced(void **state)
     EXPECT_STATUS(recording_create(&w, path), OK);
     assert_string_equal(recording_writer_path(w), path);
     EXPECT_STATUS(recording_begin_take(w, "t", &calibration), OK);
-    add_frames(w, 0, FRAMES);
+    sample_frames_add(w, 0, FRAMES);
     EXPECT_STATUS(recording_end_take(w), OK);
 
     struct skeleton wanted = {0}, wrong = {0}, unknown_joints = {0};
@@ -241,7 +242,7 @@ static void test_skeletons_can_be_replaced(void **state)
         replacement[i] = &wanted;
     replacement[FRAMES / 2] = &unknown_joints;
     replacement[FRAMES - 1] = &wrong;
-    EXPECT_STATUS(recording_put_skeletons(w, replacement, FRAMES), ERR_INPUT); // and breaks nothing
+    EXPECT_STATUS(recording_put_skeletons(w, replacement, FRAMES), ERR_INPUT); // and nothing is written
     replacement[FRAMES - 1] = NULL;
     EXPECT_STATUS(recording_put_skeletons(w, replacement, FRAMES), OK);
     EXPECT_STATUS(recording_close(&w), OK);
@@ -298,13 +299,13 @@ static void test_wrong_files(void **state)
     EXPECT_STATUS(file_write(sample_path("text"), "PK hello", 8), OK);
     EXPECT_STATUS(opened(sample_path("text")), ERR_FORMAT);
 
-    struct database *db; // a database, but not ours
+    struct database *db; // a database, but not a recording
     EXPECT_STATUS(database_open(&db, sample_path("other"), DATABASE_CREATE), OK);
     EXPECT_STATUS(database_run(db, "CREATE TABLE take(id); INSERT INTO take VALUES(1)"), OK);
     database_close(&db);
     EXPECT_STATUS(opened(sample_path("other")), ERR_FORMAT);
 
-    write_recording(sample_path("newer"));
+    sample_recording_write(sample_path("newer"));
     EXPECT_STATUS(opened(sample_path("newer")), OK);
     EXPECT_STATUS(database_open(&db, sample_path("newer"), DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "PRAGMA user_version = 2"), OK);
@@ -332,7 +333,7 @@ static void test_never_overwrites(void **state)
     EXPECT_STATUS(recording_create(&w, sample_path("no/such/folder")), ERR_IO);
 }
 
-// Runs `check` as a user to whom folder permissions mean something; returns what it returned.
+// Runs `check` as a user to whom folder permissions apply, unlike root; returns its result.
 static int as_ordinary_user(int (*check)(void))
 {
     pid_t child = fork();
@@ -350,11 +351,11 @@ static int read_checkpointed(void)
 {
     struct recording_report report;
     struct recording_writer *w;
-    if (recording_verify(sample_path("locked/settled"), &report) != OK || report.frames != FRAMES + 3) {
-        print_error("settled: %s\n", status_message());
+    if (recording_verify(sample_path("locked/checkpointed"), &report) != OK || report.frames != FRAMES + 3) {
+        print_error("checkpointed: %s\n", status_message());
         return 1;
     }
-    if (recording_append(&w, sample_path("locked/settled")) != ERR_IO)
+    if (recording_append(&w, sample_path("locked/checkpointed")) != ERR_IO)
         return 2;
     if (recording_create(&w, sample_path("locked/new")) != ERR_IO)
         return 3;
@@ -365,7 +366,7 @@ static int read_with_log(void)
 {
     struct recording_report report;
     enum status status = recording_verify(sample_path("locked/logged"), &report);
-    // Either is right: read in full, or a sentence that says why not.
+    // Both are correct: read in full, or a sentence that says why not.
     if (status == OK && report.frames == 3)
         return 0;
     print_error("logged: %s\n", status_message());
@@ -377,18 +378,18 @@ static void test_read_only_folder(void **state)
     (void)state;
     chmod(folder, 0755);
     EXPECT_STATUS(folder_make(sample_path("locked")), OK);
-    write_recording(sample_path("locked/settled"));
-    write_recording(sample_path("locked/secret"));
-    chmod(sample_path("locked/settled"), 0444);
+    sample_recording_write(sample_path("locked/checkpointed"));
+    sample_recording_write(sample_path("locked/secret"));
+    chmod(sample_path("locked/checkpointed"), 0444);
     chmod(sample_path("locked/secret"), 0);
-    // A writer that dies leaves its log.
+    // A writer that is killed leaves its log.
     pid_t child = fork();
     if (!child) {
         struct recording_writer *w;
         struct calibration calibration = sample_calibration();
         if (recording_create(&w, sample_path("locked/logged")) == OK &&
             recording_begin_take(w, "a", &calibration) == OK) {
-            add_frames(w, 0, 3);
+            sample_frames_add(w, 0, 3);
             _exit(recording_end_take(w) == OK ? 0 : 1);
         }
         _exit(1);
@@ -400,12 +401,12 @@ static void test_read_only_folder(void **state)
     chmod(sample_path("locked"), 0555);
     EXPECT_INT(as_ordinary_user(read_checkpointed), 0);
     EXPECT_INT(as_ordinary_user(read_with_log), 0);
-    unlink(sample_path("locked/logged-shm")); // only root can; then it is the harder case
+    unlink(sample_path("locked/logged-shm")); // succeeds only for root; then it is the harder case
     EXPECT_INT(as_ordinary_user(read_with_log), 0);
     chmod(sample_path("locked"), 0755);
 }
 
-// ------------------------------------------------------------- two at once
+// ------------------------------------------------------------- concurrent reading
 
 static int64_t frames_seen(const char *path)
 {
@@ -433,8 +434,8 @@ static void test_read_while_writing(void **state)
     EXPECT_STATUS(recording_append(&second, path), ERR_IO);
     EXPECT_TRUE(second == NULL);
 
-    // Without another frame or call, the wall clock commits.
-    add_frames(w, 0, 5);
+    // Without another frame or call, the batch is committed by the wall clock.
+    sample_frames_add(w, 0, 5);
     int64_t deadline = clock_now_ns() + INT64_C(5000000000);
     while (frames_seen(path) < 5 && clock_now_ns() < deadline)
         clock_sleep_until_ns(clock_now_ns() + 20000000);
@@ -444,12 +445,12 @@ static void test_read_while_writing(void **state)
     struct take *t;
     EXPECT_STATUS(recording_open(&r, path), OK);
     EXPECT_STATUS(take_open(&t, r, "a"), OK);
-    add_frames(w, 5, FRAMES);
+    sample_frames_add(w, 5, FRAMES);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_INT(frames_seen(path), FRAMES);
-    EXPECT_INT(take_frame_count(t), 5); // what it was when it was opened
+    EXPECT_INT(take_frame_count(t), 5); // as when it was opened
     same_frame(t, 4);
-    EXPECT_STATUS(recording_close(&w), OK); // with a reader there
+    EXPECT_STATUS(recording_close(&w), OK); // while a reader is open
     same_frame(t, 3);
     take_close(&t);
     recording_free(&r);
@@ -460,7 +461,7 @@ static void test_read_while_writing(void **state)
     EXPECT_INT(frames_seen(path), FRAMES);
 }
 
-// Files made before more was known of points and tags are read as ever, and get it with their next place.
+// Older files lack the optional tables of points and tags: they are read, and get the tables with their next place.
 static void test_landmarks_without_covariance(void **state)
 {
     (void)state;
@@ -470,7 +471,7 @@ static void test_landmarks_without_covariance(void **state)
     struct recording *r;
     struct recording_writer *w;
     place.rms_px = 0.25; // as it was written
-    write_recording(sample_path("older"));
+    sample_recording_write(sample_path("older"));
     EXPECT_STATUS(database_open(&db, sample_path("older"), DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "DROP TABLE point_error; DROP TABLE tag_error; DROP TABLE point_side"), OK);
     database_close(&db);
@@ -500,25 +501,50 @@ static void test_landmarks_without_covariance(void **state)
     place_free(&place);
 }
 
-// Depth that is registered to colour has no pose of its own: capture used it and reenact did not.
-static void test_registered_depth_has_no_pose_of_its_own(void **state)
+// ------------------------------------------------------------- shared handles
+
+enum { HOUR_FRAMES = 108000 };
+
+static void *close_on_thread(void *take)
+{
+    struct take *closing = take;
+    take_close(&closing);
+    return NULL;
+}
+
+// Four handles, as the app has them: one index, whichever is closed first and on whatever thread.
+static void test_handles_share_one_index(void **state)
 {
     (void)state;
-    struct calibration c = sample_calibration(), read;
-    c.registered = true;
-    c.color_from_depth.translation.x = 0.1;
-    struct recording_writer *w;
-    EXPECT_STATUS(recording_create(&w, sample_path("registered")), OK);
-    EXPECT_STATUS(recording_begin_take(w, "a", &c), ERR_INPUT);
-    EXPECT_STATUS(recording_close(&w), OK);
-    uint8_t bytes[CALIBRATION_BYTES]; // as an earlier version may have written it
-    put_calibration(bytes, &c);
-    get_calibration(bytes, &read);
-    EXPECT_NEAR(read.color_from_depth.translation.x, 0, 0);
-    c.registered = false;
-    put_calibration(bytes, &c);
-    get_calibration(bytes, &read);
-    EXPECT_NEAR(read.color_from_depth.translation.x, 0.1, 0);
+    enum { HANDLES = 4 };
+    sample_recording_write(sample_path("shared"));
+    const char *path = sample_path("shared");
+    struct recording *r[HANDLES];
+    struct take *t[HANDLES];
+    pthread_t threads[HANDLES];
+    for (int i = 0; i < HANDLES; i++) {
+        EXPECT_STATUS(recording_open(&r[i], path), OK);
+        EXPECT_STATUS(i ? take_open_shared(&t[i], r[i], t[0]) : take_open(&t[i], r[i], "höher"), OK);
+        EXPECT_TRUE(take_entry(t[i], 0) == take_entry(t[0], 0));
+        EXPECT_TRUE(take_body(t[i]) == take_body(t[0]) && take_calibration(t[i]) == take_calibration(t[0]));
+    }
+    const double per_frame = (double)sizeof(struct take_entry);
+    print_message("%.0f bytes a frame for all handles, %.1f MB an hour\n", per_frame, per_frame * HOUR_FRAMES / 1e6);
+    EXPECT_AT_MOST((double)take_index_bytes(t[0]), 520.0 * FRAMES + 400); // 400: calibration and body
+    struct take_images first, second;                                     // of two handles: neither disturbs the other
+    EXPECT_STATUS(take_read(t[0], 0, TAKE_DEPTH, &first), OK);
+    EXPECT_STATUS(take_read(t[1], FRAMES - 1, TAKE_DEPTH, &second), OK);
+    EXPECT_TRUE(first.depth != second.depth);
+    for (int i = 0; i < HANDLES - 1; i++)
+        EXPECT_INT(pthread_create(&threads[i], NULL, close_on_thread, t[i]), 0);
+    for (int i = 0; i < FRAMES; i++)
+        same_frame(t[HANDLES - 1], i);
+    for (int i = 0; i < HANDLES - 1; i++)
+        pthread_join(threads[i], NULL);
+    same_frame(t[HANDLES - 1], 0);
+    take_close(&t[HANDLES - 1]);
+    for (int i = 0; i < HANDLES; i++)
+        recording_free(&r[i]);
 }
 
 int main(void)
@@ -526,7 +552,6 @@ int main(void)
     printf("seed %d\n", SAMPLE_SEED);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_registered_depth_has_no_pose_of_its_own),
         cmocka_unit_test(test_frames_out_of_order_are_refused),
         cmocka_unit_test(test_unknown_joints_do_not_spoil_the_file),
         cmocka_unit_test(test_take_names),
@@ -536,6 +561,7 @@ int main(void)
         cmocka_unit_test(test_never_overwrites),
         cmocka_unit_test(test_read_only_folder),
         cmocka_unit_test(test_read_while_writing),
+        cmocka_unit_test(test_handles_share_one_index),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

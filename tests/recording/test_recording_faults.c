@@ -1,4 +1,4 @@
-// What a recording survives: a killed writer, a full disk, a cut, wrong bytes.
+// What a recording survives: a killed writer, a full disk, truncation, wrong bytes.
 #include "tests/support/recording_sample.h"
 
 #include "capture/recording/recording_schema.h"
@@ -26,7 +26,7 @@ static void remove_with_log(const char *path)
 
 // ------------------------------------------------------------- kill -9
 
-// Adds frames at 30 Hz until it is killed; *added says how many it got rid of.
+// Adds frames at 30 Hz until it is killed; *added counts them.
 static _Noreturn void record_until_killed(const char *path, volatile int64_t *added)
 {
     struct calibration calibration = sample_calibration();
@@ -34,7 +34,7 @@ static _Noreturn void record_until_killed(const char *path, volatile int64_t *ad
     struct sample_frame m;
     if (recording_create(&w, path) != OK || recording_begin_take(w, "a", &calibration) != OK)
         _exit(1);
-    make_frame(&m, 0);
+    sample_frame_make(&m, 0);
     int64_t start = clock_now_ns();
     for (int64_t i = 0;; i++) {
         m.frame.time_ns = i * FRAME_NS;
@@ -45,7 +45,7 @@ static _Noreturn void record_until_killed(const char *path, volatile int64_t *ad
     }
 }
 
-// What a killed writer left must be sound, and at most a second short.
+// The file of a killed writer must be undamaged, and at most a second short.
 static int64_t check_killed(const char *path, int64_t added)
 {
     struct recording_report report;
@@ -116,7 +116,7 @@ static void test_append_after_kill(void **state)
     EXPECT_STATUS(recording_verify(path, &before), OK);
     EXPECT_STATUS(recording_append(&w, path), OK);
     EXPECT_STATUS(recording_begin_take(w, "b", &calibration), OK);
-    add_frames(w, 0, 4);
+    sample_frames_add(w, 0, 4);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_TRUE(database_is_single_file(path));
@@ -134,7 +134,7 @@ static void test_append_after_kill(void **state)
 
 // ------------------------------------------------------------- full disk
 
-// Returns 0 when everything went as recording.h promises; *added: frames that were taken.
+// Returns 0 if everything went as recording.h states; *added: frames that were accepted.
 static int fill_disk(const char *path, rlim_t most, volatile int64_t *added)
 {
     signal(SIGXFSZ, SIG_IGN);
@@ -149,7 +149,7 @@ static int fill_disk(const char *path, rlim_t most, volatile int64_t *added)
     status = recording_begin_take(w, "a", &calibration);
     static struct sample_frame m;
     for (int i = 0; status == OK && i < 4000; i++) {
-        make_frame(&m, i);
+        sample_frame_make(&m, i);
         status = recording_add_frame(w, &m.frame);
         *added += status == OK;
         free(m.jpeg);
@@ -188,7 +188,7 @@ static void test_full_disk(void **state)
         EXPECT_STATUS(recording_verify(path, &report), OK);
         printf(" %lld/%lld", (long long)*added, (long long)report.frames);
         EXPECT_AT_MOST((double)report.frames, (double)*added);
-        struct recording_writer *w; // with room again, it goes on
+        struct recording_writer *w; // with free space again, it goes on
         EXPECT_STATUS(recording_append(&w, path), OK);
         EXPECT_STATUS(recording_close(&w), OK);
     }
@@ -198,7 +198,7 @@ static void test_full_disk(void **state)
 
 // ------------------------------------------------------------- damage
 
-// A number that changes with anything that a reader is told.
+// FNV-like hash over everything that a reader returns.
 static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
 {
     for (const uint8_t *b = bytes; bytes && count--; b++)
@@ -241,12 +241,12 @@ static uint64_t hash_of(const char *path)
     return hash;
 }
 
-// Looks at a damaged file in every way; returns the frames that repair saved, -1 when it could not.
+// Opens, verifies and repairs a damaged file; returns the number of frames that repair saved, -1: it failed.
 static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetected)
 {
     struct recording_report report;
     enum status status = recording_verify(path, &report);
-    if (status == OK) { // the damage must lie where nothing lies
+    if (status == OK) { // the damage must lie in unused bytes
         ++*undetected;
         EXPECT_TRUE(hash_of(path) == whole_hash);
         return report.frames;
@@ -271,7 +271,7 @@ static void test_cut_anywhere(void **state)
     struct rng rng = {seed + 1};
     uint8_t *bytes;
     size_t count;
-    write_recording(sample_path("whole"));
+    sample_recording_write(sample_path("whole"));
     uint64_t hash = hash_of(sample_path("whole"));
     EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
     int undetected = 0;
@@ -303,7 +303,7 @@ static void test_wrong_bytes_anywhere(void **state)
         uint8_t *wrong = malloc(count);
         assert_non_null(wrong);
         memcpy(wrong, bytes, count);
-        // Single bytes anywhere, or a stretch of zeros, or bytes of the tables' beginning.
+        // Single bytes anywhere, or a run of zeros, or bytes at the start of the tables.
         int changes = 1 + (int)(8 * rng_uniform(&rng));
         for (int k = 0; k < changes; k++) {
             size_t at = (size_t)(rng_uniform(&rng) * (double)(i % 4 == 3 ? 66000 : count));
@@ -318,11 +318,11 @@ static void test_wrong_bytes_anywhere(void **state)
         printf(" %lld", (long long)use_damaged(sample_path("wrong"), hash, &undetected));
         remove_with_log(sample_path("wrong"));
     }
-    printf("; %d of %d left no trace\n", undetected, MUTATIONS);
+    printf("; %d of %d were not detected\n", undetected, MUTATIONS);
     free(bytes);
 }
 
-// A table's name may be damaged so that sqlite finds it all the same: in what is optional, that must not be absence.
+// A table's name may be damaged so that SQLite still finds it: an optional table must then not count as absent.
 static void test_wrong_byte_in_table_name(void **state)
 {
     (void)state;
@@ -347,11 +347,11 @@ static void test_wrong_byte_in_table_name(void **state)
             remove_with_log(sample_path("name"));
         }
     }
-    printf("%d of %zu names left no trace\n", undetected, 2 * COUNT_OF(name));
+    printf("%d of %zu names were not detected\n", undetected, 2 * COUNT_OF(name));
     free(bytes);
 }
 
-// A table's text may be damaged so that it still parses and only says that id is a column like others.
+// A table's SQL text may be damaged so that it still parses, but id is a column like others.
 static void test_wrong_byte_in_table_text(void **state)
 {
     (void)state;
@@ -369,23 +369,23 @@ static void test_wrong_byte_in_table_text(void **state)
         EXPECT_STATUS(file_write(sample_path("text"), bytes, count), OK);
         *blank = ' ';
         EXPECT_INT(use_damaged(sample_path("text"), hash, &undetected), FRAMES + 3);
-        struct recording_writer *w; // and a take more is found where it was put
+        struct recording_writer *w; // and another take can be added and found
         struct recording_report report;
         EXPECT_STATUS(recording_append(&w, sample_path("text")), OK);
         EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
-        add_frames(w, 0, 4);
+        sample_frames_add(w, 0, 4);
         EXPECT_STATUS(recording_end_take(w), OK);
         EXPECT_STATUS(recording_close(&w), OK);
         EXPECT_STATUS(recording_verify(sample_path("text"), &report), OK);
         EXPECT_INT(report.frames, FRAMES + 3 + 4);
         remove_with_log(sample_path("text"));
     }
-    printf("%d tables' texts, %d left no trace\n", texts, undetected);
+    printf("%d tables' texts, %d were not detected\n", texts, undetected);
     EXPECT_AT_LEAST(texts, 5);
     free(bytes);
 }
 
-// A take's calibration with a wrong size: its pictures know better.
+// A take's calibration with a wrong image size: repair takes the size from the images.
 static void test_wrong_byte_in_size(void **state)
 {
     (void)state;
@@ -429,5 +429,5 @@ int main(void)
         cmocka_unit_test(test_wrong_byte_in_table_text),
         cmocka_unit_test(test_wrong_byte_in_size),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

@@ -1,5 +1,5 @@
-// A part's own coordinates and its mesh: right-handed and finite for every limb
-// there can be, carried along with the body, closed where they should be.
+// Bone frames: orthonormal for any skeleton, equivariant, continuous. Body cylinders:
+// affine map and meshes.
 #include "tests/support/test.h"
 
 #include "reenact/skeleton/body_cylinders.h"
@@ -27,7 +27,7 @@ static struct skeleton random_skeleton(struct rng *rng)
     return s;
 }
 
-// Upright, facing -z (the camera), arms hanging a little out; camera axes.
+// Upright, facing -z (the camera), arms hanging slightly outwards; camera axes.
 static struct skeleton upright(void)
 {
     struct skeleton s;
@@ -63,23 +63,23 @@ static void test_frames_are_orthonormal_for_any_skeleton(void **state)
     print_message("seed %d\n", SEED);
     for (int round = 0; round < 300; round++) {
         struct skeleton s = random_skeleton(&rng);
-        // Every other round a straight limb, every third a camera on the bone's line.
+        // Every second round a straight limb, every third a viewpoint on the bone's line.
         if (round % 2)
             s.joint[JOINT_LEFT_HAND] = v3_mix(s.joint[JOINT_LEFT_SHOULDER], s.joint[JOINT_LEFT_ELBOW], 2);
         struct vec3 eye = v3(0, 0, 0);
         if (round % 3 == 0)
             eye = v3_mix(s.joint[JOINT_LEFT_SHOULDER], s.joint[JOINT_LEFT_ELBOW], -1);
         for (int p = 0; p < PART_COUNT; p++) {
-            struct bone_frame facing, bodily;
-            EXPECT_TRUE(bone_frame_viewer_aligned(&s, (enum part)p, eye, &facing));
-            expect_frame(&facing);
-            EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &bodily));
-            expect_frame(&bodily);
+            struct bone_frame viewer_aligned, body_aligned;
+            EXPECT_TRUE(bone_frame_viewer_aligned(&s, (enum part)p, eye, &viewer_aligned));
+            expect_frame(&viewer_aligned);
+            EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &body_aligned));
+            expect_frame(&body_aligned);
         }
     }
 }
 
-static void test_facing_leans_towards_viewpoint(void **state)
+static void test_viewer_aligned_y_points_to_viewpoint(void **state)
 {
     (void)state;
     struct rng rng = {SEED + 1};
@@ -102,7 +102,7 @@ static void test_zero_length_limbs_have_no_frame(void **state)
     s.joint[JOINT_LEFT_HAND] = s.joint[JOINT_LEFT_ELBOW];
     EXPECT_TRUE(!bone_frame_viewer_aligned(&s, PART_LEFT_FOREARM, v3(0, 0, 0), &f));
     EXPECT_TRUE(!bone_frame_body_aligned(&s, PART_LEFT_FOREARM, &f));
-    EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_UPPER_ARM, &f)); // its neighbour keeps one
+    EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_UPPER_ARM, &f)); // its neighbour has one
     expect_frame(&f);
     s = upright();
     s.confidence[JOINT_HEAD] = 0;
@@ -121,10 +121,10 @@ static void test_front_axis_is_kept(void **state)
     for (int p = 0; p < PART_COUNT; p++) {
         struct bone_frame f;
         EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &f));
-        EXPECT_NEAR(v3_dot(f.y, v3(0, 0, -1)), 1, 0.02); // the chest's side is the camera's
+        EXPECT_NEAR(v3_dot(f.y, v3(0, 0, -1)), 1, 0.02); // the chest faces the camera
     }
-    // A forearm raised to the front shows its former front upwards; a shin bent
-    // back shows its former front downwards.
+    // The front of a forearm raised forwards points upwards; that of a shin bent
+    // back points downwards.
     s.joint[JOINT_LEFT_HAND] = v3_add(s.joint[JOINT_LEFT_ELBOW], v3(0, 0, -0.28));
     s.joint[JOINT_LEFT_FOOT] = v3_add(s.joint[JOINT_LEFT_KNEE], v3(0, 0, 0.4));
     struct bone_frame f;
@@ -134,7 +134,7 @@ static void test_front_axis_is_kept(void **state)
     EXPECT_AT_LEAST(v3_dot(f.y, v3(0, 1, 0)), 0.9);
 }
 
-// Bending an elbow by a degree at a time never makes the twist jump.
+// Bending an elbow by a degree at a time: the axial rotation is continuous.
 static void test_twist_blends_from_frame_to_hinge(void **state)
 {
     (void)state;
@@ -241,7 +241,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frames_are_orthonormal_for_any_skeleton),
-        cmocka_unit_test(test_facing_leans_towards_viewpoint),
+        cmocka_unit_test(test_viewer_aligned_y_points_to_viewpoint),
         cmocka_unit_test(test_zero_length_limbs_have_no_frame),
         cmocka_unit_test(test_front_axis_is_kept),
         cmocka_unit_test(test_twist_blends_from_frame_to_hinge),

@@ -1,5 +1,5 @@
-// What nobody saw of a person is coloured as clothes are: alike all round, without the front's print, and as the body's
-// other half where that was seen. A trunk, two arms and a head of dark hair, seen from before only.
+// Colour inpainting of what was never seen of a person: as clothes are, alike all round without the front's print, and
+// as the body's other half where that was seen. A trunk, two arms and a head of dark hair, seen from the front only.
 #include "tests/support/test.h"
 
 #include "reenact/avatar/color_inpainting.h"
@@ -19,17 +19,17 @@ struct person {
     struct skin_weights skins[POINTS];
     struct vertex_colors vertex_colors;
     const float *truth[POINTS];
-    float given[POINTS][3]; // what color_inpaint is given
+    float given[POINTS][3]; // the input of color_inpaint
 };
 
-enum { SPECK = 7 }; // of so many points one was seen wrongly, as at edges
+enum { SPECK = 7 }; // one point in so many has a wrong colour, as at edges
 
 static struct bone_frame frame_along(struct vec3 from, double length)
 {
-    return (struct bone_frame){from, v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), length}; // hanging; y is the front
+    return (struct bone_frame){from, v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), length}; // vertical; y is the front
 }
 
-// A point of the surface, of a colour that color_inpaint is told only if it was seen.
+// Sets a point of the surface; color_inpaint gets its colour only if it was seen.
 static void put(struct person *p, int at, int bone, struct vec3 point, const float *color, bool seen)
 {
     p->surface.points[at] = point;
@@ -53,12 +53,12 @@ static void put_trunk(struct person *p)
 
 static void put_head(struct person *p)
 {
-    const struct vec3 middle = p->bind.frame[BONE_SKULL].origin;
+    const struct vec3 center = p->bind.frame[BONE_SKULL].origin;
     for (int i = 0; i < PIECE; i++) {
         const double angle = 2 * PI * (i % AROUND) / AROUND, up = PI * (i / AROUND + 0.5) / ALONG;
         const struct vec3 out = {sin(up) * sin(angle), -cos(up), -sin(up) * cos(angle)};
         const bool face = out.z < -0.1 && out.y > -0.5;
-        put(p, HEAD + i, BONE_SKULL, v3_add(middle, v3_scale(out, 0.1)), face ? skin : hair, out.z < 0.2);
+        put(p, HEAD + i, BONE_SKULL, v3_add(center, v3_scale(out, 0.1)), face ? skin : hair, out.z < 0.2);
     }
 }
 
@@ -114,8 +114,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// How far the made up colours of a piece are from the truth's, of 0 to 1, at worst: but for `share` of them.
-static float worst_but(const struct person *p, int piece, double share)
+// The largest error of a piece's inpainted colours, gamma-encoded, 0 to 1, without the worst `share` of them.
+static float worst_without(const struct person *p, int piece, double share)
 {
     static float off[PIECE];
     int count = 0;
@@ -132,16 +132,17 @@ static float worst_but(const struct person *p, int piece, double share)
 static struct person *filled_person(void)
 {
     struct person *p = person_make();
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     return p;
 }
 
-// Red above, black below, and no print; where one ends and the other begins it may be either.
+// Red above, black below, and no print; at the border both are right.
 static void test_back_copies_front_without_print(void **state)
 {
     (void)state;
     struct person *p = filled_person();
-    EXPECT_AT_MOST(worst_but(p, TRUNK, 0.06), 0.05);
+    EXPECT_AT_MOST(worst_without(p, TRUNK, 0.06), 0.01);
     person_free(p);
 }
 
@@ -149,16 +150,16 @@ static void test_head_has_face_in_front(void **state)
 {
     (void)state;
     struct person *p = filled_person();
-    EXPECT_AT_MOST(worst_but(p, HEAD, 0.02), 0.05);
+    EXPECT_AT_MOST(worst_without(p, HEAD, 0.02), 0.01);
     person_free(p);
 }
 
-// The right arm's stripe is nowhere to be seen but on the left one.
+// The right arm's stripe was seen on the left arm only.
 static void test_arm_copies_other_arm(void **state)
 {
     (void)state;
     struct person *p = filled_person();
-    EXPECT_AT_MOST(worst_but(p, ARMS, 0), 0.01);
+    EXPECT_AT_MOST(worst_without(p, ARMS, 0), 0.001);
     person_free(p);
 }
 
@@ -172,19 +173,21 @@ static void test_seen_colors_are_kept(void **state)
     person_free(p);
 }
 
-// Of a part nothing of which was seen its neighbour tells; of a person nothing of whom was, nobody.
+// A part that was not seen at all takes its neighbour's colour; a person that was not seen at all is left alone.
 static void test_unseen_part(void **state)
 {
     (void)state;
     struct person *p = person_make();
     memset(p->vertex_colors.filled + HEAD, 1, PIECE);
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     float green = 0;
     for (int i = HEAD; i < HEAD + PIECE; i++)
         green = fmaxf(green, p->vertex_colors.color[i][1]);
-    EXPECT_AT_MOST(green, 0.25); // as the nearest of the trunk, not the 1 that it was
+    EXPECT_AT_MOST(green, 0.25); // of the nearest trunk points, instead of its initial 1
     memset(p->vertex_colors.filled, 1, POINTS);
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     person_free(p);
 }
 

@@ -1,5 +1,5 @@
-// Choosing frames: equation 5 against a second, plainer telling of it; ties,
-// unknown joints, bad numbers, nothing to choose from; and the choice for a part.
+// Frame selection: [D14] eq. 5 against a plain implementation; ties, unknown joints, bad
+// numbers, no frames; and selection for a part against exhaustive search.
 #include "tests/support/test.h"
 
 #include "reenact/retrieval/frame_selection.h"
@@ -17,26 +17,25 @@ static struct skeleton random_skeleton(struct rng *rng, double unknown)
     return s;
 }
 
-// Equation 5, told coordinate by coordinate. -1: nothing comparable.
-static int plain_choice(const struct skeleton *k, const struct skeleton *frames, int count, double *cost)
+// Eq. 5, coordinate by coordinate. -1: nothing comparable.
+static int plain_selection(const struct skeleton *k, const struct skeleton *frames, int count, double *cost)
 {
-    int best = -1, wanted = 0;
+    int best = -1, known = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
-        wanted += k->confidence[j] > 0 ? 1 : 0;
-    for (int n = count - 1; n >= 0; n--) { // from the back, so that ties go to the lowest by <=
+        known += k->confidence[j] > 0 ? 1 : 0;
+    for (int n = count - 1; n >= 0; n--) { // backwards, so that with <= ties go to the lowest
         double total = 0, used = 0;
-        const double *kn = &k->joint[JOINT_NECK].x, *nn = &frames[n].joint[JOINT_NECK].x;
+        const struct vec3 kn = k->joint[JOINT_NECK], nn = frames[n].joint[JOINT_NECK];
         for (int j = 0; j < JOINT_COUNT; j++) {
-            const double *kj = &k->joint[j].x, *nj = &frames[n].joint[j].x;
-            double square = 0;
-            for (int axis = 0; axis < 3; axis++)
-                square += pow((kj[axis] - kn[axis]) - (nj[axis] - nn[axis]), 2);
+            const struct vec3 kj = k->joint[j], nj = frames[n].joint[j];
+            const double square = pow((kj.x - kn.x) - (nj.x - nn.x), 2) + pow((kj.y - kn.y) - (nj.y - nn.y), 2) +
+                                  pow((kj.z - kn.z) - (nj.z - nn.z), 2);
             if (k->confidence[j] > 0 && frames[n].confidence[j] > 0) {
                 total += sqrt(square);
                 used += 1;
             }
         }
-        if (frames[n].confidence[JOINT_NECK] == 0 || 2 * used < wanted)
+        if (frames[n].confidence[JOINT_NECK] == 0 || 2 * used < known)
             continue;
         double mean = total * 16 / used;
         if (best < 0 || mean <= *cost) {
@@ -64,7 +63,7 @@ static void test_equation_5_is_exact(void **state)
         }
         struct skeleton k = random_skeleton(&rng, unknown);
         double cost = 0;
-        int wanted = plain_choice(&k, frames, FRAMES, &cost);
+        int wanted = plain_selection(&k, frames, FRAMES, &cost);
         struct frame_selection got = {-1, -1};
         enum status status = frame_selector_find_body(s, &k, &got);
         EXPECT_STATUS(status, wanted < 0 ? NOTHING : OK);
@@ -84,14 +83,12 @@ static void test_ties_go_to_lowest(void **state)
 {
     (void)state;
     struct rng rng = {SEED + 1};
-    struct skeleton a = random_skeleton(&rng, 0), b = random_skeleton(&rng, 0), moved = a;
-    for (int j = 0; j < JOINT_COUNT; j++) // by a power of two, so that the differences stay the same to the bit
-        moved.joint[j] = v3_add(a.joint[j], v3(0, 0, 0));
+    struct skeleton a = random_skeleton(&rng, 0), b = random_skeleton(&rng, 0);
     struct frame_selector *s;
     EXPECT_STATUS(frame_selector_open(&s, 4), OK);
     EXPECT_STATUS(frame_selector_add(s, 5, &b, NULL), OK);
     EXPECT_STATUS(frame_selector_add(s, 6, &a, NULL), OK);
-    EXPECT_STATUS(frame_selector_add(s, 7, &moved, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(s, 7, &a, NULL), OK);
     EXPECT_STATUS(frame_selector_add(s, 8, &a, NULL), OK);
     struct frame_selection got;
     EXPECT_STATUS(frame_selector_find_body(s, &a, &got), OK);
@@ -109,7 +106,7 @@ static void test_ties_go_to_lowest(void **state)
     frame_selector_close(&s);
 }
 
-// A frame far away in the room costs nothing: necks are laid on each other.
+// A frame far away in the room costs nothing: skeletons are compared relative to their necks.
 static void test_translation_invariant(void **state)
 {
     (void)state;
@@ -136,7 +133,7 @@ static void test_bad_numbers_are_refused(void **state)
     struct skeleton good = random_skeleton(&rng, 0), bad = good, unknown = good;
     bad.joint[JOINT_RIGHT_KNEE].y = NAN;
     unknown.joint[JOINT_RIGHT_KNEE].y = INFINITY;
-    unknown.confidence[JOINT_RIGHT_KNEE] = 0; // means nothing, so it may be anything
+    unknown.confidence[JOINT_RIGHT_KNEE] = 0; // unknown, so its position is ignored
     struct frame_selector *s;
     EXPECT_STATUS(frame_selector_open(&s, 2), OK);
     struct frame_selection got = {-7, -7};
@@ -160,8 +157,8 @@ static void test_bad_numbers_are_refused(void **state)
     frame_selector_close(&s); // accepts NULL
 }
 
-// Somebody who stands with arms a little out and turns by `angle` about the
-// upright, 3 m before the camera; 0 faces it. Camera axes.
+// A standing person with arms slightly outwards, rotated by `angle` about the
+// vertical, 3 m before the camera; 0 faces it. Camera axes.
 static struct skeleton standing(double angle)
 {
     static const double at[JOINT_COUNT][3] = {
@@ -197,8 +194,8 @@ static const struct body plain_body = {
     .radius_rate = {0.4, 0.4, 0.5, 0.15, 0.12, 0.15, 0.12, 0.17, 0.12, 0.17, 0.12},
 };
 
-// A recorded full turn: the frame that shows a part's side is found for each part,
-// wherever the viewer stands, to half the step between frames.
+// A recorded full rotation: for each part and viewpoint the frame with the nearest viewing
+// direction is selected, to half the step between frames.
 static void test_part_selects_visible_side(void **state)
 {
     (void)state;
@@ -220,7 +217,7 @@ static void test_part_selects_visible_side(void **state)
     frame_selector_close(&s);
 }
 
-// The same sides twice, once with the left forearm hidden behind the trunk.
+// The same side twice, once with the left forearm hidden behind the trunk.
 static void test_hidden_parts_are_skipped(void **state)
 {
     (void)state;
@@ -239,9 +236,9 @@ static void test_hidden_parts_are_skipped(void **state)
     struct frame_selection seen, blind;
     EXPECT_STATUS(frame_selector_find_part(with, &wanted, PART_LEFT_FOREARM, &seen), OK);
     EXPECT_STATUS(frame_selector_find_part(without, &wanted, PART_LEFT_FOREARM, &blind), OK);
-    EXPECT_INT(blind.frame, 0); // the joints alone fit to the millimetre
+    EXPECT_INT(blind.frame, 0); // the joints alone are equal
     EXPECT_NEAR(blind.cost_m, 0, 1e-9);
-    EXPECT_AT_LEAST(seen.cost_m, 0.1); // but it cannot be seen there
+    EXPECT_AT_LEAST(seen.cost_m, 0.1); // but the forearm is occluded there
     frame_selector_close(&with);
     frame_selector_close(&without);
 }
@@ -251,8 +248,8 @@ static enum status choose(const struct frame_selector *s, const struct skeleton 
     return p < PART_COUNT ? frame_selector_find_part(s, k, (enum part)p, out) : frame_selector_find_body(s, k, out);
 }
 
-// A moving person, some joints unknown, some frames twice: the frame chosen for
-// each part is the first of those that are cheapest when they are the only choice.
+// A moving person, some joints unknown, some frames twice: the frame selected for each part
+// is the first of those with the least cost, each evaluated in a selector of its own.
 static void test_part_selection_matches_exhaustive_search(void **state)
 {
     (void)state;
@@ -285,7 +282,7 @@ static void test_part_selection_matches_exhaustive_search(void **state)
         }
         struct frame_selection together[PART_COUNT + 1];
         EXPECT_TRUE(frame_selector_find_parts(s, &k, together) >= OK);
-        for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole
+        for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole body
             struct frame_selection best = {-1, 0}, got = {-1, 0}, one;
             for (int n = 0; n < LONG; n++)
                 if (choose(alone[n], &k, p, &one) == OK && (best.frame < 0 || one.cost_m < best.cost_m))

@@ -1,5 +1,5 @@
-// Every shader compiles and links on this machine's driver, without a window,
-// and a broken one is refused with the driver's words.
+// Every shader compiles and links with this machine's driver, without a window; a broken
+// one is refused with the driver's message.
 #include "tests/support/test.h"
 
 #include "platform/gpu.h"
@@ -14,9 +14,7 @@ static bool ends(const char *name, const char *ending)
     return n >= e && !strcmp(name + n - e, ending);
 }
 
-// Each fragment shader with each vertex shader of its name, or the whole-picture one.
-// The vertex shader that a fragment shader goes with: of the same name, or of what comes before its '_', or the one
-// that fills the whole target.
+// The vertex shader of a fragment shader: of the same name, or of the name before its '_', or fullscreen.vert.
 static const char *vertex_of(const char *name)
 {
     for (const char *end = strrchr(name, '.'); end; end = memchr(name, '_', (size_t)(end - name)))
@@ -80,17 +78,19 @@ static void test_sizes_beyond_driver_are_refused(void **state)
     struct gpu *g;
     EXPECT_STATUS(gpu_open(&g), OK);
     struct gpu_texture *t;
-    EXPECT_STATUS(gpu_texture_open(&t, g, GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST, NULL), ERR_DEVICE);
+    EXPECT_STATUS(
+        gpu_texture_open(&t, g, &(struct gpu_texture_layout){GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST}, NULL),
+        ERR_DEVICE);
     EXPECT_TRUE(t == NULL);
     struct gpu_target *target;
     EXPECT_STATUS(gpu_target_open(&target, g, 1, gpu_max_size(g) + 1), ERR_DEVICE);
     EXPECT_TRUE(target == NULL);
-    EXPECT_STATUS(gpu_check(g), OK); // and nothing of it lingers
+    EXPECT_STATUS(gpu_check(g), OK); // no error is left pending
     gpu_close(&g);
 }
 
-// What goes into a texture comes out of a target unchanged, top row first.
-static void test_pixels_survive(void **state)
+// A texture's pixels are drawn into a target unchanged, top row first.
+static void test_pixels_are_unchanged(void **state)
 {
     (void)state;
     enum { W = 7, H = 5 };
@@ -99,9 +99,7 @@ static void test_pixels_survive(void **state)
     uint8_t rgb[W * H * 3], rgba[W * H * 4];
     for (int i = 0; i < W * H * 3; i++)
         rgb[i] = (uint8_t)(i * 37 + 11);
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
-    static const char *const samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
+    static const char *const samplers[] = {"camera_image", "actor_image", "shadow_image"};
     struct gpu_program_source text = {.name = "compose",
                                       .vertex = shader_find("fullscreen.vert"),
                                       .fragment = shader_find("compose.frag"),
@@ -112,8 +110,8 @@ static void test_pixels_survive(void **state)
     struct gpu_texture *texture;
     struct gpu_target *target, *empty;
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
-    EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
+    EXPECT_STATUS(fullscreen_mesh_open(&mesh, g), OK);
+    EXPECT_STATUS(gpu_texture_open(&texture, g, &(struct gpu_texture_layout){GPU_RGB8, W, H, GPU_NEAREST}, rgb), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     EXPECT_STATUS(gpu_target_open(&empty, g, W, H), OK);
     gpu_draw(&(struct gpu_job){.target = target,
@@ -132,13 +130,11 @@ static void test_pixels_survive(void **state)
     gpu_close(&g);
 }
 
-// A job leaves what is outside its box as it is, and clearing leaves nothing of any job.
-static void test_bounding_boxes_contain_actor(void **state)
+// A job draws nothing outside its box, and clearing removes all.
+static void test_jobs_draw_only_within_their_boxes(void **state)
 {
     (void)state;
     enum { W = 9, H = 6 };
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const struct gpu_box boxes[] = {{2, 1, 3, 4}, {-3, 4, 5, 9}, {7, -2, 9, 3}, {20, 20, 2, 2}};
     const struct gpu_program_source text = {.name = "one colour",
                                             .vertex = shader_find("fullscreen.vert"),
@@ -151,9 +147,9 @@ static void test_bounding_boxes_contain_actor(void **state)
     uint8_t rgba[W * H * 4];
     EXPECT_STATUS(gpu_open(&g), OK);
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
+    EXPECT_STATUS(fullscreen_mesh_open(&mesh, g), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
-    for (int used = 0; used <= (int)COUNT_OF(boxes); used++) { // at last without a box
+    for (int used = 0; used <= (int)COUNT_OF(boxes); used++) { // the last without a box
         for (int b = 0; b < used; b++)
             gpu_draw(&(struct gpu_job){.target = target, .program = program, .mesh = mesh, .within = boxes[b]});
         if (used == COUNT_OF(boxes))
@@ -180,9 +176,11 @@ static void test_bounding_boxes_contain_actor(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_every_shader_compiles),           cmocka_unit_test(test_broken_shaders_are_refused),
-        cmocka_unit_test(test_sizes_beyond_driver_are_refused), cmocka_unit_test(test_pixels_survive),
-        cmocka_unit_test(test_bounding_boxes_contain_actor),
+        cmocka_unit_test(test_every_shader_compiles),
+        cmocka_unit_test(test_broken_shaders_are_refused),
+        cmocka_unit_test(test_sizes_beyond_driver_are_refused),
+        cmocka_unit_test(test_pixels_are_unchanged),
+        cmocka_unit_test(test_jobs_draw_only_within_their_boxes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,5 @@
-// contact-sheet OUT COLUMNS CELL_WIDTH PICTURE...: pictures side by side in one,
-// for the demo and the documentation. PNG (.png) and JPEG (.jpg) in and out, all
-// of one shape.
+// contact-sheet OUT COLUMNS CELL_WIDTH IMAGE...: images side by side in one, for the demo and the documentation. PNG
+// (.png) and JPEG (.jpg) in and out, all of one aspect ratio.
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -45,24 +44,34 @@ static enum status read_image(const char *path, struct sheet_image *out)
     return png_read(path, PNG_RGB8, (void **)&out->rgb, &out->width, &out->height);
 }
 
-// Shrinks by averaging the pixels under each cell pixel.
-static void shrink_into(const struct sheet_image *from, uint8_t *sheet, int stride, int x0, int y0, int width,
-                        int height)
+struct sheet_cell {
+    uint8_t *at; // its first pixel
+    int stride;  // pixels from row to row
+    int width, height;
+};
+
+// The mean of channel c over a range of columns and rows, of at least one pixel.
+static uint8_t box_mean(const struct sheet_image *from, const int columns[2], const int rows[2], int c)
 {
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++)
-            for (int c = 0; c < 3; c++) {
-                int left = x * from->width / width, right = (x + 1) * from->width / width;
-                int top = y * from->height / height, bottom = (y + 1) * from->height / height;
-                long sum = 0, count = 0;
-                for (int v = top; v < bottom || v == top; v++)
-                    for (int u = left; u < right || u == left; u++, count++)
-                        sum += from->rgb[3 * (v * from->width + u) + c];
-                sheet[3 * ((y0 + y) * stride + x0 + x) + c] = (uint8_t)(sum / count);
-            }
+    long sum = 0, count = 0;
+    for (int v = rows[0]; v < rows[1] || v == rows[0]; v++)
+        for (int u = columns[0]; u < columns[1] || u == columns[0]; u++, count++)
+            sum += from->rgb[3 * (v * from->width + u) + c];
+    return (uint8_t)(sum / count);
 }
 
-static enum status write_picture(const char *path, const uint8_t *rgb, int width, int height)
+static void shrink_into(const struct sheet_image *from, const struct sheet_cell *cell)
+{
+    for (int y = 0; y < cell->height; y++)
+        for (int x = 0; x < cell->width; x++) {
+            const int columns[2] = {x * from->width / cell->width, (x + 1) * from->width / cell->width};
+            const int rows[2] = {y * from->height / cell->height, (y + 1) * from->height / cell->height};
+            for (int c = 0; c < 3; c++)
+                cell->at[3 * (y * cell->stride + x) + c] = box_mean(from, columns, rows, c);
+        }
+}
+
+static enum status write_image(const char *path, const uint8_t *rgb, int width, int height)
 {
     if (!is_jpeg(path))
         return png_write(path, PNG_RGB8, rgb, width, height);
@@ -82,10 +91,10 @@ static enum status make_sheet(const char *out, int columns, int width, char **pa
     int sheet_width = 0, sheet_height = 0, height = 0;
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
-        struct sheet_image picture = {0};
-        status = read_image(paths[i], &picture);
+        struct sheet_image image = {0};
+        status = read_image(paths[i], &image);
         if (status == OK && !sheet) {
-            height = width * picture.height / picture.width;
+            height = width * image.height / image.width;
             int rows = (count + columns - 1) / columns;
             sheet_width = columns * (width + GAP) + GAP;
             sheet_height = rows * (height + GAP) + GAP;
@@ -96,12 +105,13 @@ static enum status make_sheet(const char *out, int columns, int width, char **pa
                 memset(sheet, 255, 3 * (size_t)sheet_width * (size_t)sheet_height);
         }
         if (status == OK)
-            shrink_into(&picture, sheet, sheet_width, GAP + i % columns * (width + GAP),
-                        GAP + i / columns * (height + GAP), width, height);
-        free(picture.rgb);
+            shrink_into(&image, &(struct sheet_cell){sheet + 3 * ((GAP + i / columns * (height + GAP)) * sheet_width +
+                                                                  GAP + i % columns * (width + GAP)),
+                                                     sheet_width, width, height});
+        free(image.rgb);
     }
     if (status == OK)
-        status = write_picture(out, sheet, sheet_width, sheet_height);
+        status = write_image(out, sheet, sheet_width, sheet_height);
     free(sheet);
     return status;
 }
@@ -110,7 +120,7 @@ int main(int argc, char **argv)
 {
     int columns = argc > 2 ? atoi(argv[2]) : 0, width = argc > 3 ? atoi(argv[3]) : 0;
     if (argc < 5 || columns < 1 || width < 8) {
-        fprintf(stderr, "usage: contact-sheet OUT COLUMNS CELL_WIDTH PICTURE...\n");
+        fprintf(stderr, "usage: contact-sheet OUT COLUMNS CELL_WIDTH IMAGE...\n");
         return 2;
     }
     if (make_sheet(argv[1], columns, width, argv + 4, argc - 4) != OK) {

@@ -1,7 +1,6 @@
-// skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]: follows the person in a folder of
-// depth pictures (TUM layout) and shows COUNT instants between two of its frames side by
-// side, depth as brightness, cut to the person. Limbs of the person's left are orange,
-// of their right blue; what is guessed is drawn thin, what is unknown not at all.
+// skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]: tracks the person in a folder of depth images (TUM layout) and
+// shows COUNT instants between two of its frames side by side, depth as brightness, cropped to the person. Limbs of the
+// person's left are orange, of their right blue; joints of low confidence are drawn thin, unknown ones not at all.
 #include "capture/tracking/tracker.h"
 #include "platform/png.h"
 #include "platform/source.h"
@@ -25,7 +24,8 @@ struct strip {
     int left, top, right, bottom; // of the person in all instants, and a little more; inclusive
 };
 
-static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *mask, const struct skeleton *skeleton)
+static enum status keep_instant(struct strip *s, const uint16_t *depth, const uint8_t *mask,
+                                const struct skeleton *skeleton)
 {
     const struct lens *l = &s->calibration.depth;
     size_t pixels = (size_t)l->width * (size_t)l->height;
@@ -33,7 +33,7 @@ static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *m
     i->depth = malloc(pixels * sizeof *i->depth);
     i->mask = malloc(pixels);
     if (!i->depth || !i->mask)
-        return fail(ERR_MEMORY, "no memory for a picture");
+        return fail(ERR_MEMORY, "no memory for an image");
     memcpy(i->depth, depth, pixels * sizeof *i->depth);
     memcpy(i->mask, mask, pixels);
     i->skeleton = *skeleton;
@@ -46,7 +46,7 @@ static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *m
     return OK;
 }
 
-static enum status follow(struct strip *s, const char *folder, int count, int first, int last)
+static enum status track_person(struct strip *s, const char *folder, int count, int first, int last)
 {
     char uri[4096];
     struct source *source;
@@ -63,12 +63,12 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
     last = last < frames ? last : frames - 1;
     s->left = l->width, s->top = l->height, s->right = s->bottom = -1;
     uint8_t *mask = calloc((size_t)l->width, (size_t)l->height);
-    status = mask ? tracker_open(&tracker, &s->calibration, NULL) : fail(ERR_MEMORY, "no memory for a picture");
+    status = mask ? tracker_open(&tracker, &s->calibration, NULL) : fail(ERR_MEMORY, "no memory for an image");
     for (int k = 0; status >= 0 && s->count < count && (status = source_next(source, &frame)) == OK; k++) {
         status = tracker_next(tracker, frame.time_ns, frame.depth, &skeleton, mask);
         int wanted = first + (count > 1 ? (last - first) * s->count / (count - 1) : 0);
         if (status >= 0 && k == wanted)
-            status = keep(s, frame.depth, mask, &skeleton);
+            status = keep_instant(s, frame.depth, mask, &skeleton);
     }
     tracker_close(&tracker);
     source_close(&source);
@@ -76,7 +76,7 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
     if (status < 0)
         return status;
     if (!s->count || s->right < 0)
-        return fail(ERR_INPUT, "%s: nobody is in these pictures", folder);
+        return fail(ERR_INPUT, "%s: no person is in these images", folder);
     enum { MARGIN = 6 };
     s->left = s->left > MARGIN ? s->left - MARGIN : 0, s->top = s->top > MARGIN ? s->top - MARGIN : 0;
     s->right = s->right + MARGIN < l->width ? s->right + MARGIN : l->width - 1;
@@ -174,7 +174,7 @@ static enum status draw(const struct strip *s, const char *path)
     struct strip_canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
     c.rgb = malloc(3 * (size_t)c.stride * CELL_HEIGHT);
     if (!c.rgb)
-        return fail(ERR_MEMORY, "no memory for a strip of %d pictures", s->count);
+        return fail(ERR_MEMORY, "no memory for a strip of %d images", s->count);
     memset(c.rgb, 255, 3 * (size_t)c.stride * CELL_HEIGHT);
     for (int i = 0; i < s->count; i++) {
         c.x0 = i * (width + GAP);
@@ -195,7 +195,7 @@ int main(int argc, char **argv)
         return 2;
     }
     static struct strip strip;
-    enum status status = follow(&strip, argv[3], count, first, last);
+    enum status status = track_person(&strip, argv[3], count, first, last);
     if (status == OK)
         status = draw(&strip, argv[1]);
     for (int i = 0; i < strip.count; i++) {

@@ -7,8 +7,8 @@ static atomic_int compiled;
 
 int compiled_shader_count(void) { return atomic_load(&compiled); }
 
-// LLVM's. llvmpipe makes a module for every variant of every shader, and takes the program's own function of that name
-// before the library's.
+// LLVM's function, interposed. llvmpipe makes one module for each variant of each shader, and the dynamic linker
+// prefers the program's own definition to the library's.
 void *LLVMModuleCreateWithNameInContext(const char *name, void *context);
 
 void *LLVMModuleCreateWithNameInContext(const char *name, void *context)

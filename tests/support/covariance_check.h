@@ -1,5 +1,6 @@
-// Whether what locate says of its errors is true of them: of poses whose truth is known, as many
-// lie inside the 95 % ellipsoid as should.
+// Checks that reported covariances are consistent: of poses whose truth is known, the stated share must lie inside the
+// 95 % and 50 % ellipsoids (chi-squared test of the squared Mahalanobis distance). 6-vectors are ordered as in struct
+// location: rotation, then translation.
 #pragma once
 #include "base/linear_algebra.h"
 #include "locate/locator.h"
@@ -7,10 +8,10 @@
 
 #include <stdio.h>
 
-// The chi squared distribution of six numbers: 95 % and 50 % lie below.
+// Chi-squared distribution with six degrees of freedom: 95 % and 50 % lie below.
 static const double WITHIN_95 = 12.592, WITHIN_50 = 5.348;
 
-// Squared error of a pose in standard deviations: six numbers, six in the mean.
+// Squared Mahalanobis distance of a pose error. Its expected value is 6.
 static inline double pose_mahalanobis_squared(struct pose found, const double covariance[36], struct pose truth)
 {
     struct pose off = pose_multiply(pose_inverse(found), truth);
@@ -25,7 +26,7 @@ static inline double pose_mahalanobis_squared(struct pose found, const double co
     return sum;
 }
 
-// The same of a place's tags, in the mean; truth: all of them, in any order.
+// The mean of the same over a place's tags. truth: all tags, in any order.
 static inline double tags_mahalanobis_squared(const struct place *place, const struct place_tag *truth,
                                               struct pose truth_from_place)
 {
@@ -46,11 +47,11 @@ static inline double tags_mahalanobis_squared(const struct place *place, const s
 
 struct coverage_count {
     int found, within_95, within_50;
-    double sum; // of squared errors
+    double sum; // of squared Mahalanobis distances
 };
 
-// As many within the ellipsoid as should be, and errors no larger in the mean, as far as so few pictures
-// print_coverage: give or take 3 % of them and a quarter of the squares, and chance.
+// Fails unless the coverage and the mean squared distance are as expected for this number of images: within 3 % of the
+// images, a quarter of the squares, and what chance allows.
 static inline void expect_coverage(const struct coverage_count *t)
 {
     EXPECT_NEAR((double)t->within_95 / t->found, 0.95, 0.03 + sqrt(0.95 * 0.05 / t->found));

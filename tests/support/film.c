@@ -22,7 +22,7 @@ static void check(enum status status)
 static void write_calibration(const struct scratch *scratch, const char *name, const struct calibration *c)
 {
     char text[1024], path[300], lens[300];
-    const struct lens *l = &c->color; // registered: the same for both
+    const struct lens *l = &c->color; // registered: the same lens for both
     snprintf(lens, sizeof lens,
              "{\"width\": %d, \"height\": %d, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, "
              "\"distortion\": [0, 0, 0, 0, 0], \"unit_m\": 0.001}",
@@ -52,7 +52,7 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
         snprintf(path, sizeof path, "%s/rgb/%04d.jpg", name, i);
         scratch_write(scratch, path, bytes, count);
         free(bytes);
-        check(png_encode(PNG_GRAY16, depth, c.depth.width, c.depth.height, 1, &bytes, &count));
+        check(png_encode(&(struct png_layout){PNG_GRAY16, c.depth.width, c.depth.height}, depth, 1, &bytes, &count));
         snprintf(path, sizeof path, "%s/depth/%04d.png", name, i);
         scratch_write(scratch, path, bytes, count);
         free(bytes);
@@ -80,7 +80,7 @@ struct place film_true_place(const struct world *w, double scale)
     return place;
 }
 
-struct place film_mapped_place(struct world **world, int pictures, struct pose *world_from_place)
+struct place film_mapped_place(struct world **world, int images, struct pose *world_from_place)
 {
     struct world_options still = world_default_options();
     still.motion = "still";
@@ -102,11 +102,11 @@ struct place film_mapped_place(struct world **world, int pictures, struct pose *
     for (int32_t i = 0; i < count; i++)
         listed[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
     check(mapper_open(&m, &sensor, listed, count, NULL));
-    for (int i = 0; i < pictures; i++) {
-        double t = (double)WORLD_SWEEP_S * i / pictures;
+    for (int i = 0; i < images; i++) {
+        double t = (double)WORLD_SWEEP_S * i / images;
         struct world_shot shot = {sensor.color, world_sweep_pose(w, t), 0, false};
-        struct world_image picture = {.color = color, .depth = depth};
-        check(world_render(w, &shot, &picture));
+        struct world_image image = {.color = color, .depth = depth};
+        check(world_render(w, &shot, &image));
         check(world_depth_noise(&sensor.color, depth, (uint64_t)i, depth));
         struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};
         check(mapper_add(m, &frame));

@@ -5,7 +5,7 @@
 
 #include <stdlib.h>
 
-static const double DPI = 149; // of a tablet of 10 inches
+static const double DPI = 149; // of a 10-inch tablet
 
 void glass_open(struct glass *g, int width, int height, const struct viewer_options *options)
 {
@@ -23,7 +23,6 @@ void glass_close(struct glass *g)
     free(g->rgba);
 }
 
-// The same tablet, whatever number of pixels it has.
 double glass_scale(const struct glass *g)
 {
     return viewer_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / GLASS_LONG;
@@ -38,7 +37,6 @@ void glass_draw(struct glass *g)
     viewer_presented(&g->viewer, clock_now_ns());
 }
 
-// Leaves the processors to the preparing of the take, while that lasts.
 void glass_draw_and_wait(struct glass *g)
 {
     glass_draw(g);
@@ -63,7 +61,6 @@ void glass_wait_idle(struct glass *g)
 
 void glass_read(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
-// Draws until the camera's pictures were located (or not), and he has faded in or out.
 void glass_wait_located(struct glass *g, bool placed)
 {
     struct view_state *s = &g->viewer.state;
@@ -84,7 +81,6 @@ void glass_seek(struct glass *g, double share)
     playback_seek(&s->playback, clock_now_ns(), (int64_t)(share * (double)s->playback.length_ns));
 }
 
-// How many pixels are within `slack` of that colour.
 int glass_count_color(const struct glass *g, uint32_t color, int slack)
 {
     int count = 0;

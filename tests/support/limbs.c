@@ -1,7 +1,7 @@
 #include "tests/support/limbs.h"
 
-// Where each bone hangs from, how long it is, where it points at rest (left,
-// up, to the front) and how far it swings (radians).
+// A bone: its parent, its length, its direction in the bind pose (x left, y up, z to the front) and the amplitude of
+// its swing (radians). Chosen by hand.
 struct limb_bone {
     enum joint joint, from;
     double length_m, bind_direction[3], swing;
@@ -55,7 +55,7 @@ struct limbs limbs_random(struct rng *rng)
     return l;
 }
 
-static struct vec3 shaken(struct vec3 p, double noise_m, struct rng *rng)
+static struct vec3 with_noise(struct vec3 p, double noise_m, struct rng *rng)
 {
     if (!(noise_m > 0))
         return p;
@@ -67,29 +67,29 @@ struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, s
 {
     struct skeleton s = {.confidence = {[JOINT_NECK] = 1}};
     s.joint[JOINT_NECK] = v3(0, -0.4, 3);
-    struct quat turn = quat_from_rotation_vector(v3(0, wave_at(l->heading, time_s), 0));
+    struct quat rotation = quat_from_rotation_vector(v3(0, wave_at(l->heading, time_s), 0));
     for (size_t i = 0; i < COUNT_OF(bones); i++) {
         const struct limb_bone *b = &bones[i];
-        // To the person's left is the camera's right when they face it, up is -y, their front is -z.
+        // Left of a person who faces the camera is the camera's right, up is -y, their front is -z.
         struct vec3 bind_vector =
             v3_scale(v3_unit(v3(b->bind_direction[0], -b->bind_direction[1], -b->bind_direction[2])), b->length_m);
         struct quat swing = quat_from_rotation_vector(
             v3(wave_at(l->swing[b->joint][0], time_s), 0, wave_at(l->swing[b->joint][1], time_s)));
-        s.joint[b->joint] = v3_add(s.joint[b->from], quat_rotate(quat_multiply(turn, swing), bind_vector));
+        s.joint[b->joint] = v3_add(s.joint[b->from], quat_rotate(quat_multiply(rotation, swing), bind_vector));
         s.confidence[b->joint] = 1;
     }
     for (int j = 0; j < JOINT_COUNT; j++)
-        s.joint[j] = shaken(s.joint[j], noise_m, rng);
+        s.joint[j] = with_noise(s.joint[j], noise_m, rng);
     return s;
 }
 
 struct skeleton limbs_rotated(const struct skeleton *s, double angle, double noise_m, struct rng *rng)
 {
-    struct skeleton turned = *s;
-    struct quat turn = quat_from_rotation_vector(v3(0, angle, 0));
+    struct skeleton rotated = *s;
+    struct quat rotation = quat_from_rotation_vector(v3(0, angle, 0));
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 from_neck = v3_sub(s->joint[j], s->joint[JOINT_NECK]);
-        turned.joint[j] = shaken(v3_add(s->joint[JOINT_NECK], quat_rotate(turn, from_neck)), noise_m, rng);
+        rotated.joint[j] = with_noise(v3_add(s->joint[JOINT_NECK], quat_rotate(rotation, from_neck)), noise_m, rng);
     }
-    return turned;
+    return rotated;
 }

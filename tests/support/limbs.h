@@ -1,6 +1,5 @@
-// Somebody who never stands still: every bone swings on its own in sums of
-// slow waves, and the whole body turns. No pose comes back, which makes it the
-// hardest motion for whatever looks for a similar pose.
+// A synthetic skeleton in continual motion: every bone swings on its own in sums of slow waves, and the whole body
+// turns. No pose recurs, which makes it the hardest motion for pose retrieval.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "tests/support/random.h"
@@ -15,9 +14,9 @@ struct limbs {
 
 struct limbs limbs_random(struct rng *rng);
 
-// All joints known, in the axes of a camera 3 m away (y down, z forward), each
-// coordinate off by noise_m.
+// All joints known, in the axes of a camera 3 m away (y down, z forward), with Gaussian noise of noise_m in each
+// coordinate.
 struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct rng *rng);
 
-// The same pose seen by a camera that went round the person by `angle` (radians).
+// The same pose seen by a camera moved round the person by `angle` (radians).
 struct skeleton limbs_rotated(const struct skeleton *s, double angle, double noise_m, struct rng *rng);

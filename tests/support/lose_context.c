@@ -1,12 +1,12 @@
-// Loaded before a program (LD_PRELOAD): its first graphics context is lost after some
-// time; with the second it is asked to end, as by Ctrl-C, after as long again.
+// Loaded before a program (LD_PRELOAD): its first graphics context is lost after CHECKS queries; with the second
+// context the program gets SIGTERM, which ends it as Ctrl-C does, after as many again.
 #include <dlfcn.h>
 #include <signal.h>
 #include <string.h>
 
 enum { CHECKS = 150, LOST = 0x8253 }; // GL_GUILTY_CONTEXT_RESET
 
-static int contexts, checks; // contexts that asked how to hear of a reset; questions of the present one
+static int contexts, checks; // contexts that enabled reset notification; queries of the present one
 
 static unsigned reset_status(void)
 {

@@ -1,16 +1,15 @@
-// A painted person, balls and tubes before a magenta wall, filmed into a take of a
-// few frames; and what a renderer makes of it. What fails is a failed check of the
-// test that asks for it.
+// A painted person, balls and tubes before a magenta wall, filmed into a take of a few frames; and what a renderer
+// makes of it. An error fails the test.
 #pragma once
 #include "reenact/render/actor_renderer.h"
 
 enum { W = 320, H = 240, PIXELS = W * H };
 extern const struct lens ideal, bent; // W x H, without and with distortion
 
-// ---- a take of given frames, 40 ms apart, in a file that lasts as long as it is open
+// ---- a take of given frames, 40 ms apart, in a file that exists while it is open
 struct one_frame {
     struct skeleton skeleton;
-    const uint8_t *rgb; // NULL: no picture
+    const uint8_t *rgb; // NULL: no image
     const uint16_t *depth;
     const uint8_t *mask;
 };
@@ -31,13 +30,13 @@ struct drawn {
     uint8_t rgb[PIXELS * 3], actor[PIXELS * 4];
     struct renderer_result result;
 };
-// color: the viewer's picture, W x H, RGB.
+// color: the viewer's image, W x H, RGB.
 void draw_picture(struct renderer *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
                   struct drawn *out);
 
 // ---- the double-precision reference
-// How far along `ray` from the origin the open cylinder about a-b of `radius` is
-// first met at z >= nearest; infinite: never. ray has z = 1, so that it is the depth.
+// The depth at which `ray` from the origin first meets the open cylinder about a-b of `radius` at z >= nearest;
+// infinite: never. ray has z = 1.
 double tube_depth(struct vec3 ray, struct vec3 a, struct vec3 b, double radius, double nearest);
 double ball_depth(struct vec3 ray, struct vec3 c, double radius); // likewise the ball about c
 

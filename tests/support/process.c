@@ -8,7 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// What a cross-built program is run by, then NULL.
+// The emulator's command for a cross-built program, then NULL.
 static const char *const emulator[] = {EMULATOR NULL};
 
 static void become(const char *const *argv, int out, int err)

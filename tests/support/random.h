@@ -1,11 +1,12 @@
-// Numbers for test inputs. Each in a statement of its own, or compilers throw them in different orders.
+// Pseudo-random numbers for test inputs. Draw each in a statement of its own: the order in which a call's arguments are
+// evaluated differs between compilers.
 #pragma once
 #include "base/geometry.h"
 
 #include <math.h>
 #include <stdint.h>
 
-// A small generator for test inputs, the same on every machine. Seed it, print the seed.
+// A small generator, the same on every machine (splitmix64). Seed it and print the seed.
 struct rng {
     uint64_t state;
 };
@@ -36,7 +37,7 @@ static inline struct vec3 rng_normal3(struct rng *rng, double sigma) // each coo
     return v3_scale(v3(x, y, z), sigma);
 }
 
-static inline struct vec3 rng_within(struct rng *rng, struct vec3 most) // each coordinate within as much of 0
+static inline struct vec3 rng_within(struct rng *rng, struct vec3 most) // each coordinate uniform within +-most
 {
     double x = rng_between(rng, -most.x, most.x), y = rng_between(rng, -most.y, most.y),
            z = rng_between(rng, -most.z, most.z);

@@ -1,5 +1,5 @@
-// A folder to write in and a small recording with a bit of everything, for the
-// tests of the recording file. Everything follows from SAMPLE_SEED.
+// A folder to write in and a small recording with a bit of everything, for tests of the recording file. Everything
+// follows from SAMPLE_SEED.
 #pragma once
 #include "tests/support/test.h"
 
@@ -25,16 +25,16 @@ static inline const char *sample_path(const char *name)
     return path[slot];
 }
 
-static inline int make_folder(void **state)
+static inline int sample_folder_make(void **state)
 {
     (void)state;
-    // In memory where that is possible: hundreds of small files shall not wait for a disk.
+    // In memory where possible: hundreds of small files must not wait for a disk.
     bool has_memory = !access("/dev/shm", W_OK | X_OK);
     snprintf(folder, sizeof folder, "%s/reenact_test.XXXXXX", has_memory ? "/dev/shm" : "/tmp");
     return mkdtemp(folder) ? 0 : -1;
 }
 
-static inline int remove_folder(void **state)
+static inline int sample_folder_remove(void **state)
 {
     (void)state;
     char command[200];
@@ -42,14 +42,15 @@ static inline int remove_folder(void **state)
     return system(command);
 }
 
-// ------------------------------------------------------------- things to record
+// ------------------------------------------------------------- data to record
 
-static inline double number(struct rng *rng) { return rng_normal(rng) * 3; }
+static inline double sample_number(struct rng *rng) { return rng_normal(rng) * 3; }
 
 static inline struct pose sample_pose(struct rng *rng)
 {
-    return (struct pose){quat_unit((struct quat){number(rng), number(rng), number(rng), number(rng)}),
-                         v3(number(rng), number(rng), -0.0)};
+    return (struct pose){
+        quat_unit((struct quat){sample_number(rng), sample_number(rng), sample_number(rng), sample_number(rng)}),
+        v3(sample_number(rng), sample_number(rng), -0.0)};
 }
 
 static inline struct calibration sample_calibration(void)
@@ -87,13 +88,16 @@ static inline struct place sample_place(struct rng *rng)
     p.points = calloc((size_t)p.point_count, sizeof *p.points);
     p.views = calloc((size_t)p.view_count, sizeof *p.views);
     for (int i = 0; i < p.tag_count; i++)
-        p.tags[i] = (struct place_tag){
-            .id = 7 * i, .side_m = 0.16, .world_from_tag = sample_pose(rng), .rms_px = number(rng), .sightings = 5 + i};
+        p.tags[i] = (struct place_tag){.id = 7 * i,
+                                       .side_m = 0.16,
+                                       .world_from_tag = sample_pose(rng),
+                                       .rms_px = sample_number(rng),
+                                       .observations = 5 + i};
     for (int i = 0; i < p.tag_count; i++)
         for (int k = 0; k < 21; k++)
             p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;
     for (int i = 0; i < p.point_count; i++) {
-        p.points[i].world = v3(number(rng), number(rng), number(rng));
+        p.points[i].world = v3(sample_number(rng), sample_number(rng), sample_number(rng));
         for (int k = 0; k < 6; k++)
             p.points[i].covariance[k] = (float)(i + k) * 1e-6F;
         for (int k = 0; k < 3; k++)
@@ -113,7 +117,7 @@ static inline struct place sample_place(struct rng *rng)
     return p;
 }
 
-// A frame and the memory it points to. Some pictures are missing on purpose.
+// A frame and its buffers. Some images are missing on purpose.
 struct sample_frame {
     struct take_frame frame;
     uint8_t *jpeg;
@@ -121,7 +125,7 @@ struct sample_frame {
     uint8_t mask[WIDTH * HEIGHT];
 };
 
-static inline void make_frame(struct sample_frame *m, int index)
+static inline void sample_frame_make(struct sample_frame *m, int index)
 {
     struct rng rng = {SAMPLE_SEED + (uint64_t)index};
     memset(m, 0, sizeof *m);
@@ -139,16 +143,16 @@ static inline void make_frame(struct sample_frame *m, int index)
         m->frame.jpeg = NULL, m->frame.depth = NULL, m->frame.mask = NULL;
     m->frame.has_skeleton = index % 5 != 2;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        m->frame.skeleton.joint[j] = v3(number(&rng), number(&rng), number(&rng));
+        m->frame.skeleton.joint[j] = v3(sample_number(&rng), sample_number(&rng), sample_number(&rng));
         m->frame.skeleton.confidence[j] = (float)(j % 3) / 2;
     }
 }
 
-static inline void add_frames(struct recording_writer *w, int from, int to)
+static inline void sample_frames_add(struct recording_writer *w, int from, int to)
 {
     static struct sample_frame m;
     for (int i = from; i < to; i++) {
-        make_frame(&m, i);
+        sample_frame_make(&m, i);
         EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
         free(m.jpeg);
     }
@@ -160,7 +164,7 @@ static const struct body sample_body = {
 };
 
 // Two takes and a place; the second take stays open.
-static inline void write_recording(const char *path)
+static inline void sample_recording_write(const char *path)
 {
     struct rng rng = {SAMPLE_SEED};
     struct place place = sample_place(&rng);
@@ -171,16 +175,16 @@ static inline void write_recording(const char *path)
     place.rms_px = 0.25;
     EXPECT_STATUS(recording_put_place(w, &place), OK); // replaces
     EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
-    add_frames(w, 0, FRAMES / 2);
+    sample_frames_add(w, 0, FRAMES / 2);
     struct body body = sample_body;
     body.representative_frame = 3;
     EXPECT_STATUS(recording_put_body(w, &body), OK);
-    add_frames(w, FRAMES / 2, FRAMES);
+    sample_frames_add(w, FRAMES / 2, FRAMES);
     EXPECT_STATUS(recording_put_body(w, &sample_body), OK);
     EXPECT_STATUS(recording_put_dropped(w, 12), OK);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_begin_take(w, "second", &calibration), OK);
-    add_frames(w, 0, 3);
+    sample_frames_add(w, 0, 3);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_TRUE(w == NULL);
     place_free(&place);

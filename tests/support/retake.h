@@ -1,4 +1,4 @@
-// A recording's take once more, in the same file, with its frames changed.
+// Copies a take within its recording with its frames changed.
 #pragma once
 #include "capture/recording/recording.h"
 
@@ -10,6 +10,6 @@ struct retaken {
     int width, height; // of all three
 };
 
-// The take has colours, depth of the same size and a mask. Errors abort.
+// The take must have colour, depth of the same size and a mask. Errors abort.
 void retake(const char *file, const char *take, const char *name, void (*change)(void *self, struct retaken *frame),
             void *self);

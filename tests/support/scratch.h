@@ -1,4 +1,4 @@
-// A folder of a test's own under the temporary folder, and files in it.
+// A test's own temporary folder, and files in it.
 #pragma once
 #include "base/status.h"
 
@@ -9,7 +9,7 @@ struct scratch {
 struct scratch scratch_make(void);
 void scratch_remove(struct scratch *scratch); // with everything in it
 
-// "scratch/name"; the text lives in a ring of 16, so use it at once or copy it.
+// "scratch/name"; the text lives in a ring of 16: use it immediately or copy it.
 const char *scratch_file(const struct scratch *scratch, const char *name);
 
 void scratch_write(const struct scratch *scratch, const char *name, const void *bytes, size_t count);

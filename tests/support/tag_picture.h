@@ -1,9 +1,9 @@
-// Pictures of tags whose truth is known: drawn through a distorting lens, with
-// 6 x 6 samples a pixel in linear light, then encoded and made noisy as a camera
-// does. Shares no code with what it tests but the lens and the tag's bits.
+// Images of tags whose truth is known: rendered through a distorting lens with 6 x 6 samples a pixel in linear light,
+// then sRGB-encoded with a camera's noise. Shares no code with what it tests but the lens and the tag's bits.
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/tag_detector.h"
+#include "tests/support/random.h"
 
 #include <stdlib.h>
 
@@ -14,8 +14,8 @@ struct tag_picture {
     struct pose world_from_camera;
     double noise;    // grey levels, standard deviation
     bool linear;     // no sRGB encoding: what careless code assumes
-    double blur_px;  // of the lens beside the pixel's own square: standard deviation, at most 0.6. 0: none, and fewer
-                     // samples a pixel, by which an edge along the rows may be off by a twelfth of a pixel
+    double blur_px;  // of the lens in addition to the pixel's own square: standard deviation, at most 0.6. 0: none, and
+                     // fewer samples a pixel, so that an edge along the rows may be off by a twelfth of a pixel
     uint64_t seed;   // of the noise
     uint8_t *rgb;    // out, lens.width * lens.height * 3
     uint16_t *depth; // out, exact; NULL: not wanted
@@ -25,20 +25,6 @@ static inline struct lens tag_picture_lens(int width, int height, double f)
 {
     return (struct lens){
         .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
-}
-
-static inline double tag_picture_uniform(uint64_t *state) // [0, 1), splitmix64 (Steele, Lea and Flood 2014)
-{
-    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
-static inline double tag_picture_normal(uint64_t *state)
-{
-    double u = 1 - tag_picture_uniform(state), v = tag_picture_uniform(state);
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }
 
 static inline uint8_t tag_picture_encode(double light, bool linear, double noise)
@@ -56,7 +42,7 @@ struct tag_picture_plane {
     struct tag_pattern pattern;
 };
 
-// Linear light along a ray; *z: how far, 0 for the background.
+// Linear light along a ray; *z: its depth, 0 for the background.
 static inline double tag_picture_light(const struct tag_picture_plane *planes, int count, struct vec3 ray, double *z)
 {
     *z = 0;
@@ -79,8 +65,8 @@ static inline double tag_picture_light(const struct tag_picture_plane *planes, i
     return TAG_PICTURE_BACK;
 }
 
-// Pictures with a lens's blur: SIDE x SIDE samples a pixel over the whole picture, blurred along the rows, then
-// along the columns. light: out, linear.
+// Images with a lens's blur: SIDE x SIDE samples a pixel, blurred along the rows, then along the columns. light: out,
+// linear.
 static inline void tag_picture_blurred(const struct tag_picture *p, const struct tag_picture_plane *planes,
                                        double *light)
 {
@@ -105,7 +91,8 @@ static inline void tag_picture_blurred(const struct tag_picture *p, const struct
     }
     int first = (int)fmax(0, low.x - 4), end = (int)fmin(width, high.x + 5); // the columns with tags
     first = first < width ? first : 0, end = end > first ? end : first + 1;
-    for (int line = -REACH; line < height * SIDE + REACH; line++) { // of samples; `narrow` keeps the last TAPS
+    for (int line = -REACH; line < height * SIDE + REACH;
+         line++) { // rows of samples; `narrow` is a ring of the last TAPS
         double *out = narrow + (size_t)((line + REACH) % rows) * (size_t)width;
         for (int i = first * SIDE; i < end * SIDE; i++) {
             struct pixel at = {(i + 0.5) / SIDE - 0.5, (line + 0.5) / SIDE - 0.5};
@@ -119,7 +106,7 @@ static inline void tag_picture_blurred(const struct tag_picture *p, const struct
                 out[x] += taps[k] * samples[i < first * SIDE ? first * SIDE : i >= end * SIDE ? end * SIDE - 1 : i];
             }
         }
-        int y = (line - REACH - SIDE + 1) / SIDE; // whose last sample's line this is
+        int y = (line - REACH - SIDE + 1) / SIDE; // the pixel row whose last sample row this is
         if (line < REACH + SIDE - 1 || (line - REACH + 1) % SIDE)
             continue;
         for (int x = 0; x < width; x++) {
@@ -139,7 +126,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     enum { SIDE = 6, MOST = 16 };
     struct tag_picture_plane planes[MOST];
     struct pose camera_from_world = pose_inverse(p->world_from_camera);
-    uint64_t rng = p->seed;
+    struct rng rng = {p->seed};
     assert(p->tag_count <= MOST);
     for (int i = 0; i < p->tag_count; i++) {
         struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
@@ -161,7 +148,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     for (int y = 0; y < p->lens.height; y++) {
         for (int x = 0; x < p->lens.width; x++) {
             size_t at = (size_t)y * (size_t)p->lens.width + (size_t)x;
-            // Far from an edge one sample says it all; near one, the whole pixel.
+            // Far from an edge one sample suffices; near one, sample the whole pixel.
             double sum = 0, z, low = 1, high = 0;
             struct vec3 middle = lens_ray(&p->lens, (struct pixel){x, y});
             double light = tag_picture_light(planes, p->tag_count, middle, &z);
@@ -184,7 +171,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
                 light = sum / (SIDE * SIDE);
             for (int c = 0; c < 3; c++)
                 p->rgb[3 * at + (size_t)c] =
-                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&rng) : 0);
+                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * rng_normal(&rng) : 0);
             if (p->depth)
                 p->depth[at] = (uint16_t)(z * 1000 + 0.5);
         }
@@ -193,8 +180,8 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     return true;
 }
 
-// A camera looking at the origin's square (its axes the world's: x right, y up, z
-// towards the reader) from `distance`, turned by yaw about y and pitch about x.
+// A camera looking at the square at the origin (world axes: x right, y up, z towards the reader) from `distance`,
+// rotated by yaw about y and pitch about x.
 static inline struct pose tag_picture_view(double distance, double yaw, double pitch, double roll)
 {
     struct quat face = {1, 0, 0, 0}; // camera y down and z into the wall
@@ -206,7 +193,7 @@ static inline struct pose tag_picture_view(double distance, double yaw, double p
     return world_from_camera;
 }
 
-// Where the corners truly are, in pixels.
+// The true corners, in pixels.
 static inline void tag_picture_corners(const struct tag_picture *p, int tag, struct pixel out[4])
 {
     struct vec3 world[4];

@@ -1,5 +1,5 @@
-// Tags as a camera sees them, without a picture: their true corners and noise, for fits
-// that no tag finder would let through.
+// Tags as a camera observes them, without an image: their true corners and noise, for cases that the tag detector would
+// not let through.
 #pragma once
 #include "locate/pose_solver.h"
 #include "tests/support/random.h"
@@ -24,4 +24,10 @@ static inline struct tag_observation tag_view_observe(const struct place_tag *ta
 static inline struct pnp_tag tag_view_for_solver(const struct place_tag *tag, const struct tag_observation *s)
 {
     return (struct pnp_tag){.seen = s, .world_from_tag = tag->world_from_tag, .side_m = tag->side_m};
+}
+
+static inline enum status tag_view_solve(struct pnp_tag *tags, int count, double max_rms_px, struct pnp_solution *out)
+{
+    const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = TAG_VIEW_F_PX, .fy = TAG_VIEW_F_PX};
+    return pnp_solve(&problem, max_rms_px, out);
 }

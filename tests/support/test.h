@@ -1,4 +1,4 @@
-// What every test starts with: cmocka, and checks that print both values.
+// Included by every test: cmocka, and checks that print both values.
 #pragma once
 #include <setjmp.h>
 #include <stdarg.h>
@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#undef fail // ours, in status.h, says why; cmocka's stays _fail()
+#undef fail // ours, in status.h, sets the message; cmocka's stays _fail()
 
 #include "base/status.h"
 #include "tests/support/random.h"
@@ -70,7 +70,7 @@
         }                                                                                                              \
     } while (0)
 
-// In the sentence that tells of the last failure.
+// Checks that the message of the last failure contains `part`.
 #define EXPECT_SAYS(part)                                                                                              \
     do {                                                                                                               \
         if (!strstr(status_message(), (part))) {                                                                       \

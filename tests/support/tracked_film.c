@@ -33,8 +33,8 @@ void tracked_film_close(struct tracked_film *f)
 void tracked_film_shoot(struct tracked_film *f, struct pose world_from_camera, double time_s, uint64_t seed)
 {
     struct world_shot shot = {f->calibration.depth, world_from_camera, time_s, true};
-    struct world_image picture = {.depth = f->depth, .mask = f->truth_mask};
-    EXPECT_STATUS(world_render(f->world, &shot, &picture), OK);
+    struct world_image image = {.depth = f->depth, .mask = f->truth_mask};
+    EXPECT_STATUS(world_render(f->world, &shot, &image), OK);
     EXPECT_STATUS(world_depth_noise(&shot.lens, f->depth, seed, f->depth), OK);
 }
 

@@ -1,4 +1,4 @@
-// The two programs as a user meets them: exit codes, and one clear sentence for
+// The two programs from the outside: exit codes, and one sentence for
 // each kind of bad input.
 #include "tests/support/test.h"
 
@@ -26,7 +26,7 @@ static const char *const calibration_text =
     " \"depth\": {\"width\": 64, \"height\": 48, \"fx\": 52.5, \"fy\": 52.5, \"cx\": 31.5, \"cy\": 23.5,"
     " \"distortion\": [0, 0, 0, 0, 0], \"unit_m\": 0.001}, \"registered\": true}";
 
-// A folder with a wall two metres away and nobody before it.
+// A folder with a wall two metres away and no person.
 static void make_folder(const char *name, int width, int height)
 {
     uint8_t *color = calloc(3, (size_t)width * (size_t)height);
@@ -75,7 +75,7 @@ static void record_into(const char *file)
     EXPECT_INT(said.exit_code, 0);
 }
 
-// Exit code 1, nothing on stdout but what was asked for, and one sentence that names `word`.
+// Exit code 1, one sentence on stderr with `word` in it, and no file left behind.
 static void expect_sentence(struct process_result said, const char *word, int line)
 {
     size_t lines = 0;
@@ -177,10 +177,9 @@ static void test_bad_sensors(void **state)
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("depthless"), "--out", out, "--take", "x"), "depth");
 }
 
-// Two tags on a wall, 0.4 m between their middles, filmed by a camera that has no depth.
-static void test_camera_maps_tags(void **state)
+// The folder "wall": two tags on a wall, 0.4 m between their centres, filmed by a camera without depth.
+static void make_wall(void)
 {
-    (void)state;
     enum { ACROSS = 320, DOWN = 240, PICTURES = 4 };
     static uint8_t rgb[ACROSS * DOWN * 3];
     const struct place_tag tags[] = {
@@ -207,6 +206,12 @@ static void test_camera_maps_tags(void **state)
                  "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 300, \"fy\": 300, "
                  "\"cx\": 159.5, \"cy\": 119.5}}");
     scratch_text(&scratch, "pair.json", "{\"family\": \"tag36h11\", \"side_m\": {\"3\": 0.2, \"8\": 0.2}}");
+}
+
+static void test_camera_maps_tags(void **state)
+{
+    (void)state;
+    make_wall();
     char file[512];
     snprintf(file, sizeof file, "%s", scratch_file(&scratch, "wall.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--out", file), "tags");
@@ -233,7 +238,7 @@ static void test_camera_maps_tags(void **state)
     said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--out", scratch_file(&scratch, "wall.txt"));
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.out, "4 of 4"));
-    // The same camera, of which nobody knows the lens.
+    // The same camera with an inaccurate focal length.
     scratch_text(&scratch, "wall/calibration.json",
                  "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 260, \"fy\": 260, "
                  "\"cx\": 159.5, \"cy\": 119.5, \"focal_sigma\": 0.15}}");
@@ -242,7 +247,7 @@ static void test_camera_maps_tags(void **state)
     const char *learnt = strstr(said.out, "learnt from the place: ");
     assert_non_null(learnt);
     EXPECT_NEAR(atof(strchr(learnt, ':') + 1), 300, 3);
-    // Not good enough to make a place with.
+    // Not accurate enough to map a place with.
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"),
                             "--out", scratch_file(&scratch, "bent.reenact")),
                     "focal length");
@@ -287,14 +292,14 @@ static void test_bad_recordings(void **state)
     EXPECT_STATUS(file_read(file, &bytes, &count), OK);
     scratch_write(&scratch, "bad.reenact", bytes, count / 2); // cut short
     EXPECT_SENTENCE(PROCESS(CAPTURE, "verify", other), "bad.reenact");
-    bytes[60 + 3] = 99; // SQLite's user_version: our schema number
+    bytes[60 + 3] = 99; // SQLite's user_version: the schema number
     scratch_write(&scratch, "bad.reenact", bytes, count);
     EXPECT_SENTENCE(PROCESS(CAPTURE, "info", other), "newer");
     memset(bytes, 0, count);
     scratch_write(&scratch, "bad.reenact", bytes, count);
     EXPECT_SENTENCE(PROCESS(CAPTURE, "info", other), "bad.reenact");
     free(bytes);
-    // After all that, the good one is still good.
+    // The good file has not changed.
     EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
 }
 

@@ -1,7 +1,7 @@
-// kill -9 in the middle of filming: what stays on the disk.
+// kill -9 while recording: what stays on the disk.
 //
-// test_kill [COUNT]: that many kills, at random moments; 4 where it is not said.
-// The sensor is live: OpenNI2 with a driver of ours, 30 pictures a second.
+// test_kill [COUNT]: that many kills, at random moments; default 4.
+// The sensor is live: OpenNI2 with the fake sensor's driver, 30 frames a second.
 #include "tests/support/test.h"
 
 #include "capture/recording/recording.h"
@@ -25,7 +25,7 @@ static const uint64_t SEED = 20140901;
 
 static struct scratch scratch;
 
-// An empty room; filming it costs what filming costs.
+// An empty room, at the cost of a normal recording.
 static void make_folder(void)
 {
     static uint8_t color[3 * WIDTH * HEIGHT];
@@ -42,7 +42,7 @@ static void make_folder(void)
         snprintf(name, sizeof name, "sensor/rgb/%d.jpg", i);
         scratch_write(&scratch, name, bytes, count);
         free(bytes);
-        EXPECT_STATUS(png_encode(PNG_GRAY16, depth, WIDTH, HEIGHT, 1, &bytes, &count), OK);
+        EXPECT_STATUS(png_encode(&(struct png_layout){PNG_GRAY16, WIDTH, HEIGHT}, depth, 1, &bytes, &count), OK);
         snprintf(name, sizeof name, "sensor/depth/%d.png", i);
         scratch_write(&scratch, name, bytes, count);
         free(bytes);
@@ -71,8 +71,8 @@ static int64_t frames_in(const char *path)
     return frames;
 }
 
-// Films until `filmed_ms` after the first frame is in the file, then kills. Returns how many
-// frames the sensor had handed out by then at least.
+// Records until `filmed_ms` after the first frame is in the file, then kills. Returns a lower bound of the
+// frames that the sensor had delivered by then.
 static int64_t film_and_kill(const char *path, double filmed_ms)
 {
     const char *const argv[] = {
@@ -117,7 +117,7 @@ static void test_killed_take_loses_at_most_a_second(void **state)
     print_message("at most %lld frames (%.2f s) short\n", (long long)worst, (double)worst / 30);
 }
 
-// Ctrl-C is no kill: the take ends in good order with all its frames.
+// After Ctrl-C the take ends complete, with all its frames.
 static void test_interrupt_ends_take_cleanly(void **state)
 {
     (void)state;
@@ -146,8 +146,8 @@ static int set_up(void **state)
     setenv("REENACT_FAKE_SENSOR", scratch_file(&scratch, "sensor"), 1);
     setenv("REENACT_FAKE_SENSOR_AT_END", "loop", 1);
     setenv("LD_LIBRARY_PATH", OPENNI2_DIR, 1);
-    // OpenNI2 unloads its drivers before the leak check runs in the child, which so can no
-    // longer tell their leaks from ours; test_recorder looks for ours in one process.
+    // OpenNI2 unloads its drivers before the leak check runs in the child, which then cannot
+    // attribute their leaks; test_recorder checks for leaks in one process.
     setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
     return 0;
 }

@@ -115,7 +115,7 @@ static int by_name(const void *a, const void *b)
 {
     const struct symbol *x = a, *y = b;
     const int order = strcmp(x->name, y->name);
-    return order ? order : (int)y->defined - (int)x->defined; // who defines it comes first
+    return order ? order : (int)y->defined - (int)x->defined; // the definition comes first
 }
 
 // What nm says of all rooms' libraries: LIBRARY[OBJECT]: SYMBOL TYPE …

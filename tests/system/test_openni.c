@@ -1,6 +1,6 @@
 // Depth sensors and .oni files through the real OpenNI2: the fake sensor
-// (openni_driver/) plays a folder made here, and make-oni records it. What
-// arrives must be the folder's pictures, bit for bit, unmirrored, in order.
+// (openni_driver/) plays a folder made here, and make-oni records it. The frames that
+// arrive must be the folder's images, bit for bit, unmirrored, in order.
 #include "tests/support/test.h"
 
 #include "tests/openni_driver/keep_player.h"
@@ -34,7 +34,7 @@ static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
 }
 
 // Every `color_every`-th frame has colour.
-static void put_lists(const struct openni_case *room, int color_every)
+static void put_lists(const struct openni_case *setup, int color_every)
 {
     char depth[FRAMES * 48] = "", rgb[FRAMES * 48] = "";
     for (int i = 0; i < FRAMES; i++) {
@@ -46,18 +46,18 @@ static void put_lists(const struct openni_case *room, int color_every)
             snprintf(rgb + m, sizeof rgb - m, "%lld.%06lld c%02d.png\n", (long long)(us / 1000000),
                      (long long)(us % 1000000), i);
     }
-    scratch_text(&room->scratch, "depth.txt", depth);
-    scratch_text(&room->scratch, "rgb.txt", rgb);
+    scratch_text(&setup->scratch, "depth.txt", depth);
+    scratch_text(&setup->scratch, "rgb.txt", rgb);
 }
 
-static void put_calibration(const struct openni_case *room, const char *relation)
+static void put_calibration(const struct openni_case *setup, const char *relation)
 {
     char text[600];
     snprintf(text, sizeof text,
              "{\"color\": {\"width\": 64, \"height\": 48, \"fx\": 53.5, \"fy\": 54.25, \"cx\": 31.5, \"cy\": 23.5},"
              "\"depth\": {\"width\": 64, \"height\": 48, \"fx\": 57, \"fy\": 57.5, \"cx\": 31.5, \"cy\": 23.5},%s}",
              relation);
-    scratch_text(&room->scratch, "calibration.json", text);
+    scratch_text(&setup->scratch, "calibration.json", text);
 }
 
 static void set(const char *name, const char *value)
@@ -72,35 +72,35 @@ static void set(const char *name, const char *value)
 
 static int make_case(void **state)
 {
-    struct openni_case *room = calloc(1, sizeof *room);
-    room->scratch = scratch_make();
-    snprintf(room->oni, sizeof room->oni, "oni:%s/take.oni", room->scratch.path);
+    struct openni_case *setup = calloc(1, sizeof *setup);
+    setup->scratch = scratch_make();
+    snprintf(setup->oni, sizeof setup->oni, "oni:%s/take.oni", setup->scratch.path);
     static uint16_t mm[W * H];
     static uint8_t rgb[W * H * 3];
     for (int i = 0; i < FRAMES; i++) {
-        char path[sizeof room->scratch.path + 16];
+        char path[sizeof setup->scratch.path + 16];
         picture(i, mm, rgb);
-        snprintf(path, sizeof path, "%s/d%02d.png", room->scratch.path, i);
+        snprintf(path, sizeof path, "%s/d%02d.png", setup->scratch.path, i);
         assert_int_equal(png_write(path, PNG_GRAY16, mm, W, H), OK);
-        snprintf(path, sizeof path, "%s/c%02d.png", room->scratch.path, i);
+        snprintf(path, sizeof path, "%s/c%02d.png", setup->scratch.path, i);
         assert_int_equal(png_write(path, PNG_RGB8, rgb, W, H), OK);
     }
-    put_lists(room, 1);
-    put_calibration(room, "\"registered\": true");
+    put_lists(setup, 1);
+    put_calibration(setup, "\"registered\": true");
     static const char *const names[] = {"UNPLUG_AFTER", "AT_END", "DEPTH", "MIRROR"};
     for (size_t i = 0; i < COUNT_OF(names); i++)
         set(names[i], NULL);
-    set("", room->scratch.path);
+    set("", setup->scratch.path);
     set("FPS", "100");
-    *state = room;
+    *state = setup;
     return 0;
 }
 
 static int clear_case(void **state)
 {
-    struct openni_case *room = *state;
-    scratch_remove(&room->scratch);
-    free(room);
+    struct openni_case *setup = *state;
+    scratch_remove(&setup->scratch);
+    free(setup);
     return 0;
 }
 
@@ -125,8 +125,8 @@ static void same(const struct frame *f, int index, bool color)
     assert_null(f->jpeg);
 }
 
-// Reads a live sensor until it goes away. Which frames come depends on how fast this machine
-// is; that each is right, later than the last, and counted, does not.
+// Reads a live sensor until it is disconnected. Which frames arrive depends on this machine's speed;
+// that each is correct, later than the last, and counted, does not.
 static void read_live(const char *uri, int wanted_frames)
 {
     struct source *s = open_it(uri);
@@ -140,9 +140,9 @@ static void read_live(const char *uri, int wanted_frames)
         EXPECT_INT(f.time_ns, (BEGIN_US + (int64_t)index * STEP_US) * 1000);
         EXPECT_AT_LEAST(index, last + 1);
         if (first < 0)
-            first = index; // what goes by before anybody looks is not counted
+            first = index; // frames before the first call are not counted
         last = index;
-        same(&f, index, f.color != NULL); // colour may be missed; a wrong one may not come
+        same(&f, index, f.color != NULL); // colour may be missing, but not wrong
         frames++;
     }
     EXPECT_STATUS(status, ERR_DEVICE);
@@ -155,9 +155,9 @@ static void read_live(const char *uri, int wanted_frames)
     source_close(&s);
 }
 
-static void record(const struct openni_case *room)
+static void record(const struct openni_case *setup)
 {
-    struct process_result said = PROCESS(MAKE_ONI, "--from", room->scratch.path, "--out", room->oni + 4);
+    struct process_result said = PROCESS(MAKE_ONI, "--from", setup->scratch.path, "--out", setup->oni + 4);
     EXPECT_INT(said.exit_code, 0);
 }
 
@@ -167,7 +167,7 @@ static void test_sensor(void **state)
 {
     (void)state;
     read_live("openni", FRAMES);
-    set("MIRROR", "fixed"); // turned back by us
+    set("MIRROR", "fixed"); // the source mirrors it back
     read_live("openni:0", FRAMES);
 }
 
@@ -220,7 +220,7 @@ static void test_looping_time_rises(void **state)
 
 static void test_calibration(void **state)
 {
-    struct openni_case *room = *state;
+    struct openni_case *setup = *state;
     struct source *s = open_it("openni");
     const struct calibration *c = source_calibration(s);
     assert_true(c->registered);
@@ -228,12 +228,12 @@ static void test_calibration(void **state)
     EXPECT_INT(c->color.height, H);
     EXPECT_NEAR(c->color.fx, 53.5, 1e-4); // a field of view comes as a float
     EXPECT_NEAR(c->color.fy, 54.25, 1e-4);
-    EXPECT_NEAR(c->depth.fx, 53.5, 1e-4); // registered: seen through the colour camera
+    EXPECT_NEAR(c->depth.fx, 53.5, 1e-4); // registered: projected into the colour camera
     EXPECT_NEAR(c->depth.cx, 31.5, 0);
     assert_true(lens_is_ideal(&c->depth));
     source_close(&s);
-    put_calibration(room, "\"registered\": false, \"color_from_depth\": "
-                          "{\"translation_m\": [0.025, 0, 0], \"rotation\": [0, 0, 0, 1]}");
+    put_calibration(setup, "\"registered\": false, \"color_from_depth\": "
+                           "{\"translation_m\": [0.025, 0, 0], \"rotation\": [0, 0, 0, 1]}");
     s = open_it("openni");
     c = source_calibration(s);
     assert_false(c->registered);
@@ -245,12 +245,12 @@ static void test_calibration(void **state)
 
 static void test_devices(void **state)
 {
-    struct openni_case *room = *state;
+    struct openni_case *setup = *state;
     struct source_device list[8];
     struct source *s;
     int count;
-    char two[2 * sizeof room->scratch.path];
-    snprintf(two, sizeof two, "%s:%s", room->scratch.path, room->scratch.path);
+    char two[2 * sizeof setup->scratch.path];
+    snprintf(two, sizeof two, "%s:%s", setup->scratch.path, setup->scratch.path);
     set("", two);
     EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
     EXPECT_AT_LEAST(count, 2); // a camera may be there, too
@@ -278,10 +278,10 @@ static void test_devices(void **state)
 
 static void test_recording(void **state)
 {
-    struct openni_case *room = *state;
-    record(room);
+    struct openni_case *setup = *state;
+    record(setup);
     for (int slow = 0; slow < 2; slow++) {
-        struct source *s = open_it(room->oni);
+        struct source *s = open_it(setup->oni);
         assert_false(source_is_live(s));
         EXPECT_NEAR(source_calibration(s)->color.fx, 53.5, 1e-4);
         struct frame f;
@@ -306,10 +306,10 @@ static void test_recording(void **state)
 
 static void test_recording_with_less_colour(void **state)
 {
-    struct openni_case *room = *state;
-    put_lists(room, 3);
-    record(room);
-    struct source *s = open_it(room->oni);
+    struct openni_case *setup = *state;
+    put_lists(setup, 3);
+    record(setup);
+    struct source *s = open_it(setup->oni);
     struct frame f;
     for (int i = 0; i < FRAMES; i++) {
         EXPECT_STATUS(source_next(s, &f), OK);
@@ -321,10 +321,10 @@ static void test_recording_with_less_colour(void **state)
 
 static void test_recording_mirrored(void **state)
 {
-    struct openni_case *room = *state;
+    struct openni_case *setup = *state;
     set("MIRROR", "fixed");
-    record(room);
-    struct source *s = open_it(room->oni);
+    record(setup);
+    struct source *s = open_it(setup->oni);
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
     same(&f, 0, true);
@@ -335,11 +335,11 @@ static void test_recording_mirrored(void **state)
 
 static void test_recording_closed_unread(void **state)
 {
-    struct openni_case *room = *state;
-    record(room);
+    struct openni_case *setup = *state;
+    record(setup);
     int64_t begin_ns = clock_now_ns();
     for (int i = 0; i < 5; i++) {
-        struct source *s = open_it(room->oni);
+        struct source *s = open_it(setup->oni);
         source_close(&s);
     }
     EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin_ns), 5);
@@ -347,29 +347,29 @@ static void test_recording_closed_unread(void **state)
 
 static void test_recording_damaged(void **state)
 {
-    struct openni_case *room = *state;
+    struct openni_case *setup = *state;
     struct source *s;
-    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_MISSING);
+    EXPECT_STATUS(source_open(&s, setup->oni, SOURCE_SENSOR), ERR_MISSING);
     EXPECT_SAYS("take.oni");
-    scratch_text(&room->scratch, "take.oni", "this is no recording, however long the text may be that it holds");
-    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
+    scratch_text(&setup->scratch, "take.oni", "this is no recording, however long the text may be that it holds");
+    EXPECT_STATUS(source_open(&s, setup->oni, SOURCE_SENSOR), ERR_INPUT);
     EXPECT_SAYS("take.oni");
-    scratch_text(&room->scratch, "take.oni", "");
-    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
-    record(room);
+    scratch_text(&setup->scratch, "take.oni", "");
+    EXPECT_STATUS(source_open(&s, setup->oni, SOURCE_SENSOR), ERR_INPUT);
+    record(setup);
     uint8_t *bytes;
     size_t count;
-    EXPECT_STATUS(file_read(room->oni + 4, &bytes, &count), OK);
-    // The recorder leaves the file twice as long as what it wrote; so half of the pictures are before this.
+    EXPECT_STATUS(file_read(setup->oni + 4, &bytes, &count), OK);
+    // The recorder leaves the file twice as long as what it wrote, so half of the frames are before this.
     memset(bytes + count / 4, 0, count / 16);
-    EXPECT_STATUS(file_write(room->oni + 4, bytes, count), OK);
-    s = open_it(room->oni);
+    EXPECT_STATUS(file_write(setup->oni + 4, bytes, count), OK);
+    s = open_it(setup->oni);
     struct frame f;
     enum status status;
     int frames = 0, damaged = 0;
     while ((status = source_next(s, &f)) != NOTHING) {
         if (status == OK) {
-            if (frames++ < FRAMES / 2 - 3) // where the damage begins a picture may be wrong: nothing in the file tells
+            if (frames++ < FRAMES / 2 - 3) // where the damage begins a frame may be wrong: the file has no checksum
                 same(&f, frames - 1, true);
             continue;
         }
@@ -383,8 +383,8 @@ static void test_recording_damaged(void **state)
     EXPECT_AT_MOST(frames + (double)source_dropped(s), FRAMES);
     EXPECT_INT(source_remaining(s), 0);
     source_close(&s);
-    EXPECT_STATUS(file_write(room->oni + 4, bytes, count / 4), OK); // its table of contents is gone
-    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_STATUS(file_write(setup->oni + 4, bytes, count / 4), OK); // its table of contents is gone
+    EXPECT_STATUS(source_open(&s, setup->oni, SOURCE_SENSOR), ERR_INPUT);
     EXPECT_SAYS("take.oni");
     free(bytes);
 }

@@ -1,6 +1,6 @@
 // What decides about a recording's joints and images calls no function of the C library whose last bits depend on the
 // processor (base/portable_math.h has our own). Read from the rooms' libraries. The rooms that localise are not among
-// them: the libraries they stand on differ between processors anyway.
+// them: the libraries they use differ between processors anyway.
 #include "tests/support/test.h"
 
 #include <stdio.h>

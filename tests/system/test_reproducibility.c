@@ -1,8 +1,8 @@
-// The same numbers on every machine, compiler and width of vectors: what only
-// adds, multiplies, divides and takes roots comes out the same to the bit. The
-// sums below were made on x86-64 and hold on 64-bit ARM. Where libm decides
-// (sine, power), machines may differ in the last bit; no sum here depends on it.
-// What other libraries solve differs in the ninth digit, and goes no further.
+// The same numbers on every machine, compiler and vector width: results that only
+// need addition, multiplication, division and square roots are identical to the bit. The
+// hashes below were made on x86-64 and hold on 64-bit ARM. Functions of libm
+// (sine, power) may differ in the last bit; no hash here depends on them.
+// The solvers of other libraries differ in the ninth digit, which sensor_pose rounds away.
 #include "tests/support/test.h"
 
 #include "capture/recording/depth_codec.h"
@@ -15,44 +15,44 @@
 
 enum { SEED = 1914, FRAMES = 500, VIEWS = 40 };
 
-static uint64_t mixed(uint64_t sum, const void *bytes, size_t count) // FNV-1a
+static uint64_t hash(uint64_t value, const void *bytes, size_t count) // FNV-1a
 {
     for (const uint8_t *b = bytes; count--; b++)
-        sum = (sum ^ *b) * UINT64_C(0x100000001b3);
-    return sum;
+        value = (value ^ *b) * UINT64_C(0x100000001b3);
+    return value;
 }
 
-static const uint64_t NOTHING_YET = UINT64_C(0xcbf29ce484222325);
+static const uint64_t HASH_START = UINT64_C(0xcbf29ce484222325);
 
-static void expect_sum(const char *what, uint64_t sum, uint64_t wanted)
+static void expect_hash(const char *what, uint64_t value, uint64_t wanted)
 {
-    if (sum != wanted) {
-        print_error("%s: the sum is 0x%016llx, wanted 0x%016llx\n", what, (unsigned long long)sum,
+    if (value != wanted) {
+        print_error("%s: the hash is 0x%016llx, wanted 0x%016llx\n", what, (unsigned long long)value,
                     (unsigned long long)wanted);
         fail_test();
     }
 }
 
-static double within(struct rng *rng, double most) { return most * (2 * rng_uniform(rng) - 1); }
+static double symmetric(struct rng *rng, double most) { return most * (2 * rng_uniform(rng) - 1); }
 
-// One after the other: compilers differ in which argument of a call they work out first.
-static struct vec3 place_within(struct rng *rng, double x_most, double y_most, double z_most)
+// One statement each: the order in which the arguments of a call are evaluated is unspecified.
+static struct vec3 vector_within(struct rng *rng, double x_most, double y_most, double z_most)
 {
-    double x = within(rng, x_most), y = within(rng, y_most), z = within(rng, z_most);
+    double x = symmetric(rng, x_most), y = symmetric(rng, y_most), z = symmetric(rng, z_most);
     return v3(x, y, z);
 }
 
 static struct quat rotation_within(struct rng *rng, double x_most, double y_most, double z_most, double w)
 {
-    struct vec3 axis = place_within(rng, x_most, y_most, z_most);
+    struct vec3 axis = vector_within(rng, x_most, y_most, z_most);
     return quat_unit((struct quat){axis.x, axis.y, axis.z, w});
 }
 
-// A figure whose joints wander, without a sine.
+// Moves the joints at random, without a sine.
 static void step(struct skeleton *s, struct rng *rng)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s->joint[j] = v3_add(s->joint[j], place_within(rng, 0.03, 0.03, 0.03));
+        s->joint[j] = v3_add(s->joint[j], vector_within(rng, 0.03, 0.03, 0.03));
         s->confidence[j] = rng_uniform(rng) < 0.05 ? 0 : 1;
     }
 }
@@ -65,7 +65,7 @@ static void test_frame_selection(void **state)
     static struct skeleton frames[FRAMES];
     struct skeleton s = {.confidence = {0}};
     for (int j = 0; j < JOINT_COUNT; j++)
-        s.joint[j] = v3_add(v3(0, 0, 3), place_within(&rng, 0.5, 0.9, 0.3));
+        s.joint[j] = v3_add(v3(0, 0, 3), vector_within(&rng, 0.5, 0.9, 0.3));
     struct frame_selector *selector;
     EXPECT_STATUS(frame_selector_open(&selector, FRAMES), OK);
     for (int n = 0; n < FRAMES; n++) {
@@ -73,22 +73,22 @@ static void test_frame_selection(void **state)
         frames[n] = s;
         EXPECT_STATUS(frame_selector_add(selector, n, &s, &body), OK);
     }
-    uint64_t sum = NOTHING_YET;
+    uint64_t value = HASH_START;
     for (int i = 0; i < VIEWS; i++) {
-        struct quat turn = rotation_within(&rng, 0.2, 1, 0.2, 1);
-        struct pose viewer_from_camera = {turn, v3(0, 0, 1)};
+        struct quat rotation = rotation_within(&rng, 0.2, 1, 0.2, 1);
+        struct pose viewer_from_camera = {rotation, v3(0, 0, 1)};
         struct skeleton k = skeleton_transform(viewer_from_camera, &frames[(int)(rng_uniform(&rng) * FRAMES)]);
         for (int p = 0; p <= PART_COUNT; p++) {
             struct frame_selection got = {-1, -1};
             enum status status = p < PART_COUNT ? frame_selector_find_part(selector, &k, (enum part)p, &got)
                                                 : frame_selector_find_body(selector, &k, &got);
             EXPECT_TRUE(status >= 0);
-            sum = mixed(sum, &got.frame, sizeof got.frame);
-            sum = mixed(sum, &got.cost_m, sizeof got.cost_m);
+            value = hash(value, &got.frame, sizeof got.frame);
+            value = hash(value, &got.cost_m, sizeof got.cost_m);
         }
     }
     frame_selector_close(&selector);
-    expect_sum("frames chosen and their costs", sum, UINT64_C(0x83246c6d5a2f5ffd));
+    expect_hash("frames chosen and their costs", value, UINT64_C(0x83246c6d5a2f5ffd));
 }
 
 static void test_coded_depth(void **state)
@@ -98,7 +98,7 @@ static void test_coded_depth(void **state)
     struct rng rng = {SEED + 1};
     static uint16_t depth[WIDTH * HEIGHT];
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
-        double z = 1500 + 10 * (i % WIDTH) + 300 * (i / WIDTH > 60) + within(&rng, 4);
+        double z = 1500 + 10 * (i % WIDTH) + 300 * (i / WIDTH > 60) + symmetric(&rng, 4);
         depth[i] = rng_uniform(&rng) < 0.03 ? 0 : (uint16_t)z;
     }
     struct depth_coder *coder;
@@ -106,7 +106,7 @@ static void test_coded_depth(void **state)
     size_t count;
     EXPECT_STATUS(depth_coder_open(&coder), OK);
     EXPECT_STATUS(depth_encode(coder, depth, WIDTH, HEIGHT, &bytes, &count), OK);
-    expect_sum("a coded depth picture", mixed(NOTHING_YET, bytes, count), UINT64_C(0x9ac9f8187417b63f));
+    expect_hash("an encoded depth image", hash(HASH_START, bytes, count), UINT64_C(0x9ac9f8187417b63f));
     depth_coder_close(&coder);
 }
 
@@ -115,17 +115,17 @@ static void test_rigid_motions(void **state)
     (void)state;
     struct rng rng = {SEED + 2};
     struct pose p = POSE_IDENTITY;
-    uint64_t sum = NOTHING_YET;
+    uint64_t value = HASH_START;
     for (int i = 0; i < 200; i++) {
-        struct quat turn = rotation_within(&rng, 1, 1, 1, 0.5);
-        struct pose next = {turn, place_within(&rng, 2, 2, 2)};
+        struct quat rotation = rotation_within(&rng, 1, 1, 1, 0.5);
+        struct pose next = {rotation, vector_within(&rng, 2, 2, 2)};
         p = i % 2 ? pose_multiply(p, next) : pose_multiply(pose_inverse(next), p);
         double m[3][3];
         quat_to_matrix(p.rotation, m);
         p.rotation = quat_unit(quat_from_matrix(m));
-        sum = mixed(sum, &p, sizeof p);
+        value = hash(value, &p, sizeof p);
     }
-    expect_sum("a chain of rigid motions", sum, UINT64_C(0x5d0c683adc91743d));
+    expect_hash("a chain of rigid motions", value, UINT64_C(0x5d0c683adc91743d));
 }
 
 static struct pose pose_of_sensor(const struct place *place, const uint8_t *color)
@@ -140,7 +140,7 @@ static struct pose pose_of_sensor(const struct place *place, const uint8_t *colo
     return pose;
 }
 
-// Another machine's solver, played by tags that hang some nanometres moved_pose.
+// Another machine's solver, simulated by tags that are moved by some nanometres.
 static void test_sensor_pose(void **state)
 {
     (void)state;

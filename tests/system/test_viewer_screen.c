@@ -1,5 +1,5 @@
-// The program on real displays, X11 (Xvfb) and Wayland (weston within it): what stands
-// in the display's memory at the end is looked at.
+// The program on real display servers, X11 (Xvfb) and Wayland (weston within it): the contents
+// of the display's memory are checked.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -16,19 +16,19 @@
 
 enum { WIDTH = 1280, HEIGHT = 800 };
 
-// Turned over, too; not where drawing is emulated, for test_screens turns pictures there.
+// Upside down, too; not where drawing is emulated: there test_screens checks rotation.
 #ifdef EMULATED
-enum { WAYS_UP = 1 };
+enum { ORIENTATIONS = 1 };
 #else
-enum { WAYS_UP = 2 };
+enum { ORIENTATIONS = 2 };
 #endif
-static const int ACCENT[3] = {45, 212, 191}; // of the play button in the dark
+static const int ACCENT[3] = {45, 212, 191}; // of the play button, dark theme
 
 static struct rehearsal rehearsal;
 static pid_t xvfb, weston, watcher; // 0: not running
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 
-// Xvfb keeps its picture in a file of the format of xwd.
+// Xvfb keeps its frame buffer in a file, xwd format.
 static bool read_display(void)
 {
     uint8_t *bytes;
@@ -50,7 +50,7 @@ static bool read_display(void)
     return whole;
 }
 
-// Where the accent's pixels lie within a box, and how many there are.
+// How many pixels of the accent colour are within a box.
 static int find_accent(int left, int top, int right, int bottom)
 {
     int count = 0;
@@ -62,26 +62,26 @@ static int find_accent(int left, int top, int right, int bottom)
     return count;
 }
 
-// How far from one another the colours are, in the middle of the screen: a picture, or a plain ground.
+// Number of distinct colours in the middle of the screen: tells an image from a plain background.
 static int colorfulness(void)
 {
-    static bool met[4096];
+    static bool seen[4096];
     int count = 0;
-    memset(met, 0, sizeof met);
+    memset(seen, 0, sizeof seen);
     for (int y = 200; y < 600; y++)
         for (int x = 300; x < 980; x++) {
             const uint8_t *p = rgb + 3 * (y * WIDTH + x);
             int which = (p[0] >> 4) << 8 | (p[1] >> 4) << 4 | p[2] >> 4;
-            count += !met[which];
-            met[which] = true;
+            count += !seen[which];
+            seen[which] = true;
         }
     return count;
 }
 
-// Waits until the play button is there, at the foot or, turned over, at the head, and a picture with it.
-static void expect_screen(bool turned)
+// Waits until the play button is there, at the bottom or, upside down, at the top, and an image with it.
+static void expect_screen(bool upside_down)
 {
-    const int top = turned ? 20 : HEIGHT - 120;
+    const int top = upside_down ? 20 : HEIGHT - 120;
     int accent = 0, other = 0, colors = 0;
     for (int i = 0; i < 1200 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
@@ -97,7 +97,7 @@ static void expect_screen(bool turned)
     EXPECT_AT_LEAST(colors, 100);
 }
 
-// Also after a test that failed; returns the exit status.
+// Ends a child, also after a failed test; returns its exit status.
 static int end(pid_t *child)
 {
     int status = 0;
@@ -109,7 +109,7 @@ static int end(pid_t *child)
     return status;
 }
 
-static void leave(void)
+static void end_watcher(void)
 {
     int status = end(&watcher);
     EXPECT_TRUE(WIFEXITED(status));
@@ -132,18 +132,18 @@ static void watch(const char *rotate)
     watcher = process_start(arguments);
 }
 
-static void test_on_x11(void **state)
+static void test_x11(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "x11", 1);
-    for (int turned = 0; turned < WAYS_UP; turned++) {
-        watch(turned ? "180" : "0");
-        expect_screen(turned);
-        leave();
+    for (int upside_down = 0; upside_down < ORIENTATIONS; upside_down++) {
+        watch(upside_down ? "180" : "0");
+        expect_screen(upside_down);
+        end_watcher();
     }
 }
 
-static void test_on_wayland(void **state)
+static void test_wayland(void **state)
 {
     (void)state;
     setenv("XDG_RUNTIME_DIR", rehearsal.scratch.path, 1);
@@ -152,23 +152,23 @@ static void test_on_wayland(void **state)
                                      "--use-pixman",
                                      "--width=1280",
                                      "--height=800",
-                                     "--socket=glass",
+                                     "--socket=reenact",
                                      "--no-config",
                                      "--idle-time=0",
                                      "--shell=kiosk-shell.so",
                                      NULL};
     weston = process_start(arguments);
-    for (int i = 0; i < 100 && !file_exists(scratch_file(&rehearsal.scratch, "glass")); i++)
+    for (int i = 0; i < 100 && !file_exists(scratch_file(&rehearsal.scratch, "reenact")); i++)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
-    setenv("WAYLAND_DISPLAY", "glass", 1);
+    setenv("WAYLAND_DISPLAY", "reenact", 1);
     setenv("SDL_VIDEODRIVER", "wayland", 1);
     watch("0");
     expect_screen(false);
-    leave();
+    end_watcher();
     end(&weston);
 }
 
-// It says one sentence, and that is all.
+// Exit code 1 and exactly one sentence on stderr, with the word.
 static void expect_refusal(const struct process_result *said, const char *word)
 {
     const char *end = strchr(said->err, '\n');
@@ -201,7 +201,7 @@ static void test_missing_graphics_driver_is_reported(void **state)
     expect_refusal(&rendered, "graphics driver");
 }
 
-static int times_said(const char *text, const char *what)
+static int count_occurrences(const char *text, const char *what)
 {
     int times = 0;
     while ((text = strstr(text, what))) {
@@ -221,22 +221,22 @@ static void test_lost_graphics_context_is_recreated(void **state)
     unsetenv("LD_PRELOAD");
     print_message("%s%s", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);
-    EXPECT_INT(times_said(said.out, "shows     the actor in his place"), 2);
+    EXPECT_INT(count_occurrences(said.out, "shows     the actor in place"), 2);
 }
 
 static int set_up(void **state)
 {
     (void)state;
     static char folder[300], display[16];
-    // Drivers and the desktop's bus, loaded and unloaded by SDL, leave crumbs; our own are looked for in test_screens.
+    // Drivers and the desktop bus, loaded and unloaded by SDL, leak; leaks of this program are checked in test_screens.
     setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     rehearsal = rehearsal_make();
     snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
-    // A display of its own, whatever others there are.
+    // A display number of its own.
     snprintf(display, sizeof display, ":%d", 1000 + (int)getpid() % 50000);
     const char *const arguments[] = {
         "/usr/bin/Xvfb", display,     "-screen", "0",        "1280x800x24", "-fbdir",
-        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // not anew when the last window closes
+        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // no reset when the last window closes
     xvfb = process_start(arguments);
     setenv("DISPLAY", display, 1);
     for (int i = 0; i < 100 && !read_display(); i++)
@@ -257,8 +257,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_on_x11),
-        cmocka_unit_test(test_on_wayland),
+        cmocka_unit_test(test_x11),
+        cmocka_unit_test(test_wayland),
         cmocka_unit_test(test_lost_graphics_context_is_recreated),
         cmocka_unit_test(test_missing_display_is_reported),
         cmocka_unit_test(test_missing_graphics_driver_is_reported),

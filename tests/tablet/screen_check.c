@@ -1,7 +1,7 @@
-// screen-check SCREEN.png CAMERA DRAWN: is the actor on the screen, in one of the camera's
-// pictures? CAMERA: the folder the camera showed. DRAWN: what `reenact render --layers`
-// made of it. Finds which picture the screen shows and compares where the actor should
-// stand with what `render` draws and with the picture without him.
+// screen-check SCREEN.png CAMERA DRAWN: checks that a screenshot shows the actor in one of the
+// camera's images. CAMERA: the folder that the camera showed. DRAWN: the output of `reenact
+// render --layers` for it. Finds the image that the screen shows, and compares the pixels of
+// the actor with what `render` draws and with the camera's image without the actor.
 #include "app/ui/view_compositor.h"
 #include "platform/png.h"
 #include "platform/source.h"
@@ -15,14 +15,14 @@ struct rgb_image {
     int width, height;
 };
 
-// Mean squared differences from the screen, in grey values.
+// Mean squared differences from the screen, 8-bit values.
 struct difference {
-    double room;           // outside the actor, to the camera's picture
-    double drawn, without; // within him, to what `render` draws and to the camera's picture
+    double room;           // outside the actor, to the camera's image
+    double drawn, without; // within the actor, to what `render` draws and to the camera's image
     long actor_pixels;
 };
 
-// The middle of the screen, where neither controls nor sentences lie; from the screen's pixels to the picture's.
+// In the middle of the screen, where there are neither controls nor messages.
 static struct difference compare(const struct rgb_image *screen, const uint8_t *camera, const uint8_t *drawn,
                                  const uint8_t *actor, const struct lens *lens)
 {
@@ -54,7 +54,7 @@ static struct difference compare(const struct rgb_image *screen, const uint8_t *
     return d;
 }
 
-// What `render` made of the picture of that name; compared with the screen.
+// Compares the screen with the camera's frame and the output of `render` for it.
 static enum status compare_with_camera(const struct rgb_image *screen, const char *folder, const struct frame *frame,
                                        const struct lens *lens, struct difference *out)
 {
@@ -118,11 +118,12 @@ int main(int argc, char **argv)
         fprintf(stderr, "screen-check: %s\n", status_message());
         return 1;
     }
-    printf("%s: the camera's picture %s, %.1f grey values off; where the actor should be, %.1f off with him, %.1f "
-           "without (%ld pixels)\n",
-           argv[1], name, sqrt(d.room), sqrt(d.drawn), sqrt(d.without), d.actor_pixels);
+    printf(
+        "%s: shows the camera's image %s, rms difference %.1f; at the actor's %ld pixels, rms difference %.1f to the "
+        "rendered image, %.1f to the camera's\n",
+        argv[1], name, sqrt(d.room), d.actor_pixels, sqrt(d.drawn), sqrt(d.without));
     const bool shown = sqrt(d.room) < 15 && d.actor_pixels > 500 && d.drawn < d.without / 2;
     if (!shown)
-        fprintf(stderr, "screen-check: %s does not show the actor in the camera's picture\n", argv[1]);
+        fprintf(stderr, "screen-check: %s does not show the actor in the camera's image\n", argv[1]);
     return shown ? 0 : 1;
 }

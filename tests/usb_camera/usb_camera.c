@@ -1,5 +1,5 @@
-// A USB camera without a camera: pictures of a folder, served by USB/IP to the kernel
-// this runs on (vhci-hcd, uvcvideo), over and over. Needs root.
+// A simulated USB camera: the images of a folder, repeated endlessly, served by USB/IP to the
+// kernel that this runs on (vhci-hcd, uvcvideo). Needs root.
 #include "app/commands/command.h"
 #include "base/clock.h"
 #include "platform/jpeg.h"
@@ -12,15 +12,15 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { MOST_WAITING = 32, QUALITY = 95 };
+enum { MAX_WAITING = 32, QUALITY = 95 };
 enum { KEY_FORMAT = COMMAND_KEY, KEY_RATE, KEY_BT709, KEY_CROP };
 
 struct camera_arguments {
-    const char *pictures;
+    const char *source; // URI
     enum uvc_format format;
     double rate_hz;
     bool bt709;
-    int crop_width, crop_height; // 0: all
+    int crop_width, crop_height; // 0: the whole image
 };
 
 struct usb_image {
@@ -31,14 +31,14 @@ struct usb_image {
 struct camera {
     const struct camera_arguments *arguments;
     struct uvc_camera uvc;
-    struct usb_image *pictures;
+    struct usb_image *images;
     int image_count;
     int socket;
     struct usb_request *waiting; // for a payload, oldest first
     int waiting_count;
-    long sent;      // pictures
-    size_t at;      // bytes of the present one
-    int64_t due_ns; // when it may begin
+    long sent;      // images
+    size_t at;      // bytes of the current image already sent
+    int64_t due_ns; // when the current image may be sent
 };
 
 static const struct argp_option options[] = {
@@ -68,15 +68,15 @@ static error_t parse(int key, char *value, struct argp_state *state)
         if (sscanf(value, "%dx%d", &a->crop_width, &a->crop_height) != 2 || a->crop_width < 2 || a->crop_height < 2)
             argp_error(state, "--crop takes a size like 321x251, not '%s'", value);
         return 0;
-    case ARGP_KEY_ARG: a->pictures = value; return 0;
-    case ARGP_KEY_END: command_require(state, a->pictures, "folder:DIR"); return 0;
+    case ARGP_KEY_ARG: a->source = value; return 0;
+    case ARGP_KEY_END: command_require(state, a->source, "folder:DIR"); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- images
 
-// Limited range, chroma of two neighbours in the middle; BT.601 and BT.709.
+// Limited range, chroma averaged over two neighbours; BT.601 or BT.709.
 static void to_yuyv(const uint8_t *rgb, size_t pixels, bool bt709, uint8_t *out)
 {
     const double kr = bt709 ? 0.2126 : 0.299, kb = bt709 ? 0.0722 : 0.114, kg = 1 - kr - kb;
@@ -95,7 +95,7 @@ static void to_yuyv(const uint8_t *rgb, size_t pixels, bool bt709, uint8_t *out)
     }
 }
 
-static enum status code(const struct camera *c, const uint8_t *rgb, struct usb_image *p)
+static enum status encode(const struct camera *c, const uint8_t *rgb, struct usb_image *p)
 {
     const int width = c->uvc.width, height = c->uvc.height;
     if (c->arguments->format == UVC_MJPEG)
@@ -109,13 +109,13 @@ static enum status code(const struct camera *c, const uint8_t *rgb, struct usb_i
     return OK;
 }
 
-// Keeps as much of the picture, from its top left corner, as the camera shows.
-static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
+// Crops the image to the camera's size, from its top left corner, encodes it and appends it.
+static enum status append(struct camera *c, const uint8_t *rgb, int from_width)
 {
     const size_t row = 3 * (size_t)c->uvc.width, rows = (size_t)c->uvc.height;
-    struct usb_image *more = realloc(c->pictures, sizeof *more * (size_t)(c->image_count + 1));
+    struct usb_image *more = realloc(c->images, sizeof *more * (size_t)(c->image_count + 1));
     if (more)
-        c->pictures = more;
+        c->images = more;
     uint8_t *part = more ? malloc(row * rows) : NULL;
     if (!part)
         return fail(ERR_MEMORY, "out of memory");
@@ -123,7 +123,7 @@ static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
         memcpy(part + y * row, rgb + y * 3 * (size_t)from_width, row);
     struct usb_image *p = &more[c->image_count++];
     *p = (struct usb_image){0};
-    enum status status = code(c, part, p);
+    enum status status = encode(c, part, p);
     free(part);
     return status;
 }
@@ -131,7 +131,7 @@ static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
 static enum status load(struct camera *c)
 {
     struct source *source;
-    enum status status = source_open(&source, c->arguments->pictures, SOURCE_CAMERA);
+    enum status status = source_open(&source, c->arguments->source, SOURCE_CAMERA);
     if (status != OK)
         return status;
     const struct camera_arguments *a = c->arguments;
@@ -144,11 +144,11 @@ static enum status load(struct camera *c)
                                  .bt709 = a->bt709};
     struct frame frame;
     while ((status = source_next(source, &frame)) == OK)
-        if (frame.color && (status = keep(c, frame.color, lens->width)) != OK)
+        if (frame.color && (status = append(c, frame.color, lens->width)) != OK)
             break;
     source_close(&source);
     if (status == NOTHING && !c->image_count)
-        status = fail(ERR_INPUT, "%s holds no picture", c->arguments->pictures);
+        status = fail(ERR_INPUT, "%s holds no picture", c->arguments->source);
     return status == NOTHING ? OK : status;
 }
 
@@ -162,12 +162,12 @@ static void freeze(int signal)
     frozen = 1;
 }
 
-// Gives the waiting requests what there is of pictures by now. False: the host is gone.
+// Answers waiting requests with the images that are due. False: the host disconnected.
 static bool feed(struct camera *c)
 {
     uint8_t payload[UVC_PAYLOAD_BYTES];
     while (c->waiting_count > 0 && clock_now_ns() >= c->due_ns && !frozen) {
-        const struct usb_image *p = &c->pictures[c->sent % c->image_count];
+        const struct usb_image *p = &c->images[c->sent % c->image_count];
         int count = uvc_payload(p->bytes, p->count, &c->at, c->sent & 1, payload);
         if (!usbip_answer(c->socket, &c->waiting[0], 0, payload, count))
             return false;
@@ -192,7 +192,7 @@ static bool cancel(struct camera *c, const struct usb_request *r)
             waited = true;
             c->waiting_count--;
             memmove(c->waiting + i, c->waiting + i + 1, sizeof *c->waiting * (size_t)(c->waiting_count - i));
-            c->at = 0; // the host stops: the next picture begins anew
+            c->at = 0; // the host stops: send the current image from its start again
         }
     return usbip_cancelled(c->socket, (uint32_t)r->length, waited);
 }
@@ -206,7 +206,7 @@ static bool serve_one(struct camera *c, struct usb_request *r)
     case USB_REQUEST:
         if (r->endpoint == 0)
             return uvc_control(&c->uvc, c->socket, r);
-        if (c->waiting_count == MOST_WAITING || r->length < UVC_PAYLOAD_BYTES)
+        if (c->waiting_count == MAX_WAITING || r->length < UVC_PAYLOAD_BYTES)
             return false;
         c->waiting[c->waiting_count++] = *r;
         return true;
@@ -217,18 +217,18 @@ static bool serve_one(struct camera *c, struct usb_request *r)
 
 static enum status serve(struct camera *c)
 {
-    struct usb_request *heard = malloc(sizeof *heard);
-    c->waiting = malloc(sizeof *c->waiting * MOST_WAITING);
-    enum status status = heard && c->waiting ? usbip_plug(&c->socket) : fail(ERR_MEMORY, "out of memory");
+    struct usb_request *request = malloc(sizeof *request);
+    c->waiting = malloc(sizeof *c->waiting * MAX_WAITING);
+    enum status status = request && c->waiting ? usbip_plug(&c->socket) : fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
         printf("plugged in: %d pictures of %d x %d\n", c->image_count, c->uvc.width, c->uvc.height);
         fflush(stdout);
-        while (!command_stopped() && serve_one(c, heard) && feed(c))
+        while (!command_stopped() && serve_one(c, request) && feed(c))
             ;
-        close(c->socket); // which pulls the plug
+        close(c->socket); // which unplugs the device
         printf("unplugged after %ld pictures\n", c->sent);
     }
-    free(heard);
+    free(request);
     free(c->waiting);
     return status;
 }
@@ -239,8 +239,9 @@ int main(int argc, char **argv)
         options,
         parse,
         "folder:DIR",
-        "Plugs a USB camera into this machine's own kernel that shows the pictures of a folder. Needs root and the "
-        "kernel's modules vhci-hcd and uvcvideo. Ctrl-C pulls the plug; after SIGUSR1 it sends no more, but stays.",
+        "Plugs a simulated USB camera into this machine's own kernel that shows the images of a folder. Needs root "
+        "and the kernel's modules vhci-hcd and uvcvideo. Ctrl-C unplugs it; after SIGUSR1 it sends no more, but "
+        "stays plugged in.",
         0,
         0,
         0};
@@ -253,7 +254,7 @@ int main(int argc, char **argv)
     if (status == OK)
         status = serve(&camera);
     for (int i = 0; i < camera.image_count; i++)
-        free(camera.pictures[i].bytes);
-    free(camera.pictures);
+        free(camera.images[i].bytes);
+    free(camera.images);
     return status == OK ? 0 : command_failed(argv[0]);
 }

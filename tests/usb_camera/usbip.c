@@ -1,3 +1,4 @@
+// usbip.h over a socket pair with vhci-hcd.
 #include "tests/usb_camera/usbip.h"
 
 #include <arpa/inet.h>
@@ -15,7 +16,7 @@ enum { HIGH_SPEED = 3, DEVICE_ID = 1 << 16 | 2, HEADER_BYTES = 48 };
 
 static const char folder[] = "/sys/devices/platform/vhci_hcd.0";
 
-// The number of a free port for high speed; -1 none.
+// The number of a free high-speed port; -1: none.
 static int free_port(void)
 {
     char path[128], line[256];
@@ -45,7 +46,7 @@ enum status usbip_plug(int *out)
     int error = errno;
     if (file >= 0)
         close(file);
-    close(ends[1]); // the kernel has its own hold on it
+    close(ends[1]); // the kernel holds its own reference
     if (!good) {
         close(ends[0]);
         return fail(ERR_DEVICE, "%s cannot be written (%s); are you root?", path, strerror(error));
@@ -84,18 +85,18 @@ enum usb_event usbip_receive(int socket, int wait_ms, struct usb_request *r)
         return USB_QUIET;
     if (!read_all(socket, head, sizeof head))
         return USB_GONE;
-    // command, number, device, direction, endpoint, then what belongs to the command
+    // command, number, device, direction, endpoint, then the command's own fields
     r->in = ntohl(head[3]);
     r->endpoint = (int)ntohl(head[4]);
     if (ntohl(head[0]) == CMD_UNLINK) {
-        r->number = ntohl(head[5]);      // whose
-        r->length = (int)ntohl(head[1]); // the number of this very command, to be answered by
+        r->number = ntohl(head[5]);      // of the request to cancel
+        r->length = (int)ntohl(head[1]); // the number of this command, for usbip_cancelled
         return USB_CANCELLED;
     }
     r->number = ntohl(head[1]);
     r->length = (int)ntohl(head[6]);
     memcpy(r->setup, &head[10], sizeof r->setup);
-    if (r->length < 0 || r->length > USB_MOST_BYTES)
+    if (r->length < 0 || r->length > USB_MAX_BYTES)
         return USB_GONE;
     return r->in || read_all(socket, r->data, (size_t)r->length) ? USB_REQUEST : USB_GONE;
 }

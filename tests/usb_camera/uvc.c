@@ -1,3 +1,4 @@
+// UVC descriptors, control requests and payload headers of uvc.h.
 #include "tests/usb_camera/uvc.h"
 
 #include <errno.h>
@@ -6,7 +7,7 @@
 enum { SET_CUR = 0x01, GET_CUR = 0x81, GET_MIN, GET_MAX, GET_RES, GET_LEN, GET_INFO, GET_DEF };
 enum { PROBE = 1, COMMIT = 2, PROBE_BYTES = 26, PAYLOAD_HEADER = 12 };
 
-// Bytes put one behind the other.
+// A growing sequence of bytes.
 struct bytes {
     uint8_t at[512];
     int count;
@@ -37,7 +38,7 @@ static void put_streaming(const struct uvc_camera *c, struct bytes *b)
             0, 0);
     PUT(b, 30, 0x24, jpeg ? 7 : 5, 1, 0, LE16(c->width), LE16(c->height), LE32(rate), LE32(rate), LE32(image_bytes(c)),
         LE32(interval), 1, LE32(interval));
-    PUT(b, 6, 0x24, 13, 1, 1, c->bt709 ? 1 : 4); // primaries, transfer and matrix of its colours
+    PUT(b, 6, 0x24, 13, 1, 1, c->bt709 ? 1 : 4); // colour primaries, transfer function and matrix
     PUT(b, 7, 5, 0x80 | UVC_ENDPOINT, 2, LE16(512), 0);
 }
 
@@ -48,7 +49,7 @@ static void put_configuration(const struct uvc_camera *c, struct bytes *b)
     PUT(b, 9, 4, 0, 0, 0, 0x0e, 1, 0, 0); // video control
     PUT(b, 13, 0x24, 1, LE16(0x100), LE16(13 + 18 + 9), LE32(48000000), 1, 1);
     PUT(b, 18, 0x24, 2, 1, LE16(0x201), 0, 0, LE16(0), LE16(0), LE16(0), 3, 0, 0, 0); // the camera
-    PUT(b, 9, 0x24, 3, 2, LE16(0x101), 0, 1, 0);                                      // its way out
+    PUT(b, 9, 0x24, 3, 2, LE16(0x101), 0, 1, 0);                                      // its output terminal
     put_streaming(c, b);
     b->at[2] = (uint8_t)b->count;
     b->at[3] = (uint8_t)(b->count >> 8);
@@ -84,7 +85,7 @@ static void put_probe(const struct uvc_camera *c, struct bytes *b)
         LE32(image_bytes(c)), LE32(UVC_PAYLOAD_BYTES));
 }
 
-// False: it does not do that.
+// False: unsupported.
 static bool video_request(struct uvc_camera *c, const struct usb_request *r, struct bytes *b)
 {
     const int request = r->setup[1], selector = r->setup[3], interface = r->setup[4], entity = r->setup[5];
@@ -139,13 +140,13 @@ bool uvc_control(struct uvc_camera *c, int socket, const struct usb_request *r)
     return usbip_answer(socket, r, 0, b.at, count);
 }
 
-int uvc_payload(const uint8_t *picture, size_t count, size_t *at, bool odd, uint8_t out[UVC_PAYLOAD_BYTES])
+int uvc_payload(const uint8_t *image, size_t count, size_t *at, bool frame_id, uint8_t out[UVC_PAYLOAD_BYTES])
 {
-    const size_t room = UVC_PAYLOAD_BYTES - PAYLOAD_HEADER, left = count - *at, now = left < room ? left : room;
+    const size_t space = UVC_PAYLOAD_BYTES - PAYLOAD_HEADER, left = count - *at, now = left < space ? left : space;
     memset(out, 0, PAYLOAD_HEADER);
     out[0] = PAYLOAD_HEADER;
-    out[1] = (uint8_t)(0x80 | (odd ? 1 : 0) | (now == left ? 2 : 0)); // end of header, which picture, its end
-    memcpy(out + PAYLOAD_HEADER, picture + *at, now);
+    out[1] = (uint8_t)(0x80 | (frame_id ? 1 : 0) | (now == left ? 2 : 0)); // end of header, frame id, end of frame
+    memcpy(out + PAYLOAD_HEADER, image + *at, now);
     *at += now;
     return PAYLOAD_HEADER + (int)now;
 }

@@ -7,14 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CHUNK = 2048 }; // vertices of one piece of work
+enum { CHUNK = 2048 }; // vertices per task
 
 struct actor_sample {
     float z; // 0: nothing
     int triangle;
 };
 
-struct screen_corner { // a vertex in the picture
+struct screen_corner { // a vertex in the image
     double x, y, z;
 };
 
@@ -32,7 +32,7 @@ struct actor {
     struct vec3 eye;
     int x0, y0, x1, y1;          // pixels
     struct actor_sample *centre; // (x1 - x0) x (y1 - y0)
-    struct actor_sample *fine;   // the same, ACTOR_SAMPLES each, NULL: not asked for
+    struct actor_sample *fine;   // the same, ACTOR_SAMPLES each; NULL: not asked for
 };
 
 // ---------------------------------------------------------------- pose and light
@@ -53,7 +53,7 @@ static void light_chunk(void *context, int chunk)
         float open = a->w->figure.bindings[i].open, up = 0.5f + 0.5f * n.z;
         float *out = a->light[i];
         shadow_light(a->shadow, a->at[i], n, out);
-        // The floor gives warm light back, less of it where one is close and looks down.
+        // The floor reflects warm light, less of it on a surface that is close to it and faces down.
         float close_to_floor = minf(1, 0.45f + (float)a->at[i].z);
         float low = (1 - up) * close_to_floor;
         out[0] += open * (0.43f * up + 0.38f * low);
@@ -126,7 +126,7 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
         struct vec3 c =
             v3(m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + t.x, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + t.y,
                m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
-        // Behind the camera, or so far aside that the lens's polynomial means nothing: not drawn.
+        // Behind the camera, or so far aside that the distortion polynomial is invalid: not drawn.
         if (c.z < 0.05 || fabs(c.x) > 1.6 * c.z || fabs(c.y) > 1.6 * c.z) {
             a->corner[i] = (struct screen_corner){0, 0, 0};
             continue;
@@ -142,11 +142,11 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
     a->centre = calloc(n + 1, sizeof *a->centre);
     a->fine = fine ? calloc(n * ACTOR_SAMPLES + 1, sizeof *a->fine) : NULL;
     if (!a->centre || (fine && !a->fine))
-        return fail(ERR_MEMORY, "out of memory for the figure's picture");
+        return fail(ERR_MEMORY, "out of memory for the figure's image");
     return OK;
 }
 
-struct edges { // of a triangle in the picture: the barycentric share of each vertex is affine in x and y
+struct edges { // of a triangle in the image: the barycentric coordinate of each vertex is affine in x and y
     double a[3], b[3], c[3];
     double iz[3]; // 1 / z
 };
@@ -155,7 +155,7 @@ static bool edges_of(const struct screen_corner *p, const struct screen_corner *
                      struct edges *e)
 {
     double area = (q->x - p->x) * (r->y - p->y) - (q->y - p->y) * (r->x - p->x);
-    // y points down: what is anticlockwise from outside turns the other way in the picture.
+    // y points down: anticlockwise from outside is clockwise in the image.
     if (!(area < -1e-9))
         return false;
     const struct screen_corner *v[3] = {p, q, r};
@@ -169,10 +169,16 @@ static bool edges_of(const struct screen_corner *p, const struct screen_corner *
     return true;
 }
 
-// Draws one triangle into samples of `side` a pixel's side, rows [first, end) of pixels.
-static void draw(struct actor *a, int triangle, const struct edges *e, struct actor_sample *samples, int side,
-                 int first, int end)
+// An image's samples, `side` along a pixel's side.
+struct sample_grid {
+    struct actor_sample *samples;
+    int side;
+};
+
+// Rasterises one triangle into the rows [first, end) of pixels.
+static void rasterise(struct actor *a, int triangle, const struct edges *e, struct sample_grid grid, int first, int end)
 {
+    const int side = grid.side;
     const int *t = a->mesh->triangles[triangle];
     const struct screen_corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
     double low_x = least(p->x, least(q->x, r->x)), high_x = most(p->x, most(q->x, r->x));
@@ -196,7 +202,7 @@ static void draw(struct actor *a, int triangle, const struct edges *e, struct ac
             // all samples of a pixel lie together
             size_t pixel = (size_t)(row / side) * (size_t)(a->x1 - a->x0) + (size_t)(s / side);
             struct actor_sample *to =
-                &samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
+                &grid.samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
             if (to->z == 0 || z < to->z)
                 *to = (struct actor_sample){z, triangle};
         }
@@ -218,9 +224,9 @@ void actor_draw_rows(struct actor *a, int first, int end)
         struct edges e;
         if (!edges_of(p, q, r, &e))
             continue;
-        draw(a, i, &e, a->centre, 1, first, end);
+        rasterise(a, i, &e, (struct sample_grid){a->centre, 1}, first, end);
         if (a->fine)
-            draw(a, i, &e, a->fine, ACTOR_SIDE, first, end);
+            rasterise(a, i, &e, (struct sample_grid){a->fine, ACTOR_SIDE}, first, end);
     }
 }
 
@@ -255,7 +261,7 @@ int actor_cover(const struct actor *a, int x, int y, double *z_near, double *z_f
 
 // ---------------------------------------------------------------- colour
 
-// The light that leaves the figure at a sample's place in the picture.
+// Radiance of the figure at a sample's position in the image.
 static void shade(const struct actor *a, int triangle, double x, double y, float color[3])
 {
     const int *t = a->mesh->triangles[triangle];
@@ -280,7 +286,7 @@ static void shade(const struct actor *a, int triangle, double x, double y, float
             light[c] += k * a->light[t[i]][c];
     }
     float albedo[3], shine = figure_albedo(&a->w->physique, bind_point, albedo);
-    // Where it shines it mirrors the lamps, broadly, and the room at its edges.
+    // Where it shines: a broad highlight of the lamps, and the room near grazing angles.
     struct vec3 normal = v3_unit(v3((double)n.x, (double)n.y, (double)n.z)), view = v3_unit(v3_sub(a->eye, at));
     float facing = (float)most(0, v3_dot(normal, view)), edge = 1 - facing, rim = edge * edge * edge * edge;
     float gloss = 0;
@@ -299,7 +305,7 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
     const struct actor_sample *s = samples_at(a, x, y, a->fine, ACTOR_SAMPLES);
     color[0] = color[1] = color[2] = 0;
     *count = 0;
-    // One shading a quarter of the pixel, at the sample next to the pixel's middle, for all of its samples.
+    // One shading per quarter of the pixel, at the sample next to the pixel's middle, for all of its samples.
     for (int quarter = 0; quarter < 4; quarter++) {
         int best = -1, seen = 0;
         for (int i = 0; i < 4; i++) {

@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-// Proportions after Winter, "Biomechanics and Motor Control of Human Movement"
-// (segment lengths as fractions of stature), joints as motion capture puts them.
+// Proportions after Winter, "Biomechanics and Motor Control of Human Movement" (segment lengths as fractions of
+// stature); joints as motion capture defines them.
 struct physique physique_of(const struct world_figure *figure)
 {
     struct physique p = {.figure = *figure};
@@ -43,15 +43,15 @@ struct physique physique_of(const struct world_figure *figure)
     return p;
 }
 
-#define SPINE_RATE 0.028 // of body height behind the trunk's middle
+#define SPINE_RATE 0.028 // of body height behind the trunk's middle; chosen by hand
 
-// The motion that turns about `pivot` of the rest frame and takes it to `to`.
+// The motion that rotates about `pivot` of the bind frame and moves it to `to`.
 static struct pose rotation_about(struct quat rotation, struct vec3 pivot, struct vec3 to)
 {
     return (struct pose){rotation, v3_sub(to, quat_rotate(rotation, pivot))};
 }
 
-// The rotation whose first column is `along` and whose third is as near `side` as can be.
+// The rotation whose first column is `along` and whose third is as close to `side` as possible.
 static struct quat frame_of(struct vec3 along, struct vec3 side)
 {
     struct vec3 x = v3_unit(along);
@@ -82,7 +82,7 @@ static void pose_arm(const struct physique *p, const struct stance *s, int side,
     struct vec3 bind_arm = v3(x * p->arm.x, p->arm.y, p->arm.z);
     struct vec3 upper = v3_unit(s->upper_arm[side]), fore = v3_unit(s->forearm[side]);
 
-    // The shoulder blade follows an arm that is lifted: the joint rises and comes in.
+    // The shoulder blade follows a raised arm: the joint rises and moves inwards.
     struct vec3 up = quat_rotate(s->chest, v3(0, 0, 1)), out_dir = quat_rotate(s->chest, v3(x, 0, 0));
     double lift = ramp(-0.2, 1, v3_dot(upper, up));
     double reach = ramp(0.2, 1, -v3_dot(upper, quat_rotate(s->chest, v3(0, 1, 0))));
@@ -91,8 +91,8 @@ static void pose_arm(const struct physique *p, const struct stance *s, int side,
     shoulder = v3_add(shoulder, v3_scale(out_dir, -0.012 * h * lift));
     shoulder = v3_add(shoulder, v3_scale(quat_rotate(s->chest, v3(0, -1, 0)), 0.012 * h * reach));
 
-    // The elbow's hinge: across both directions where the arm is bent; where it is
-    // straight, what the shortest rotation from the hanging arm leaves of it.
+    // The elbow's hinge axis: normal to both directions where the arm is bent; where it is straight, the hanging arm's
+    // axis under the shortest rotation.
     struct vec3 hinge0 = v3_unit(v3_cross(bind_arm, v3(0, -1, 0)));
     struct vec3 bind_world = quat_rotate(s->chest, bind_arm);
     struct vec3 easy = quat_rotate(quat_between(bind_world, upper), quat_rotate(s->chest, hinge0));
@@ -112,7 +112,7 @@ static void pose_arm(const struct physique *p, const struct stance *s, int side,
     out->joints.joint[a + 2] = pose_apply(out->world_from_bind[bone + 2], p->bind_joint[a + 2]);
 }
 
-// Two bones from the hip to the ankle asked for, the knee pointing to `s->knee`.
+// Two-bone IK from the hip to the given ankle, the knee pointing to `s->knee`.
 static void pose_leg(const struct physique *p, const struct stance *s, int side, struct posed *out)
 {
     int l = side == LEFT ? JOINT_LEFT_HIP : JOINT_RIGHT_HIP;
@@ -132,7 +132,7 @@ static void pose_leg(const struct physique *p, const struct stance *s, int side,
     struct vec3 side_dir = v3_cross(straight, forward);
     struct vec3 bind_thigh = v3_sub(p->bind_joint[l + 1], p->bind_joint[l]),
                 bind_shin = v3_sub(p->bind_joint[l + 2], p->bind_joint[l + 1]);
-    struct vec3 side0 = v3(-1, 0, 0); // down x forward at rest
+    struct vec3 side0 = v3(-1, 0, 0); // down x forward in the bind pose
     out->world_from_bind[bone] =
         rotation_about(rotation_between(bind_thigh, side0, v3_sub(knee, hip), side_dir), p->bind_joint[l], hip);
     out->world_from_bind[bone + 1] =
@@ -143,7 +143,7 @@ static void pose_leg(const struct physique *p, const struct stance *s, int side,
     out->joints.joint[l + 2] = ankle;
 }
 
-// How far the waist must sink for both legs to reach their ankles.
+// How far the waist must move down for both legs to reach their ankles.
 static double sink(const struct physique *p, const struct stance *s)
 {
     double need = 0;
@@ -174,7 +174,7 @@ void physique_pose(const struct physique *p, const struct stance *stance, struct
     struct vec3 throat = pose_apply(bone[BONE_CHEST], p->bind_joint[JOINT_NECK]);
     bone[BONE_NECK] = rotation_about(neck, p->bind_joint[JOINT_NECK], throat);
     bone[BONE_HEAD] = rotation_about(s.head, p->skull, pose_apply(bone[BONE_NECK], p->skull));
-    // Told as motion capture has them: in the spine, well behind the trunk's middle, and the head over it.
+    // Reported as motion capture does: in the spine, well behind the trunk's middle, and the head above it.
     struct vec3 back = v3(0, SPINE_RATE * p->figure.height_m, 0);
     out->joints.joint[JOINT_WAIST] = pose_apply(bone[BONE_BELLY], v3_add(p->bind_joint[JOINT_WAIST], back));
     out->joints.joint[JOINT_TORSO] = pose_apply(bone[BONE_BELLY], v3_add(p->bind_joint[JOINT_TORSO], back));

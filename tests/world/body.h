@@ -1,7 +1,6 @@
-// The figure's bones: how a body of given height and build is put together, and
-// how it takes a stance. Rest frame: standing at the origin facing -y, x to its
-// own left, z up, soles at z = 0, arms half lifted sideways; metres. Internal to
-// tests/world. Pure functions.
+// The figure's bones: proportions for a given height and build, and forward kinematics of a stance. Bind frame:
+// standing at the origin facing -y, x to its own left, z up, soles at z = 0, arms half raised sideways; metres.
+// Internal to tests/world. Pure functions.
 #pragma once
 #include "tests/world/world.h"
 
@@ -30,21 +29,21 @@ enum { LEFT = 0, RIGHT = 1 };
 
 struct physique {
     struct world_figure figure;
-    struct vec3 bind_joint[JOINT_COUNT]; // the joints in the rest frame
+    struct vec3 bind_joint[JOINT_COUNT]; // the joints in the bind frame
     struct vec3 wrist[2];
-    struct vec3 skull; // where the head turns on the neck
-    struct vec3 arm;   // the left arm's direction at rest; the right's has -x
+    struct vec3 skull; // where the head rotates on the neck
+    struct vec3 arm;   // the left arm's direction in the bind pose; the right's has -x
     double thigh_m, shin_m, upper_arm_m, forearm_m;
-    double girth; // thickness of trunk and limbs, 1 for a middling build
+    double girth; // thickness of trunk and limbs, 1 for a medium build
 };
 
-// What a motion asks of a body. World axes; directions of unit length.
+// What a motion prescribes. World axes; directions of unit length.
 struct stance {
     struct vec3 waist;
-    struct quat pelvis, chest, head;      // world from rest
+    struct quat pelvis, chest, head;      // world from bind
     struct vec3 upper_arm[2], forearm[2]; // directions
     struct vec3 ankle[2];                 // reached when the legs are long enough
-    struct quat foot[2];                  // world from rest
+    struct quat foot[2];                  // world from bind
     struct vec3 knee[2];                  // the direction the knee points to
 };
 

@@ -24,14 +24,14 @@ struct bvh {
     double *values; // frame_count x channel_count
 };
 
-// The text still to read, a word at a time.
+// The remaining text, read word by word.
 struct word_reader {
     const char *name, *at, *end;
     int line;
     char word[NAME_BYTES];
 };
 
-// False at the end of the text. Words longer than the buffer are cut; none that we know is.
+// False at the end of the text. Words longer than the buffer are cut; no known keyword or joint name is.
 static bool next_word(struct word_reader *w)
 {
     while (w->at < w->end && isspace((unsigned char)*w->at))
@@ -190,7 +190,7 @@ static enum status read_frames(struct word_reader *w, struct bvh *b)
     if (b->frame_count < 1 || !(b->frame_s > 1e-5) || b->frame_s > 10 || b->channel_count < 3)
         return fail(ERR_INPUT, "%s, line %d: %d frames of %d channels, %g s apart, are no motion", w->name, w->line,
                     b->frame_count, b->channel_count, b->frame_s);
-    // Every number takes two bytes at least: a header that promises more is a lie, not a reason to ask for memory.
+    // Every number takes at least two bytes: a header that promises more is invalid and must not cause an allocation.
     size_t numbers = (size_t)b->frame_count * (size_t)b->channel_count;
     if (numbers > (size_t)(w->end - w->at))
         return cut(w);

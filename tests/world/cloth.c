@@ -1,5 +1,5 @@
-// What the figure wears, painted by where a point is at rest, for a height of 1.75 m:
-// front and back, left and right all differ, so that a picture tells which is which.
+// The figure's clothes, skin and face, painted by position in the bind pose, for a height of 1.75 m. Front and back,
+// left and right all differ, so that an image shows which is which. Shapes and colours are chosen by hand.
 #include "tests/world/figure.h"
 #include "tests/world/glyphs.h"
 #include "tests/world/texture.h"
@@ -20,14 +20,14 @@ static const struct palette palettes[5] = {
     {0x6a4c93, 0x8ac926, 0xf5f0e6, 0x26282e, 0xd9d4ca, 0x7a4d31, 0x120e0c, 0x2a1a10},
 };
 
-// 1 inside a negative distance, 0 outside, soft over a millimetre and a half.
+// 1 inside (negative distance), 0 outside, over a ramp of 1.5 mm.
 static float in(float distance) { return minf(1, maxf(0, 0.5f - distance / 0.0015f)); }
 
 struct wear {
     const struct physique *p;
     const struct palette *c;
-    float k;         // to 1.75 m
-    struct vec3f at; // there
+    float k;         // scale to 1.75 m
+    struct vec3f at; // the point at that scale
     float shine;
 };
 
@@ -71,7 +71,7 @@ static struct rgb face(const struct wear *w, struct vec3f q, struct rgb skin)
     float lips = maxf(side - 0.0245f, fabsf(mz) - 0.0075f * (1 - side / 0.03f) - 0.001f);
     c = mix(c, woman ? hex(0xb53a3f) : mix(skin, hex(0x9c3b35), 0.6f), in(lips));
     c = mix(c, hex(0x4a1614), in(maxf(side - 0.024f, fabsf(mz) - 0.0011f)));
-    if (!woman && w->p->figure.height_m > 1.5) { // a shaven chin's shade
+    if (!woman && w->p->figure.height_m > 1.5) { // a shaven chin's shadow
         float beard = (1 - in(lips)) * minf(1, maxf(0, (-0.035f - q.z) * 40));
         c = mix(c, hex(w->c->hair), 0.22f * beard * (0.7f + 0.6f * noise2(q.x * 600, q.z * 600, 3)));
     }
@@ -107,7 +107,7 @@ static float weave(const struct wear *w, float size, uint32_t seed)
     return 0.90f + 0.20f * noise3(w->at.x * size, w->at.y * size, w->at.z * size, seed);
 }
 
-// A number as wide as it comes, its digits `tall` metres high, centred on (0, z).
+// A number in its natural width, its digits `tall` metres high, centred on (0, z).
 static float number_distance(int number, float x, float z, float tall)
 {
     char text[3] = {(char)('0' + number / 10), (char)('0' + number % 10), 0};
@@ -150,7 +150,7 @@ static struct rgb trunk(struct wear *w)
                     in(s * (text_distance("REENACT", -p.x / s + text_width("REENACT") / 2, (z - 0.128f) / s) - 0.75f)));
     }
     cloth = dim(cloth, weave(w, 240, 31));
-    // the neck's opening
+    // the neckline
     float collar =
         hypotf(p.x * 0.92f, p.y - neck.y) * (front ? 0.92f : 1) - 0.070f - 0.10f * maxf(0, neck.z + 0.02f - p.z);
     collar = maxf(collar, neck.z - (front ? 0.085f : 0.006f) - p.z);

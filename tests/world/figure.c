@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Bones that share skin with each.
+// Bones that share skin with each bone.
 static const int8_t neighbours[BONE_COUNT][5] = {
     [BONE_PELVIS] = {BONE_BELLY, BONE_LEFT_THIGH, BONE_RIGHT_THIGH, -1},
     [BONE_BELLY] = {BONE_PELVIS, BONE_CHEST, -1},
@@ -49,7 +49,7 @@ static void keep_best(const float weight[BONE_COUNT], struct binding *b)
         b->weight[i] /= sum;
 }
 
-// A vertex follows the bones whose shapes are nearest, falling off over two centimetres.
+// A vertex follows the bones whose shapes are nearest; weights fall off over two centimetres.
 static void bind(const struct form *form, const struct physique *p, struct vec3f at, struct binding *b)
 {
     float distance[BONE_COUNT], hanging = 10, closest = 10;
@@ -68,7 +68,7 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
         if (distance[k] < closest)
             closest = distance[k], nearest = k;
     float weight[BONE_COUNT] = {0};
-    if (hanging < closest) { // a skirt: from the hips down more and more with the thigh of its side
+    if (hanging < closest) { // a skirt: from the hips down increasingly with the thigh of its side
         float hip = (float)p->bind_joint[JOINT_LEFT_HIP].z, knee = (float)p->bind_joint[JOINT_LEFT_KNEE].z;
         float leg = 0.85f * ramp(hip + 0.02f, knee, at.z), left = ramp(-0.10f * form->scale, 0.10f * form->scale, at.x);
         weight[BONE_PELVIS] = 1 - leg;
@@ -84,7 +84,7 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
     keep_best(weight, b);
 }
 
-// How much of the light from all round gets past the body's own bulk.
+// Ambient visibility: how much of the light from all directions passes the body itself.
 static float openness(const struct form *form, struct vec3f at, struct vec3f n, struct shape_subset *subset)
 {
     static const float steps[2] = {0.035f, 0.11f};
@@ -99,7 +99,7 @@ static float openness(const struct form *form, struct vec3f at, struct vec3f n, 
     return maxf(0.15f, 1 - lost);
 }
 
-// From a joint towards -y and y until outside; the longer of the two.
+// Distance from a joint to the surface along -y and y; the longer of the two.
 static double radius_at(const struct form *form, struct vec3 joint)
 {
     double longest = 0;
@@ -149,8 +149,8 @@ void figure_free(struct figure *f)
     memset(f, 0, sizeof *f);
 }
 
-// A rigid motion as a dual quaternion: real part r, dual part d. Blending these
-// instead of matrices keeps elbows and twisted sleeves from collapsing (Kavan 2008).
+// A rigid motion as a dual quaternion: real part r, dual part d. Blending these instead of matrices keeps elbows and
+// twisted sleeves from collapsing (Kavan 2008).
 struct dual {
     struct quat r, d;
 };

@@ -1,6 +1,6 @@
 #include "tests/world/keys.h"
 
-// Tables, a pose a row.
+// Key poses of the named motions, a pose a row; chosen by hand.
 // clang-format off
 
 // The directions of an upper arm and of its forearm.

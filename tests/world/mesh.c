@@ -13,7 +13,7 @@ struct net_grid {
     int n[3]; // points along each axis, a multiple of BLOCK plus 1
     int blocks[3];
     float *value;    // at the points
-    int *vertex;     // of the cell whose low corner the point is, -1
+    int *vertex;     // of the cell whose low corner is this point, -1: none
     uint8_t *active; // blocks that the surface may cross
 };
 
@@ -32,7 +32,7 @@ static void fill_block(struct net_grid *g, int bx, int by, int bz)
     struct vec3f middle = place(g, ((float)bx + 0.5f) * BLOCK, ((float)by + 0.5f) * BLOCK, ((float)bz + 0.5f) * BLOCK);
     float reach = 0.87f * BLOCK * g->cell; // half the diagonal
     float d = form_distance(g->form, middle, NULL);
-    bool active = fabsf(d) < 1.6f * reach + 0.01f; // the distance is one only nearly
+    bool active = fabsf(d) < 1.6f * reach + 0.01f; // the distance is only approximate
     g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx] = active;
     if (!active)
         return;
@@ -47,20 +47,25 @@ static void fill_block(struct net_grid *g, int bx, int by, int bz)
             }
 }
 
+typedef void visit_cell(struct net_grid *g, int x, int y, int z, struct mesh *m);
+
+static void each_cell_of_block(struct net_grid *g, const int block[3], visit_cell *visit, struct mesh *m)
+{
+    int x0 = block[0] * BLOCK, y0 = block[1] * BLOCK, z0 = block[2] * BLOCK;
+    for (int z = z0; z < z0 + BLOCK; z++)
+        for (int y = y0; y < y0 + BLOCK; y++)
+            for (int x = x0; x < x0 + BLOCK; x++)
+                visit(g, x, y, z, m);
+}
+
 // Calls visit for every cell of every active block.
-static void each_cell(struct net_grid *g, void (*visit)(struct net_grid *, int, int, int, struct mesh *),
-                      struct mesh *m)
+static void each_cell(struct net_grid *g, visit_cell *visit, struct mesh *m)
 {
     for (int bz = 0; bz < g->blocks[2]; bz++)
         for (int by = 0; by < g->blocks[1]; by++)
-            for (int bx = 0; bx < g->blocks[0]; bx++) {
-                if (!g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx])
-                    continue;
-                for (int z = bz * BLOCK; z < (bz + 1) * BLOCK; z++)
-                    for (int y = by * BLOCK; y < (by + 1) * BLOCK; y++)
-                        for (int x = bx * BLOCK; x < (bx + 1) * BLOCK; x++)
-                            visit(g, x, y, z, m);
-            }
+            for (int bx = 0; bx < g->blocks[0]; bx++)
+                if (g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx])
+                    each_cell_of_block(g, (int[]){bx, by, bz}, visit, m);
 }
 
 static bool crossed(const struct net_grid *g, int x, int y, int z)
@@ -135,7 +140,7 @@ static void make_quads(struct net_grid *g, int x, int y, int z, struct mesh *m)
 
 static enum status grid_make(struct net_grid *g, const struct form *form, float cell)
 {
-    // A box round all shapes.
+    // A box around all shapes.
     float low[3] = {10, 10, 10}, high[3] = {-10, -10, -10};
     for (int i = 0; i < form->count; i++) {
         const struct shape *s = &form->shapes[i];
@@ -167,11 +172,11 @@ static enum status grid_make(struct net_grid *g, const struct form *form, float 
     return OK;
 }
 
-// Steps onto the folded surface: that also evens out the grid's own pattern.
+// Newton steps onto the folded surface: that also removes the grid's own pattern.
 static void finish_vertices(struct mesh *m, const struct form *f, float cell)
 {
     struct shape_subset subset = {.reach = 0};
-    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `subset` lasts
+    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `subset` stays valid
         struct vec3f *p = &m->at[i];
         form_select_shapes(f, *p, 0.01f, 0.04f, &subset);
         struct vec3f normal = m->normal[i] = form_normal(f, *p, &subset);

@@ -22,7 +22,7 @@ static struct quat rotation_of(double yaw, double pitch, double roll) // degrees
     return quat_multiply(q, quat_from_rotation_vector(v3(0, roll * DEGREE, 0)));
 }
 
-// Cubic Hermite with slopes from the neighbours (Catmull-Rom for uneven times), number by number.
+// Cubic Hermite interpolation with slopes from the neighbours (Catmull-Rom for uneven times), number by number.
 static struct key key_at(const struct named_motion *m, double t)
 {
     const struct key *k = m->keys;
@@ -39,7 +39,7 @@ static struct key key_at(const struct named_motion *m, double t)
     struct key out;
     double *o = (double *)&out;
     for (size_t c = 0; c < sizeof(struct key) / sizeof(double); c++) {
-        // At the ends, and where the curve turns back, it stands still: nothing overshoots.
+        // At the ends, and where the curve turns back, the slope is zero: nothing overshoots.
         double before = p1[c] - p0[c], here = p2[c] - p1[c], after = p3[c] - p2[c];
         double m1 = before * here > 0 ? (p2[c] - p0[c]) / (p2[0] - p0[0]) * dt : 0;
         double m2 = here * after > 0 ? (p3[c] - p1[c]) / (p3[0] - p1[0]) * dt : 0;
@@ -52,11 +52,11 @@ static struct key key_at(const struct named_motion *m, double t)
 }
 
 struct footing {
-    struct vec3 at;    // of the sole's middle below the ankle: x, y, lift z
+    struct vec3 at;    // of the sole's middle below the ankle: x, y, height z
     double yaw, pitch; // degrees
 };
 
-// Where foot `side` stands while planted around time t.
+// Position of foot `side` while it is planted, around time t.
 static struct footing planted(const struct named_motion *m, const struct physique *p, int side, double t)
 {
     struct key k = key_at(m, t);
@@ -66,8 +66,8 @@ static struct footing planted(const struct named_motion *m, const struct physiqu
     return (struct footing){v3(k.x + o.x, k.y + o.y, 0), k.heading + (side == LEFT ? 9 : -9), 0};
 }
 
-// Each foot in turn is put down for one stride (two steps) where the body will be in
-// the middle of it; a foot that has nowhere to go stays on the floor.
+// Each foot in turn is planted for one stride (two steps) where the body will be in the middle of it; a foot whose
+// target does not change stays on the floor.
 static struct footing footing_at(const struct named_motion *m, const struct physique *p, int side, double t)
 {
     double step = m->step_s, stride = 2 * step, swing = 0.42 * stride;
@@ -95,13 +95,13 @@ static void place_foot(const struct physique *p, const struct key *k, struct foo
     struct vec3 ankle = v3(f.at.x, f.at.y, p->bind_joint[JOINT_LEFT_FOOT].z + f.at.z * scale);
     ankle = v3_add(ankle, quat_rotate(heading, v3_scale(*kick, scale)));
     s->foot[side] = rotation_of(f.yaw, pitch, 0);
-    // The heel (positive pitch: it is up) or the toes must not go through the floor.
+    // The heel (positive pitch: raised) or the toes must not go through the floor.
     double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->bind_joint[JOINT_LEFT_FOOT].z;
     double tip =
         least(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
     s->ankle[side] = v3(ankle.x, ankle.y, most(ankle.z, -tip));
     struct vec3 forward = quat_rotate(rotation_of(f.yaw + (side == LEFT ? 4 : -4), 0, 0), v3(0, -1, 0));
-    s->knee[side] = v3_add(forward, v3(0, 0, 0.25)); // up as well, for a leg stretched forward
+    s->knee[side] = v3_add(forward, v3(0, 0, 0.25)); // upwards too, for a leg stretched forward
 }
 
 static struct stance named_at(const struct named_motion *m, const struct physique *p, double t)
@@ -110,7 +110,7 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     double scale = p->figure.height_m / 1.75;
     double breath = sin(t * 1.7), sway = sin(t * 0.9);
     struct stance s = {0};
-    // The pelvis leans over the foot that carries.
+    // The pelvis shifts over the supporting foot.
     struct footing feet[2] = {footing_at(m, p, LEFT, t), footing_at(m, p, RIGHT, t)};
     double carry = (feet[RIGHT].at.z - feet[LEFT].at.z) / 0.075; // 1: on the left foot
     struct vec3 shift = quat_rotate(rotation_of(k.heading, 0, 0), v3(0.022 * carry + 0.004 * sway, 0.003 * breath, 0));

@@ -1,12 +1,11 @@
-// How the figure moves: motions by name, as curves through key poses with steps
-// laid under them, or a BVH file. Internal to tests/world. An open motion never
-// changes.
+// The figure's motion: named motions, as curves through key poses with planted steps, or a BVH file. Internal to
+// tests/world. An open motion never changes: safe from any thread.
 #pragma once
 #include "tests/world/body.h"
 
 struct figure_motion;
 
-// ERR_INPUT: no such name (the sentence lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
+// ERR_INPUT: no such name (the message lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p);
 void world_motion_close(struct figure_motion **m);
 

@@ -1,4 +1,4 @@
-// What a depth sensor and a camera do to a true picture.
+// Noise models of a depth sensor and of a colour camera, applied to rendered images.
 #include "tests/world/texture.h"
 #include "tests/world/world.h"
 #include "tests/world/numbers.h"
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// A draw of its own for each pixel and purpose: no order, so no thread, changes it.
+// Counter-based random numbers, one per pixel and purpose: independent of order and threads.
 static uint64_t draw(uint64_t seed, uint64_t pixel, uint64_t purpose)
 {
     // splitmix64's finaliser (Steele, Lea and Flood 2014)
@@ -28,12 +28,11 @@ static double normal(uint64_t seed, uint64_t pixel, uint64_t purpose)
     return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }
 
-// The Kinect v1's own numbers.
+// Kinect v1: baseline, noise per z^2, range, disparity step.
 static const double BASELINE_M = 0.075, SIGMA = 1.5e-3, NEAR_M = 0.4, FAR_M = 8.0, STEP_PX = 0.125;
 
-// Where the projector's light is cut off by something nearer to its right. The
-// projector sees column u of depth z at u - f b / z; sweeping from the right, what
-// falls right of what was already there is behind it.
+// Marks where the projector's light is blocked by something nearer to its right. The projector sees column u of depth z
+// at u - f b / z; sweeping from the right, a column that falls right of an earlier one is behind it.
 static void find_shadow(const struct lens *l, const uint16_t *row, uint8_t *dark)
 {
     double fb = l->fx * BASELINE_M, right_of = 1e9;
@@ -58,7 +57,7 @@ static uint16_t read_pixel(const struct noise_spot *s, int x, int y)
 {
     int w = s->lens->width, h = s->lens->height;
     size_t at = (size_t)y * (size_t)w + (size_t)x;
-    // The sensor matches windows: what it reads comes from about half a pixel around.
+    // The sensor matches windows: its depth comes from about half a pixel around.
     int rx = x + (int)lround(0.5 * normal(s->seed, at, 0)), ry = y + (int)lround(0.5 * normal(s->seed, at, 2));
     rx = rx < 0 ? 0 : rx >= w ? w - 1 : rx;
     ry = ry < 0 ? 0 : ry >= h ? h - 1 : ry;
@@ -79,12 +78,12 @@ static uint16_t read_pixel(const struct noise_spot *s, int x, int y)
         double luck = uniform(s->seed, at, 4);
         if (luck < 0.18)
             return 0;
-        if (luck < 0.36) // a window on both sides: something between
+        if (luck < 0.36) // a window across the edge: something between
             z = 1 / (1 / low + (1 / high - 1 / low) * uniform(s->seed, at, 5));
     }
     if (z < NEAR_M || z > FAR_M)
         return 0;
-    // noise and steps in disparity, of a picture 640 pixels wide
+    // noise and steps in disparity, of an image 640 pixels wide
     double fb = s->lens->fx * 640 / w * BASELINE_M;
     double disparity = fb / z + fb * SIGMA * normal(s->seed, at, 6);
     disparity = floor(disparity / STEP_PX + 0.5) * STEP_PX;
@@ -111,7 +110,7 @@ enum status world_depth_noise(const struct lens *lens, const uint16_t *ideal, ui
             for (int x = 0; x < lens->width; x++)
                 out[(size_t)y * w + (size_t)x] = read_pixel(&s, x, y);
     } else {
-        status = fail(ERR_MEMORY, "out of memory for a depth picture of %d x %d", lens->width, lens->height);
+        status = fail(ERR_MEMORY, "out of memory for a depth image of %d x %d", lens->width, lens->height);
     }
     free(dark);
     free(copy);
@@ -122,7 +121,7 @@ void world_color_noise(uint8_t *color, int width, int height, uint64_t seed)
 {
     seed = draw(seed, 1, 7);
     for (size_t i = 0; i < (size_t)width * (size_t)height; i++) {
-        // Four bytes of one draw, summed by twos: near enough to a bell, and quick.
+        // Four bytes of one number, summed in pairs: a sufficient approximation of a Gaussian, and fast.
         uint64_t d = draw(seed, i, 0);
         double common = (double)(d & 0xffff) / 0xffff + (double)(d >> 16 & 0xffff) / 0xffff - 1;
         for (int c = 0; c < 3; c++) {

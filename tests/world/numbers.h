@@ -1,5 +1,4 @@
-// The smaller and the larger of two, without libm's care for NaN, which costs a call
-// each. Internal to tests/world.
+// The smaller and the larger of two, without libm's NaN handling, which costs a function call. Internal to tests/world.
 #pragma once
 
 static inline float minf(float a, float b) { return a < b ? a : b; }

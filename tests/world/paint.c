@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-// 1 inside (negative distance), 0 outside, over one texel.
+// Coverage: 1 inside (negative distance), 0 outside, over one texel.
 static float cover(float distance, float texel) { return minf(1, maxf(0, 0.5f - distance / texel)); }
 
 static const uint32_t schemes[6][5] = {
@@ -16,7 +16,7 @@ static const uint32_t schemes[6][5] = {
     {0xfff1d0, 0x086788, 0x06aed5, 0xf0c808, 0xdd1c1a}, {0xf4f1de, 0x3d405b, 0x81b29a, 0xe07a5f, 0xf2cc8f},
 };
 
-// Where a texel is: metres from the lower left corner, the picture's size, a texel's.
+// A texel's position: metres from the lower left corner, the poster's size, a texel's size.
 struct paint_spot {
     float x, y, w, h, texel;
     uint32_t seed;
@@ -82,7 +82,7 @@ static struct rgb contours(const struct paint_spot *s)
 
 static struct rgb stripes(const struct paint_spot *s)
 {
-    // Halve the rectangle again and again; the path gives the colour.
+    // Split the rectangle repeatedly; the path gives the colour.
     float x0 = 0, y0 = 0, x1 = s->w, y1 = s->h, edge = 10;
     uint32_t path = 1;
     for (int i = 0; i < 6; i++) {
@@ -309,7 +309,7 @@ enum status paint(struct texture *t, enum painting kind, double width_m, double 
     return OK;
 }
 
-// Noise that repeats after `period` units in both directions.
+// Noise with a period of `period` units in both directions.
 static float tile_noise(float x, float y, int period_x, int period_y, uint32_t seed)
 {
     float fx = floorf(x), fy = floorf(y), a = x - fx, b = y - fy;

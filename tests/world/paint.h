@@ -1,5 +1,4 @@
-// What hangs and lies in the room: pictures of our own making, by kind and seed.
-// Internal to tests/world.
+// Procedural posters, rugs and surface textures of the room, by kind and seed. Internal to tests/world.
 #pragma once
 #include "tests/world/texture.h"
 
@@ -22,7 +21,7 @@ enum painting {
 MUST_CHECK enum status paint(struct texture *t, enum painting kind, double width_m, double height_m, double texel_m,
                              uint32_t seed);
 
-// Tiles that repeat, about 0.5 in the mean: wood grain along x, plaster, cardboard.
+// Tiles that repeat, mean about 0.5: wood grain along x, plaster, cardboard.
 enum { TILE_TEXELS = 256 };
 MUST_CHECK enum status paint_grain(struct texture *t, uint32_t seed);
 MUST_CHECK enum status paint_plaster(struct texture *t, uint32_t seed);

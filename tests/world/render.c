@@ -7,7 +7,7 @@
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
 
-struct pixel_corner { // what the ray through a corner of pixels meets
+struct pixel_corner { // what the ray through a corner of pixels hits
     struct vec3 ray;  // world, z = 1 in the camera
     struct hit hit;
     int decal;
@@ -17,7 +17,7 @@ struct job {
     const struct world *w;
     const struct world_shot *shot;
     struct world_image *out;
-    struct actor *actor;          // NULL: nobody there
+    struct actor *actor;          // NULL: no actor
     double rotation_matrix[3][3]; // world_from_camera
     struct vec3 eye;
     int tiles_across, bands;
@@ -33,7 +33,7 @@ static struct vec3 ray_at(const struct job *j, double x, double y)
               j->rotation_matrix[2][0] * d.x + j->rotation_matrix[2][1] * d.y + j->rotation_matrix[2][2]);
 }
 
-// Marks the tiles that a box's outline may fall on; all of them when it reaches behind the camera.
+// Marks the tiles that a box's projection may cover; all of them when it reaches behind the camera.
 static void mark_box(struct job *j, int box)
 {
     const struct lens *l = &j->shot->lens;
@@ -48,7 +48,7 @@ static void mark_box(struct job *j, int box)
             x1 = y1 = 1e9;
             break;
         }
-        // Far outside the picture the lens's polynomial means nothing: stop before.
+        // Far outside the image the distortion polynomial is invalid: clamp before.
         struct vec3 q = v3(least(most(p.x / p.z, -1.5), 1.5), least(most(p.y / p.z, -1.5), 1.5), 1);
         struct pixel px = lens_project(l, q);
         x0 = least(x0, px.x), x1 = most(x1, px.x);
@@ -66,20 +66,20 @@ static void tone(const float linear[3], uint8_t rgb[3])
 {
     for (int c = 0; c < 3; c++) {
         float x = linear[c];
-        if (x > 0.6f) // highlights roll off instead of clipping
+        if (x > 0.6f) // highlights are compressed instead of clipped
             x = 1 - 0.4f * expf(-(x - 0.6f) / 0.4f);
         rgb[c] = linear_to_srgb(x);
     }
 }
 
-// Light from a point of the room towards the camera.
+// Radiance from a point of the room towards the camera.
 static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot,
                   float color[3])
 {
     const struct world_scene *s = &j->w->scene;
     const struct room_surface *f = &s->surfaces[h->surface];
     float albedo[3], light[3];
-    float glow = scene_albedo(s, h->surface, decal, h->u, h->v, foot, albedo);
+    float glow = scene_albedo(s, (struct surface_point){h->surface, decal, h->u, h->v}, foot, albedo);
     scene_light(f, h->u, h->v, light);
     if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
         float lost[3], ambient;
@@ -107,7 +107,7 @@ static struct vec3 ray_inside(const struct pixel_corner *top, const struct pixel
     return v3_mix(v3_mix(top[0].ray, top[1].ray, a), v3_mix(low[0].ray, low[1].ray, a), b);
 }
 
-// How far u and v run over a sample at a hit, from the rays' spread.
+// How far u and v run over a sample at a hit, from the rays' differentials.
 static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray,
                                      const struct pixel_corner *top, const struct pixel_corner *low, float scale)
 {
@@ -129,7 +129,7 @@ static bool same_thing(const struct pixel_corner *a, const struct pixel_corner *
     return a->hit.surface == b->hit.surface && a->decal == b->decal;
 }
 
-// One pixel of the room: one sample where it shows one thing, else SIDE x SIDE.
+// One pixel of the room: one sample where it shows one surface, else SIDE x SIDE.
 static void room_color(const struct job *j, const struct pixel_corner *top, const struct pixel_corner *low,
                        uint32_t boxes, float color[3])
 {
@@ -246,7 +246,7 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     j.boxes = calloc((size_t)j.tiles_across * (size_t)j.bands, sizeof *j.boxes);
     j.corners = out->color ? malloc((size_t)(2 * j.bands) * (size_t)(width + 1) * sizeof *j.corners) : NULL;
     if (!j.boxes || (out->color && !j.corners))
-        status = fail(ERR_MEMORY, "out of memory for a picture of %d x %d", width, height);
+        status = fail(ERR_MEMORY, "out of memory for an image of %d x %d", width, height);
     for (int i = 0; i < w->scene.box_count && !status; i++)
         mark_box(&j, i);
     if (!status && shot->actor) {
@@ -301,5 +301,5 @@ enum status world_render_rolling(const struct world *w, const struct world_shot 
     for (int y = 0; y < shot->lens.height && all; y++)
         all = done[y];
     free(done);
-    return all ? OK : fail(ERR_MEMORY, "no memory for a picture that is read row by row");
+    return all ? OK : fail(ERR_MEMORY, "no memory for an image that is read row by row");
 }

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// What we take from the file; of the pairs the left one comes first.
+// The joints used from the file; of pairs the left one comes first.
 enum role {
     ROLE_PELVIS,
     ROLE_SPINE,
@@ -32,7 +32,7 @@ enum role {
     ROLE_COUNT
 };
 
-// The names in use: Character Creator, CMU as MotionBuilder exports it, Daz.
+// Known naming schemes: Character Creator, CMU as MotionBuilder exports it, Daz.
 static const struct {
     const char *what;
     const char *names[5];
@@ -60,7 +60,7 @@ static const struct {
 };
 
 struct retarget {
-    struct vec3 (*at)[ROLE_COUNT]; // per frame, our axes, metres of our figure, over the floor
+    struct vec3 (*at)[ROLE_COUNT]; // per frame, our axes, metres of our figure, above the floor
     bool eyes, toes;
     int count;
     double frame_s;
@@ -85,8 +85,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// Keeps the longest of the stretches, one after another, in which the pelvis stays
-// within what the sensor sees well; `within` in the file's units.
+// Keeps the longest contiguous stretch in which the pelvis stays in the sensor's good range; `within` in the file's
+// units.
 static void keep_longest(struct retarget *r, double within)
 {
     int best = 0, best_count = 0, from = 0;
@@ -106,8 +106,8 @@ static void keep_longest(struct retarget *r, double within)
     r->count = best_count;
 }
 
-// From the file's axes and units to ours: legs as long as the figure's, facing the
-// sensor at first, the way covered centred, ankles as high over the floor as ours.
+// From the file's axes and units to ours: legs as long as the figure's, facing the sensor at first, the path centred,
+// ankles as high above the floor as ours.
 static enum status centre_in_room(struct retarget *r, const struct physique *p, const char *path)
 {
     struct vec3 *first = r->at[0];
@@ -133,7 +133,7 @@ static enum status centre_in_room(struct retarget *r, const struct physique *p, 
         low_y = least(low_y, w.y), high_y = most(high_y, w.y);
         heights[f] = least(r->at[f][ROLE_LEFT_FOOT].z, r->at[f][ROLE_RIGHT_FOOT].z);
     }
-    // The floor is where the lower ankle mostly is when it is low: its 5th percentile.
+    // The floor: the 5th percentile of the lower ankle's height.
     qsort(heights, (size_t)r->count, sizeof *heights, by_value);
     double floor_z = heights[r->count / 20];
     free(heights);
@@ -206,7 +206,7 @@ void retarget_close(struct retarget **r)
 
 double retarget_seconds(const struct retarget *r) { return (r->count - 1) * r->frame_s; }
 
-// The rotation with x along `left` and z as near `up` as can be.
+// The rotation with x along `left` and z as close to `up` as possible.
 static struct quat upright(struct vec3 left, struct vec3 up)
 {
     struct vec3 x = v3_unit(left), y = v3_unit(v3_cross(up, x)), z = v3_cross(x, y);
@@ -231,7 +231,7 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
     if (r->eyes) { // the eyes are in front of the head's joint and above it
         struct vec3 gaze = v3_sub(v3_scale(v3_add(q[ROLE_LEFT_EYE], q[ROLE_RIGHT_EYE]), 0.5), q[ROLE_HEAD]);
         struct vec3 left = v3_unit(v3_sub(q[ROLE_LEFT_EYE], q[ROLE_RIGHT_EYE]));
-        // The eyes are 38 degrees above the joint when one looks straight ahead: lean back by that to find "up".
+        // The eyes are 38 degrees above the joint when the head looks straight ahead: tilt back by that to find "up".
         struct vec3 forward = v3_unit(v3_sub(gaze, v3_scale(left, v3_dot(gaze, left))));
         struct vec3 over = v3_cross(forward, left); // across the gaze, towards the crown
         s.head = upright(left, v3_add(over, v3_scale(forward, 0.78)));
@@ -251,7 +251,7 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
         if (r->toes)
             toes = v3_unit(v3_sub(q[ROLE_LEFT_TOE + side], q[ROLE_LEFT_FOOT + side]));
         s.knee[side] = v3_add(bent, v3_scale(toes, 0.15));
-        // From ankle to the ball of the foot it goes down by about 32 degrees at rest.
+        // From the ankle to the ball of the foot it descends by about 32 degrees in the bind pose.
         struct vec3 across = v3_unit(v3_cross(v3(0, 0, 1), v3_scale(toes, 1)));
         if (!(v3_dot(across, across) > 0.5))
             across = quat_rotate(s.pelvis, v3(1, 0, 0));

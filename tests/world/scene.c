@@ -7,12 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void add_surface(struct world_scene *s, struct vec3 corner, struct vec3 u, struct vec3 v, double width,
-                        double height, enum material material, uint32_t color)
+// corner + u * [0, width] + v * [0, height]
+struct rectangle {
+    struct vec3 corner, u, v;
+    double width, height;
+};
+
+static void add_surface(struct world_scene *s, struct rectangle r, enum material material, uint32_t color)
 {
     assert(s->surface_count < MAX_SURFACES);
     struct room_surface *f = &s->surfaces[s->surface_count++];
-    *f = (struct room_surface){corner, u, v, v3_cross(u, v), width, height, material, {0}, 0, 0, NULL};
+    *f = (struct room_surface){r.corner, r.u, r.v, v3_cross(r.u, r.v), r.width, r.height, material, {0}, 0, 0, NULL};
     for (int c = 0; c < 3; c++)
         f->tint[c] = 0.9f * srgb_to_linear((uint8_t)(color >> (16 - 8 * c)));
 }
@@ -21,12 +26,12 @@ static void add_room(struct world_scene *s)
 {
     double x = ROOM_HALF_X, y = ROOM_HALF_Y, h = ROOM_HEIGHT;
     struct vec3 ex = v3(1, 0, 0), ey = v3(0, 1, 0), ez = v3(0, 0, 1), mx = v3(-1, 0, 0), my = v3(0, -1, 0);
-    add_surface(s, v3(-x, -y, 0), ex, ey, 2 * x, 2 * y, MATERIAL_FLOOR, 0xb98a5a);
-    add_surface(s, v3(-x, y, h), ex, my, 2 * x, 2 * y, MATERIAL_CEILING, 0xf3f0ea);
-    add_surface(s, v3(x, -y, 0), mx, ez, 2 * x, h, MATERIAL_WALL, 0xe9e2d4);
-    add_surface(s, v3(-x, y, 0), ex, ez, 2 * x, h, MATERIAL_WALL, 0xe9e2d4);
-    add_surface(s, v3(-x, -y, 0), ey, ez, 2 * y, h, MATERIAL_WALL, 0xe4e0d8);
-    add_surface(s, v3(x, y, 0), my, ez, 2 * y, h, MATERIAL_WALL, 0xe4e0d8);
+    add_surface(s, (struct rectangle){v3(-x, -y, 0), ex, ey, 2 * x, 2 * y}, MATERIAL_FLOOR, 0xb98a5a);
+    add_surface(s, (struct rectangle){v3(-x, y, h), ex, my, 2 * x, 2 * y}, MATERIAL_CEILING, 0xf3f0ea);
+    add_surface(s, (struct rectangle){v3(x, -y, 0), mx, ez, 2 * x, h}, MATERIAL_WALL, 0xe9e2d4);
+    add_surface(s, (struct rectangle){v3(-x, y, 0), ex, ez, 2 * x, h}, MATERIAL_WALL, 0xe9e2d4);
+    add_surface(s, (struct rectangle){v3(-x, -y, 0), ey, ez, 2 * y, h}, MATERIAL_WALL, 0xe4e0d8);
+    add_surface(s, (struct rectangle){v3(x, y, 0), my, ez, 2 * y, h}, MATERIAL_WALL, 0xe4e0d8);
 }
 
 static int add_box(struct world_scene *s, struct vec3 a, struct vec3 b, enum material m, uint32_t color)
@@ -35,30 +40,40 @@ static int add_box(struct world_scene *s, struct vec3 a, struct vec3 b, enum mat
     struct vec3 ex = v3(1, 0, 0), ey = v3(0, 1, 0), ez = v3(0, 0, 1), mx = v3(-1, 0, 0), my = v3(0, -1, 0);
     s->boxes[s->box_count] = (struct room_box){a, b, s->surface_count};
     double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
-    add_surface(s, v3(a.x, b.y, a.z), my, ez, dy, dz, m, color);
-    add_surface(s, v3(b.x, a.y, a.z), ey, ez, dy, dz, m, color);
-    add_surface(s, v3(a.x, a.y, a.z), ex, ez, dx, dz, m, color);
-    add_surface(s, v3(b.x, b.y, a.z), mx, ez, dx, dz, m, color);
-    add_surface(s, v3(a.x, b.y, a.z), ex, my, dx, dy, m, color);
-    add_surface(s, v3(a.x, a.y, b.z), ex, ey, dx, dy, m, color);
+    add_surface(s, (struct rectangle){v3(a.x, b.y, a.z), my, ez, dy, dz}, m, color);
+    add_surface(s, (struct rectangle){v3(b.x, a.y, a.z), ey, ez, dy, dz}, m, color);
+    add_surface(s, (struct rectangle){v3(a.x, a.y, a.z), ex, ez, dx, dz}, m, color);
+    add_surface(s, (struct rectangle){v3(b.x, b.y, a.z), mx, ez, dx, dz}, m, color);
+    add_surface(s, (struct rectangle){v3(a.x, b.y, a.z), ex, my, dx, dy}, m, color);
+    add_surface(s, (struct rectangle){v3(a.x, a.y, b.z), ex, ey, dx, dy}, m, color);
     return s->box_count++;
 }
 
-// The decal is the next free one; its texture is filled by the caller.
-static struct decal *add_decal(struct world_scene *s, int surface, double u, double v, double width, double height,
-                               double turn_deg)
+struct decal_spot {
+    int surface;
+    double u, v, width, height; // its centre and its size
+    double rotation_deg;        // anticlockwise
+};
+
+// Adds the next free decal; the caller fills its texture.
+static struct decal *add_decal(struct world_scene *s, struct decal_spot spot)
 {
     assert(s->decal_count < MAX_DECALS);
     struct decal *d = &s->decals[s->decal_count++];
-    double a = turn_deg * 3.14159265358979323846 / 180;
-    *d = (struct decal){
-        .surface = surface, .u = u, .v = v, .width = width, .height = height, .cosine = cos(a), .sine = sin(a)};
+    double a = spot.rotation_deg * 3.14159265358979323846 / 180;
+    *d = (struct decal){.surface = spot.surface,
+                        .u = spot.u,
+                        .v = spot.v,
+                        .width = spot.width,
+                        .height = spot.height,
+                        .cosine = cos(a),
+                        .sine = sin(a)};
     return d;
 }
 
 static const struct {
     int side;
-    double u, v, side_m, turn_deg;
+    double u, v, side_m, rotation_deg;
 } tag_spots[TAG_COUNT] = {
     {SIDE_BACK, 1.95, 1.27, 0.20, 0},   {SIDE_BACK, 4.30, 1.62, 0.20, 3},   {SIDE_RIGHT, 2.75, 1.42, 0.20, -2},
     {SIDE_RIGHT, 4.85, 1.20, 0.20, 0},  {SIDE_LEFT, 3.05, 1.28, 0.20, 1},   {SIDE_LEFT, 5.10, 1.50, 0.20, 0},
@@ -69,7 +84,7 @@ static const struct {
 
 static enum status add_tags(struct world_scene *s, uint32_t hang, const struct world_moved *moved)
 {
-    enum { TEXELS = 24 }; // a cell's: fine enough that the filter never sees the texels themselves
+    enum { TEXELS = 24 }; // texels a cell: fine enough that the filter never resolves them
     for (int i = 0; i < TAG_COUNT; i++) {
         if (!(hang >> i & 1))
             continue;
@@ -77,7 +92,8 @@ static enum status add_tags(struct world_scene *s, uint32_t hang, const struct w
         const bool is_moved = moved->tags >> i & 1;
         const double right = tag_spots[i].u + (is_moved ? moved->right : 0);
         const double up = tag_spots[i].v + (is_moved ? moved->up : 0);
-        struct decal *d = add_decal(s, tag_spots[i].side, right, up, whole, whole, tag_spots[i].turn_deg);
+        struct decal *d =
+            add_decal(s, (struct decal_spot){tag_spots[i].side, right, up, whole, whole, tag_spots[i].rotation_deg});
         d->tag = true;
         bool white[TAG_CELLS][TAG_CELLS];
         enum status status = tag_bitmap(i, white);
@@ -101,10 +117,9 @@ static enum status add_tags(struct world_scene *s, uint32_t hang, const struct w
     return OK;
 }
 
-static enum status add_painting(struct world_scene *s, int surface, double u, double v, double width, double height,
-                                double turn_deg, enum painting kind, uint32_t seed)
+static enum status add_painting(struct world_scene *s, struct decal_spot spot, enum painting kind, uint32_t seed)
 {
-    struct decal *d = add_decal(s, surface, u, v, width, height, turn_deg);
+    struct decal *d = add_decal(s, spot);
     if (kind == PAINTING_WINDOW)
         d->glow = 1.0f;
     if (s->plain) {
@@ -113,7 +128,7 @@ static enum status add_painting(struct world_scene *s, int surface, double u, do
             texture_set(&d->texture, 0, 0, (float[3]){0.3f, 0.3f, 0.3f});
         return status;
     }
-    return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
+    return paint(&d->texture, kind, spot.width, spot.height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
 }
 
 static enum status light_lamps(struct world_scene *s)
@@ -122,7 +137,8 @@ static enum status light_lamps(struct world_scene *s)
     for (int i = 0; i < LAMP_COUNT && !status; i++) {
         struct vec3 size = v3_sub(scene_lamps[i].high, scene_lamps[i].low);
         struct vec3 middle = v3_mix(scene_lamps[i].low, scene_lamps[i].high, 0.5);
-        struct decal *d = add_decal(s, SIDE_CEILING, middle.x + ROOM_HALF_X, ROOM_HALF_Y - middle.y, size.x, size.y, 0);
+        struct decal *d = add_decal(
+            s, (struct decal_spot){SIDE_CEILING, middle.x + ROOM_HALF_X, ROOM_HALF_Y - middle.y, size.x, size.y, 0});
         d->glow = 2.4f;
         status = texture_make(&d->texture, 1, 1);
         if (!status)
@@ -134,38 +150,36 @@ static enum status light_lamps(struct world_scene *s)
 static enum status add_posters(struct world_scene *s, uint32_t seed)
 {
     static const struct {
-        int side;
-        double u, v, width, height, turn_deg;
+        struct decal_spot at;
         enum painting kind;
     } spots[] = {
-        {SIDE_BACK, 0.75, 1.72, 0.60, 0.84, 0, PAINTING_LANDSCAPE},
-        {SIDE_BACK, 1.55, 1.88, 0.50, 0.50, -1, PAINTING_CIRCLES},
-        {SIDE_BACK, 2.72, 1.62, 0.70, 0.98, 0, PAINTING_WORDS},
-        {SIDE_BACK, 3.55, 1.45, 0.55, 0.75, 1, PAINTING_STRIPES},
-        {SIDE_BACK, 4.28, 2.12, 0.62, 0.44, 0, PAINTING_MAP},
-        {SIDE_BACK, 6.10, 1.75, 0.50, 0.70, 0, PAINTING_NIGHT},
-        {SIDE_BACK, 3.50, 2.15, 0.44, 0.32, 0, PAINTING_LANDSCAPE},
-        {SIDE_LEFT, 1.55, 1.55, 1.30, 1.20, 0, PAINTING_WINDOW},
-        {SIDE_LEFT, 3.75, 1.72, 0.60, 0.84, 0, PAINTING_NIGHT},
-        {SIDE_LEFT, 4.50, 1.60, 0.50, 0.50, 2, PAINTING_STRIPES},
-        {SIDE_LEFT, 5.90, 1.60, 0.76, 0.58, 0, PAINTING_MAP},
-        {SIDE_LEFT, 6.70, 1.55, 0.48, 0.66, 0, PAINTING_WORDS},
-        {SIDE_RIGHT, 0.80, 1.65, 0.62, 0.86, 0, PAINTING_CIRCLES},
-        {SIDE_RIGHT, 1.75, 1.65, 0.80, 0.60, 0, PAINTING_LANDSCAPE},
-        {SIDE_RIGHT, 3.55, 1.60, 0.58, 0.82, -1, PAINTING_WORDS},
-        {SIDE_RIGHT, 4.25, 1.85, 0.46, 0.46, 0, PAINTING_NIGHT},
-        {SIDE_RIGHT, 5.60, 1.72, 0.60, 0.80, 0, PAINTING_MAP},
-        {SIDE_RIGHT, 6.50, 1.60, 0.64, 0.46, 1, PAINTING_STRIPES},
-        {SIDE_REAR, 1.10, 1.05, 1.00, 2.10, 0, PAINTING_DOOR},
-        {SIDE_REAR, 2.20, 1.65, 0.56, 0.78, 0, PAINTING_STRIPES},
-        {SIDE_REAR, 3.80, 1.70, 0.90, 0.64, 0, PAINTING_MAP},
-        {SIDE_REAR, 5.80, 1.65, 0.60, 0.84, 0, PAINTING_LANDSCAPE},
-        {SIDE_FLOOR, 3.35, 3.45, 2.60, 1.90, 6, PAINTING_RUG},
+        {{SIDE_BACK, 0.75, 1.72, 0.60, 0.84, 0}, PAINTING_LANDSCAPE},
+        {{SIDE_BACK, 1.55, 1.88, 0.50, 0.50, -1}, PAINTING_CIRCLES},
+        {{SIDE_BACK, 2.72, 1.62, 0.70, 0.98, 0}, PAINTING_WORDS},
+        {{SIDE_BACK, 3.55, 1.45, 0.55, 0.75, 1}, PAINTING_STRIPES},
+        {{SIDE_BACK, 4.28, 2.12, 0.62, 0.44, 0}, PAINTING_MAP},
+        {{SIDE_BACK, 6.10, 1.75, 0.50, 0.70, 0}, PAINTING_NIGHT},
+        {{SIDE_BACK, 3.50, 2.15, 0.44, 0.32, 0}, PAINTING_LANDSCAPE},
+        {{SIDE_LEFT, 1.55, 1.55, 1.30, 1.20, 0}, PAINTING_WINDOW},
+        {{SIDE_LEFT, 3.75, 1.72, 0.60, 0.84, 0}, PAINTING_NIGHT},
+        {{SIDE_LEFT, 4.50, 1.60, 0.50, 0.50, 2}, PAINTING_STRIPES},
+        {{SIDE_LEFT, 5.90, 1.60, 0.76, 0.58, 0}, PAINTING_MAP},
+        {{SIDE_LEFT, 6.70, 1.55, 0.48, 0.66, 0}, PAINTING_WORDS},
+        {{SIDE_RIGHT, 0.80, 1.65, 0.62, 0.86, 0}, PAINTING_CIRCLES},
+        {{SIDE_RIGHT, 1.75, 1.65, 0.80, 0.60, 0}, PAINTING_LANDSCAPE},
+        {{SIDE_RIGHT, 3.55, 1.60, 0.58, 0.82, -1}, PAINTING_WORDS},
+        {{SIDE_RIGHT, 4.25, 1.85, 0.46, 0.46, 0}, PAINTING_NIGHT},
+        {{SIDE_RIGHT, 5.60, 1.72, 0.60, 0.80, 0}, PAINTING_MAP},
+        {{SIDE_RIGHT, 6.50, 1.60, 0.64, 0.46, 1}, PAINTING_STRIPES},
+        {{SIDE_REAR, 1.10, 1.05, 1.00, 2.10, 0}, PAINTING_DOOR},
+        {{SIDE_REAR, 2.20, 1.65, 0.56, 0.78, 0}, PAINTING_STRIPES},
+        {{SIDE_REAR, 3.80, 1.70, 0.90, 0.64, 0}, PAINTING_MAP},
+        {{SIDE_REAR, 5.80, 1.65, 0.60, 0.84, 0}, PAINTING_LANDSCAPE},
+        {{SIDE_FLOOR, 3.35, 3.45, 2.60, 1.90, 6}, PAINTING_RUG},
     };
     enum status status = OK;
     for (size_t i = 0; i < COUNT_OF(spots) && !status; i++)
-        status = add_painting(s, spots[i].side, spots[i].u, spots[i].v, spots[i].width, spots[i].height,
-                              spots[i].turn_deg, spots[i].kind, hash_of(seed, (uint32_t)i, 77) % 100000);
+        status = add_painting(s, spots[i].at, spots[i].kind, hash_of(seed, (uint32_t)i, 77) % 100000);
     return status;
 }
 
@@ -176,7 +190,7 @@ static enum status add_furniture(struct world_scene *s, uint32_t seed)
     add_box(s, v3(-2.55, 3.15, 0.52), v3(-2.15, 3.5, 0.78), MATERIAL_CARDBOARD, 0xb08d62);
     add_box(s, v3(-3.2, 2.0, 0), v3(-2.68, 2.55, 0.50), MATERIAL_CARDBOARD, 0xb08d62);
     add_box(s, v3(-3.1, 2.1, 0.50), v3(-2.74, 2.42, 0.78), MATERIAL_CARDBOARD, 0xa9855a);
-    // A table by the right wall, and what lies on it.
+    // A table by the right wall, and the things on it.
     add_box(s, v3(2.62, 0.55, 0.71), v3(3.26, 2.05, 0.75), MATERIAL_WOOD, 0xc79a63);
     for (int i = 0; i < 4; i++) {
         double x = i & 1 ? 3.17 : 2.66, y = i & 2 ? 1.96 : 0.59;
@@ -192,11 +206,11 @@ static enum status add_furniture(struct world_scene *s, uint32_t seed)
     add_box(s, v3(2.95, -1.7, 0), v3(3.3, -0.9, 0.80), MATERIAL_WOOD, 0x9a7248);
     add_box(s, v3(1.25, 2.85, 0), v3(1.62, 3.22, 0.42), MATERIAL_PAINT, 0x8f3b4c);
 
-    enum status status =
-        add_painting(s, s->boxes[shelf].first_surface + 2, 0.45, 0.975, 0.86, 1.90, 0, PAINTING_BOOKS, seed);
+    enum status status = add_painting(
+        s, (struct decal_spot){s->boxes[shelf].first_surface + 2, 0.45, 0.975, 0.86, 1.90, 0}, PAINTING_BOOKS, seed);
     if (!status)
-        status =
-            add_painting(s, s->boxes[sideboard].first_surface + 1, 0.725, 0.37, 1.43, 0.70, 0, PAINTING_DRAWERS, seed);
+        status = add_painting(s, (struct decal_spot){s->boxes[sideboard].first_surface + 1, 0.725, 0.37, 1.43, 0.70, 0},
+                              PAINTING_DRAWERS, seed);
     return status;
 }
 
@@ -237,7 +251,7 @@ void scene_free(struct world_scene *s)
     memset(s, 0, sizeof *s);
 }
 
-// Where the ray enters a box: distance, and the face as add_box orders them; -1: it misses.
+// Where the ray enters a box: distance, and the face in add_box's order; -1: it misses.
 static int box_entry(const struct room_box *b, struct vec3 from, struct vec3 inverse, double *distance)
 {
     double x0 = (b->low.x - from.x) * inverse.x, x1 = (b->high.x - from.x) * inverse.x;
@@ -326,10 +340,11 @@ static float lines(double x, double period, double line, double w)
 static void tile(const struct texture *t, double u, double v, double texel_m, struct footprint f, float out[3])
 {
     float s = (float)(1 / texel_m);
-    texture_at(t, u * (double)s, v * (double)s, f.dudx * s, f.dvdx * s, f.dudy * s, f.dvdy * s, true, out);
+    const struct texture_footprint foot = {f.dudx * s, f.dvdx * s, f.dudy * s, f.dvdy * s};
+    texture_at(t, u * (double)s, v * (double)s, &foot, true, out);
 }
 
-// Planks 15 cm wide and 1.5 m long, each with its own tint and piece of grain.
+// Planks 15 cm wide and 1.5 m long, each with its own tint and grain offset.
 static void floor_albedo(const struct world_scene *s, const struct room_surface *f, double u, double v,
                          struct footprint foot, float albedo[3])
 {
@@ -376,9 +391,10 @@ static void wall_albedo(const struct world_scene *s, const struct room_surface *
         albedo[c] *= 2 * plaster[c];
 }
 
-float scene_albedo(const struct world_scene *s, int surface, int decal, double u, double v, struct footprint foot,
-                   float albedo[3])
+float scene_albedo(const struct world_scene *s, struct surface_point at, struct footprint foot, float albedo[3])
 {
+    const int surface = at.surface, decal = at.decal;
+    const double u = at.u, v = at.v;
     const struct room_surface *f = &s->surfaces[surface];
     if (decal >= 0) {
         const struct decal *d = &s->decals[decal];
@@ -386,9 +402,10 @@ float scene_albedo(const struct world_scene *s, int surface, int decal, double u
         double x = du * d->cosine + dv * d->sine + d->width / 2, y = dv * d->cosine - du * d->sine + d->height / 2;
         double sx = d->texture.width[0] / d->width, sy = d->texture.height[0] / d->height;
         float c = (float)d->cosine, n = (float)d->sine, fx = (float)sx, fy = (float)sy;
-        texture_at(&d->texture, x * sx, y * sy, (foot.dudx * c + foot.dvdx * n) * fx,
-                   (foot.dvdx * c - foot.dudx * n) * fy, (foot.dudy * c + foot.dvdy * n) * fx,
-                   (foot.dvdy * c - foot.dudy * n) * fy, false, albedo);
+        const struct texture_footprint on_decal = {
+            (foot.dudx * c + foot.dvdx * n) * fx, (foot.dvdx * c - foot.dudx * n) * fy,
+            (foot.dudy * c + foot.dvdy * n) * fx, (foot.dvdy * c - foot.dudy * n) * fy};
+        texture_at(&d->texture, x * sx, y * sy, &on_decal, false, albedo);
         return d->glow;
     }
     float texel[3] = {0.5f, 0.5f, 0.5f};

@@ -1,6 +1,5 @@
-// The room: flat rectangles and boxes with textures, pictures and tags on them,
-// lamps under the ceiling, and how light lies on it all while nobody is there.
-// Internal to tests/world. Built once, then only read, by any thread.
+// The room: flat rectangles and boxes with textures, posters and tags on them, lamps in the ceiling, and the light on
+// it all without the figure. Internal to tests/world. Built once, then only read: safe from any thread.
 #pragma once
 #include "tests/world/texture.h"
 #include "tests/world/world.h"
@@ -17,25 +16,25 @@ enum material { MATERIAL_FLOOR, MATERIAL_WALL, MATERIAL_CEILING, MATERIAL_WOOD, 
 // The first six surfaces.
 enum { SIDE_FLOOR, SIDE_CEILING, SIDE_REAR, SIDE_BACK, SIDE_LEFT, SIDE_RIGHT };
 
-// A rectangle: corner + u * [0, width] + v * [0, height]; u, v, normal of unit length,
-// normal = u x v towards whoever sees it, u to their right.
+// A rectangle: corner + u * [0, width] + v * [0, height]; u, v, normal of unit length, normal = u x v towards the
+// viewer, u to the viewer's right.
 struct room_surface {
     struct vec3 corner, u, v, normal;
     double width, height;
     enum material material;
     float tint[3]; // linear albedo, which the texture varies
     int light_width, light_height;
-    float (*light)[3]; // irradiance / pi without the figure, on a grid that ends at the edges
+    float (*light)[3]; // irradiance / pi without the figure, on a grid that includes the edges
 };
 
-// A picture or tag on a surface: in the surface's metres.
+// A poster or tag on a surface: in the surface's metres.
 struct decal {
     int surface;
     double u, v, width, height; // its centre and its size
-    double cosine, sine;        // it is turned by this, anticlockwise
+    double cosine, sine;        // rotation, anticlockwise
     struct texture texture;
-    bool tag;   // to be drawn with the greatest care
-    float glow; // 0: paper; else it shines by itself, this many times its albedo
+    bool tag;   // rendered with the highest sampling
+    float glow; // 0: paper; else emission, this many times its albedo
 };
 
 struct room_box {
@@ -68,15 +67,15 @@ struct hit {
     double u, v; // metres on the surface
 };
 
-// The room that the options tell of. ERR_MEMORY.
+// The room described by the options. ERR_MEMORY.
 MUST_CHECK enum status scene_build(struct world_scene *s, const struct world_options *options);
 void scene_free(struct world_scene *s); // zeroed is fine
 
 // scene_light.c: fills surface.light of all surfaces. ERR_MEMORY.
 MUST_CHECK enum status scene_bake(struct world_scene *s);
 
-// What a ray from inside the room meets first, of the room itself and the boxes
-// whose bit is set in `boxes`. There is always something.
+// The first hit of a ray from inside the room, against the room itself and the boxes whose bit is set in `boxes`. There
+// is always one.
 struct hit scene_hit(const struct world_scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes);
 
 // Whether furniture stands between two points.
@@ -85,14 +84,18 @@ bool scene_blocked(const struct world_scene *s, struct vec3 from, struct vec3 to
 // The decal at a point of a surface, the last one put there; -1 for none.
 int scene_decal(const struct world_scene *s, int surface, double u, double v);
 
-// How far a sample runs over the surface, metres: along the picture's x and its y.
+// Extent of a sample on the surface, metres: along the image's x and its y.
 struct footprint {
     float dudx, dvdx, dudy, dvdy;
 };
 
-// The albedo there, linear, filtered over the footprint. Returns the glow.
-float scene_albedo(const struct world_scene *s, int surface, int decal, double u, double v, struct footprint foot,
-                   float albedo[3]);
+struct surface_point {
+    int surface, decal; // decal: as scene_decal
+    double u, v;        // metres on the surface
+};
+
+// The albedo at a point, linear, filtered over the footprint. Returns the emission: 0 or as decal.glow.
+float scene_albedo(const struct world_scene *s, struct surface_point at, struct footprint foot, float albedo[3]);
 
 // Irradiance / pi there without the figure.
 void scene_light(const struct room_surface *surface, double u, double v, float light[3]);

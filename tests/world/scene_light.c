@@ -1,5 +1,5 @@
-// Light on the empty room: two lamps with soft shadows of the furniture, and an
-// ambient share that corners and furniture take part of.
+// Light on the empty room: two area lamps with soft shadows of the furniture, and an ambient term reduced in corners
+// and near furniture.
 #include "tests/world/scene.h"
 #include "tests/world/numbers.h"
 
@@ -14,14 +14,14 @@ double lamp_area(const struct lamp *lamp) { return (lamp->high.x - lamp->low.x) 
 
 struct vec3 lamp_point(const struct lamp *lamp, int k, int n)
 {
-    // A sequence that fills the square evenly at any count (Roberts' R2).
+    // A low-discrepancy sequence (Roberts' R2).
     double a = 0.5 + 0.7548776662466927 * k, b = 0.5 + 0.5698402909980532 * k;
     (void)n;
     return v3(lamp->low.x + (a - floor(a)) * (lamp->high.x - lamp->low.x),
               lamp->low.y + (b - floor(b)) * (lamp->high.y - lamp->low.y), lamp->low.z);
 }
 
-// Irradiance / pi of the lamps at a point, furniture in the way.
+// Irradiance / pi of the lamps at a point, with the furniture's shadows.
 static void direct(const struct world_scene *s, struct vec3 at, struct vec3 normal, float out[3])
 {
     enum { SAMPLES = 8 };
@@ -37,8 +37,8 @@ static void direct(const struct world_scene *s, struct vec3 at, struct vec3 norm
         }
 }
 
-// How open a point is to the room, 0..1: furniture near by takes light away, and so,
-// less, do walls, floor and ceiling, which are bright themselves.
+// Ambient visibility of a point, 0..1: nearby furniture takes light away, and so, less, do walls, floor and ceiling,
+// which are bright themselves.
 static float openness(const struct world_scene *s, struct vec3 at, struct vec3 normal)
 {
     enum { RAYS = 20 };
@@ -75,7 +75,7 @@ enum status scene_bake(struct world_scene *s)
                 at = v3_add(at, v3_scale(f->normal, 0.004));
                 float *out = f->light[y * f->light_width + x];
                 direct(s, at, f->normal, out);
-                // What comes back from the floor is warm, from the ceiling white.
+                // Light reflected by the floor is warm, by the ceiling white.
                 float open = openness(s, at, f->normal), up = 0.5f + 0.5f * (float)f->normal.z;
                 out[0] += open * (0.45f + 0.02f * (1 - up));
                 out[1] += open * 0.445f;

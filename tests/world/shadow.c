@@ -8,7 +8,7 @@
 
 enum { MAP_SIDE = 192, POINTS_A_LAMP = 6, MAPS = LAMP_COUNT * POINTS_A_LAMP };
 
-// What one point of a lamp sees of the figure: distances over a square of directions round it.
+// A depth map of the figure from one point of a lamp, over a square of directions.
 struct shadow_map {
     struct vec3 from, x, y, z; // z towards the figure
     double spread;             // half the square's side at z = 1
@@ -16,14 +16,14 @@ struct shadow_map {
     float weight[3];           // radiance * area / samples / pi
 };
 
-struct reach { // a rectangle on a surface
+struct shadow_bounds { // a rectangle on a surface
     double u0, v0, u1, v1;
 };
 
 struct shadow {
     const struct world_scene *scene;
     struct shadow_map maps[MAPS];
-    struct reach reach[MAX_SURFACES];
+    struct shadow_bounds bounds[MAX_SURFACES];
     struct vec3 sphere[JOINT_COUNT];
     const struct mesh *mesh;
     const struct vec3 *at;
@@ -82,7 +82,7 @@ static void fill_map(void *context, int index)
     }
 }
 
-// The share of a point's light that map m lets through, 0..1: four neighbours, weighted.
+// The share of a point's light that map m lets through, 0..1: bilinear over four texels.
 static float passes(const struct shadow_map *m, struct vec3 at, double bias)
 {
     struct vec3 d = v3_sub(at, m->from);
@@ -102,22 +102,22 @@ static float passes(const struct shadow_map *m, struct vec3 at, double bias)
 }
 
 // Where on each surface the shadow of the figure's box may fall.
-static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
+static void find_bounds(struct shadow *s, struct vec3 low, struct vec3 high)
 {
     for (int f = 0; f < s->scene->surface_count; f++) {
         const struct room_surface *surface = &s->scene->surfaces[f];
-        struct reach r = {1e9, 1e9, -1e9, -1e9};
+        struct shadow_bounds r = {1e9, 1e9, -1e9, -1e9};
         for (int k = 0; k < MAPS + 1; k++)
             for (int i = 0; i < 8; i++) {
                 struct vec3 p = v3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z);
                 struct vec3 from = k < MAPS ? s->maps[k].from : p, to = v3_sub(p, surface->corner);
                 double over = v3_dot(to, surface->normal),
                        lamp = v3_dot(v3_sub(from, surface->corner), surface->normal);
-                double reach = 0.5; // of the dark about feet
+                double reach = 0.5; // of the ambient shadow around the feet
                 if (k < MAPS) {
                     if (!(lamp > 1e-6))
                         continue;
-                    // a corner above the lamp, as seen from the surface, throws its shadow out of all bounds
+                    // a corner above the lamp, as seen from the surface, has an unbounded shadow
                     double t = over < lamp - 1e-6 ? lamp / (lamp - over) : 1e3;
                     to = v3_sub(v3_add(from, v3_scale(v3_sub(p, from), t)), surface->corner);
                     reach = 0.02;
@@ -128,7 +128,7 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
                 r.u0 = least(r.u0, u - reach), r.u1 = most(r.u1, u + reach);
                 r.v0 = least(r.v0, v - reach), r.v1 = most(r.v1, v + reach);
             }
-        s->reach[f] = r;
+        s->bounds[f] = r;
     }
 }
 
@@ -158,7 +158,7 @@ enum status shadow_open(struct shadow **out, const struct world_scene *scene, co
     for (int i = 0; i < MAPS; i++)
         s->maps[i].depth = depth + (size_t)i * MAP_SIDE * MAP_SIDE;
     parallel_for(threads, MAPS, fill_map, s);
-    find_reach(s, low, high);
+    find_bounds(s, low, high);
     *out = s;
     return OK;
 }
@@ -182,7 +182,7 @@ void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, f
         double d2 = v3_dot(to, to), d = sqrt(d2), here = v3_dot(to, n) / d, lamp = to.z / d;
         if (!(here > 0) || !(lamp > 0))
             continue;
-        // off the skin, the more so where the light grazes it
+        // offset from the skin, the more where the light grazes it
         float share = passes(m, v3_add(at, v3_scale(n, 0.012)), 0.012 + 0.02 * (1 - here)) * (float)(here * lamp / d2);
         for (int c = 0; c < 3; c++)
             out[c] += m->weight[c] * share;
@@ -191,7 +191,7 @@ void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, f
 
 bool shadow_reaches(const struct shadow *s, int surface, double u, double v)
 {
-    const struct reach *r = &s->reach[surface];
+    const struct shadow_bounds *r = &s->bounds[surface];
     return u > r->u0 && u < r->u1 && v > r->v0 && v < r->v1;
 }
 
@@ -210,7 +210,7 @@ void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float
         for (int c = 0; c < 3; c++)
             lost[c] += m->weight[c] * stopped * (float)(here * lamp / d2);
     }
-    // Spheres on the joints hide some of the sky (Quilez: r^2 / d^2 times the cosine).
+    // Spheres on the joints occlude the ambient light (Quilez: r^2 / d^2 times the cosine).
     float sky = 1;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 to = v3_sub(s->sphere[j], at);

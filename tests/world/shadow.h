@@ -1,6 +1,5 @@
-// The figure between the lamps and the room: depth maps seen from points on the
-// lamps give its soft shadow, on itself and on the room; spheres on its joints give
-// the dark about its feet. Internal to tests/world.
+// Shadows of the figure: depth maps seen from points on the lamps give its soft shadow, on itself and on the room;
+// spheres on its joints give the ambient shadow around its feet. Internal to tests/world.
 #pragma once
 #include "tests/world/figure.h"
 #include "tests/world/scene.h"
@@ -15,6 +14,6 @@ void shadow_close(struct shadow **s); // NULL is fine
 // The lamps' irradiance / pi on the figure's own skin.
 void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, float out[3]);
 
-// Whether a point of a surface may lie in shadow; and what is lost there: see actor.h.
+// Whether a point of a surface may lie in shadow; and how much light it loses: see actor.h.
 bool shadow_reaches(const struct shadow *s, int surface, double u, double v);
 void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float lost[3], float *ambient);

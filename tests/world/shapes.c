@@ -47,8 +47,8 @@ float shape_distance(const struct shape *s, struct vec3f p)
     return shrink * maxf(out, beyond);
 }
 
-// Quadratic smooth minimum (Quilez): melts over a width of k.
-static float melt(float a, float b, float k)
+// Quadratic smooth minimum (Quilez): blends over a width of k.
+static float smooth_min(float a, float b, float k)
 {
     float h = maxf(k - fabsf(a - b), 0) / k;
     return minf(a, b) - h * h * k * 0.25f;
@@ -61,7 +61,7 @@ static float plain_distance(const struct form *f, struct vec3f p, const struct s
     for (int i = 0; i < count; i++) {
         const struct shape *s = &f->shapes[n ? n->some[i] : i];
         float e = shape_distance(s, p);
-        d = melt(d, e, s->melt);
+        d = smooth_min(d, e, s->blend);
         if (s->cloth)
             covered = minf(covered, e);
     }
@@ -114,7 +114,7 @@ void form_select_shapes(const struct form *f, struct vec3f p, float need, float 
     }
     n->count = 0;
     for (int i = 0; i < f->count; i++)
-        if (d[i] < closest + 2.2f * reach + f->shapes[i].melt) // 2 for exact distances
+        if (d[i] < closest + 2.2f * reach + f->shapes[i].blend) // 2 for exact distances
             n->some[n->count++] = i;
 }
 
@@ -127,21 +127,27 @@ struct maker {
     struct vec3f joint[JOINT_COUNT];
 };
 
+struct thickness { // for 1.75 m
+    double ra, rb, blend;
+};
+
 static struct shape *add(struct maker *m, enum shape_kind kind, enum bone bone, struct vec3f a, struct vec3f b,
-                         double ra, double rb, double blend)
+                         struct thickness t)
 {
     assert(m->form->count < MAX_SHAPES);
     struct shape *s = &m->form->shapes[m->form->count++];
-    *s = (struct shape){kind, bone, a, b, (float)ra * m->s, (float)rb * m->s, 1, (float)blend * m->s, false, false};
+    *s = (struct shape){kind,  bone, a, b, (float)t.ra * m->s, (float)t.rb * m->s, 1, (float)t.blend * m->s,
+                        false, false};
     return s;
 }
 
 // An ellipsoid beside a joint.
-static struct shape *blob(struct maker *m, enum bone bone, struct vec3f at, double dx, double dy, double dz, double rx,
-                          double ry, double rz, double blend)
+static struct shape *blob(struct maker *m, enum bone bone, struct vec3f at, struct vec3 offset, struct vec3 radii,
+                          double blend)
 {
-    struct vec3f c = {at.x + (float)dx * m->s, at.y + (float)dy * m->s, at.z + (float)dz * m->s};
-    return add(m, SHAPE_ELLIPSOID, bone, c, vf(rx * (double)m->s, ry * (double)m->s, rz * (double)m->s), 0, 0, blend);
+    struct vec3f c = {at.x + (float)offset.x * m->s, at.y + (float)offset.y * m->s, at.z + (float)offset.z * m->s};
+    const double k = (double)m->s;
+    return add(m, SHAPE_ELLIPSOID, bone, c, vf(radii.x * k, radii.y * k, radii.z * k), (struct thickness){0, 0, blend});
 }
 
 static struct vec3f beside(const struct maker *m, struct vec3f at, double dx, double dy, double dz)
@@ -156,27 +162,34 @@ static void add_trunk(struct maker *m)
     struct vec3f waist = m->joint[JOINT_WAIST], torso = m->joint[JOINT_TORSO];
     struct vec3f l = m->joint[JOINT_LEFT_SHOULDER], r = m->joint[JOINT_RIGHT_SHOULDER];
     double wide = l.x / m->s; // the chest is as wide as the shoulders are apart
-    blob(m, BONE_CHEST, torso, 0, 0.004, 0.065, 0.90 * wide * (0.5 + 0.5 * g), 0.112 * g, 0.185, 0.01)->cloth = true;
-    blob(m, BONE_BELLY, waist, 0, -0.002 - 0.05 * heavy, 0.115, (woman ? 0.122 : 0.142) * g, (0.100 + 0.10 * heavy) * g,
-         0.165, 0.10)
+    blob(m, BONE_CHEST, torso, v3(0, 0.004, 0.065), v3(0.90 * wide * (0.5 + 0.5 * g), 0.112 * g, 0.185), 0.01)->cloth =
+        true;
+    blob(m, BONE_BELLY, waist, v3(0, -0.002 - 0.05 * heavy, 0.115),
+         v3((woman ? 0.122 : 0.142) * g, (0.100 + 0.10 * heavy) * g, 0.165), 0.10)
         ->cloth = true;
-    blob(m, BONE_PELVIS, waist, 0, 0.006, -0.03, (woman ? 0.166 : 0.156) * g, 0.115 * g, 0.125, 0.09)->cloth = true;
-    add(m, SHAPE_ROUND_CONE, BONE_CHEST, l, r, 0.052 * (0.5 + 0.5 * g), 0.052 * (0.5 + 0.5 * g), 0.06)->cloth = true;
+    blob(m, BONE_PELVIS, waist, v3(0, 0.006, -0.03), v3((woman ? 0.166 : 0.156) * g, 0.115 * g, 0.125), 0.09)->cloth =
+        true;
+    add(m, SHAPE_ROUND_CONE, BONE_CHEST, l, r,
+        (struct thickness){0.052 * (0.5 + 0.5 * g), 0.052 * (0.5 + 0.5 * g), 0.06})
+        ->cloth = true;
     struct vec3f neck = m->joint[JOINT_NECK];
     for (int side = -1; side <= 1; side += 2) {
         struct vec3f shoulder = side > 0 ? l : r;
         add(m, SHAPE_ROUND_CONE, BONE_CHEST, beside(m, neck, 0.022 * side, 0.010, 0.030),
-            beside(m, shoulder, -0.025 * side, 0.004, 0.012), 0.043, 0.044, 0.045)
+            beside(m, shoulder, -0.025 * side, 0.004, 0.012), (struct thickness){0.043, 0.044, 0.045})
             ->cloth = false;
         if (woman)
-            blob(m, BONE_CHEST, torso, 0.068 * side, -0.082 * g, 0.035, 0.062, 0.050 * g, 0.060, 0.05)->cloth = true;
+            blob(m, BONE_CHEST, torso, v3(0.068 * side, -0.082 * g, 0.035), v3(0.062, 0.050 * g, 0.060), 0.05)->cloth =
+                true;
         else
-            blob(m, BONE_CHEST, torso, 0.070 * side, -0.070 * g, 0.095, 0.075, 0.035, 0.060, 0.06)->cloth = true;
-        blob(m, BONE_PELVIS, waist, 0.070 * side, 0.062 * g, -0.072, 0.083 * g, 0.070 * g, 0.088, 0.05)->cloth = true;
+            blob(m, BONE_CHEST, torso, v3(0.070 * side, -0.070 * g, 0.095), v3(0.075, 0.035, 0.060), 0.06)->cloth =
+                true;
+        blob(m, BONE_PELVIS, waist, v3(0.070 * side, 0.062 * g, -0.072), v3(0.083 * g, 0.070 * g, 0.088), 0.05)->cloth =
+            true;
     }
     if (coat) { // a collar
         struct shape *c = add(m, SHAPE_TUBE, BONE_CHEST, beside(m, neck, 0, 0.002, -0.01),
-                              beside(m, neck, 0, 0.002, 0.045), 0.078, 0.066, 0.02);
+                              beside(m, neck, 0, 0.002, 0.045), (struct thickness){0.078, 0.066, 0.02});
         c->flat = 0.95f;
     }
 }
@@ -185,27 +198,27 @@ static void add_head(struct maker *m)
 {
     bool woman = m->p->figure.woman;
     struct vec3f neck = m->joint[JOINT_NECK], head = m->joint[JOINT_HEAD], skull = f_of(m->p->skull);
-    // Heads vary less than heights: a child's is larger for its height.
+    // Heads vary less than heights: a child's is larger relative to its height.
     float k = m->s, big = 1 + 0.28f * maxf(0, 1 - m->s);
     m->s *= big;
     double thick = (woman ? 0.049 : 0.057) * (0.6 + 0.4 * (double)m->g);
     add(m, SHAPE_ROUND_CONE, BONE_NECK, beside(m, neck, 0, 0.006, -0.03), beside(m, skull, 0, 0.006, 0.01),
-        thick * 1.12, thick, 0.035);
+        (struct thickness){thick * 1.12, thick, 0.035});
     const struct ellipsoid *e = &head_skull;
-    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y,
-         (double)e->radii.z, 0.03);
-    blob(m, BONE_HEAD, head, 0, -0.026, -0.046, woman ? 0.051 : 0.056, 0.064, 0.058, 0.035);
-    add(m, SHAPE_ROUND_CONE, BONE_HEAD, beside(m, head, 0, -0.082, 0.018), beside(m, head, 0, -0.100, -0.018), 0.007,
-        0.011, 0.014);
+    blob(m, BONE_HEAD, head, v3((double)e->at.x, (double)e->at.y, (double)e->at.z),
+         v3((double)e->radii.x, (double)e->radii.y, (double)e->radii.z), 0.03);
+    blob(m, BONE_HEAD, head, v3(0, -0.026, -0.046), v3(woman ? 0.051 : 0.056, 0.064, 0.058), 0.035);
+    add(m, SHAPE_ROUND_CONE, BONE_HEAD, beside(m, head, 0, -0.082, 0.018), beside(m, head, 0, -0.100, -0.018),
+        (struct thickness){0.007, 0.011, 0.014});
     for (int side = -1; side <= 1; side += 2)
-        blob(m, BONE_HEAD, head, 0.077 * side, 0.012, -0.004, 0.010, 0.020, 0.030, 0.008);
+        blob(m, BONE_HEAD, head, v3(0.077 * side, 0.012, -0.004), v3(0.010, 0.020, 0.030), 0.008);
     e = &head_hair;
-    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y,
-         (double)e->radii.z, 0.006);
+    blob(m, BONE_HEAD, head, v3((double)e->at.x, (double)e->at.y, (double)e->at.z),
+         v3((double)e->radii.x, (double)e->radii.y, (double)e->radii.z), 0.006);
     e = &head_long_hair;
     if (woman)
-        blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x,
-             (double)e->radii.y, (double)e->radii.z, 0.012);
+        blob(m, BONE_HEAD, head, v3((double)e->at.x, (double)e->at.y, (double)e->at.z),
+             v3((double)e->radii.x, (double)e->radii.y, (double)e->radii.z), 0.012);
     m->s = k;
 }
 
@@ -218,16 +231,17 @@ static void add_arm(struct maker *m, int side)
     struct vec3 d = v3(x * m->p->arm.x, m->p->arm.y, m->p->arm.z), across = v3(0, 1, 0),
                 thick = v3_cross(d, v3(0, x, 0));
     struct vec3f shoulder = m->joint[a], elbow = m->joint[a + 1], wrist = f_of(m->p->wrist[side]);
-    add(m, SHAPE_ROUND_CONE, upper, shoulder, elbow, 0.052 * t, 0.038 * t, 0.04);
-    add(m, SHAPE_ROUND_CONE, fore, elbow, wrist, 0.039 * t, 0.027 * t, 0.02);
+    add(m, SHAPE_ROUND_CONE, upper, shoulder, elbow, (struct thickness){0.052 * t, 0.038 * t, 0.04});
+    add(m, SHAPE_ROUND_CONE, fore, elbow, wrist, (struct thickness){0.039 * t, 0.027 * t, 0.02});
     struct vec3 s3 = m->p->bind_joint[a], e3 = m->p->bind_joint[a + 1], w3 = m->p->wrist[side];
     if (m->p->figure.clothes == CLOTHES_COAT) {
-        add(m, SHAPE_TUBE, upper, shoulder, elbow, 0.066 * t, 0.055 * t, 0.04)->cloth = true;
-        struct shape *s = add(m, SHAPE_TUBE, fore, f_of(v3_mix(s3, e3, 0.96)), f_of(v3_mix(e3, w3, 0.96)), 0.055 * t,
-                              0.044 * t, 0.02);
+        add(m, SHAPE_TUBE, upper, shoulder, elbow, (struct thickness){0.066 * t, 0.055 * t, 0.04})->cloth = true;
+        struct shape *s = add(m, SHAPE_TUBE, fore, f_of(v3_mix(s3, e3, 0.96)), f_of(v3_mix(e3, w3, 0.96)),
+                              (struct thickness){0.055 * t, 0.044 * t, 0.02});
         s->cloth = true;
     } else {
-        add(m, SHAPE_TUBE, upper, f_of(v3_mix(s3, e3, 0.04)), f_of(v3_mix(s3, e3, 0.66)), 0.061 * t, 0.056 * t, 0.035)
+        add(m, SHAPE_TUBE, upper, f_of(v3_mix(s3, e3, 0.04)), f_of(v3_mix(s3, e3, 0.66)),
+            (struct thickness){0.061 * t, 0.056 * t, 0.035})
             ->cloth = true;
     }
     // The palm and fingers lie side by side along y, the thumb in front (-y).
@@ -238,12 +252,14 @@ static void add_arm(struct maker *m, int side)
         struct vec3 root = v3_add(v3_add(w3, v3_scale(d, 0.012 * h)), v3_scale(across, 0.55 * off));
         struct vec3 tip = v3_add(v3_add(knuckle, v3_scale(d, length)),
                                  v3_add(v3_scale(thick, -0.012 * h), v3_scale(across, 0.12 * off)));
-        add(m, SHAPE_ROUND_CONE, hand, f_of(root), f_of(knuckle), 0.0165 * h / k, 0.0120 * h / k, 0.018);
-        add(m, SHAPE_ROUND_CONE, hand, f_of(knuckle), f_of(tip), 0.0100 * h / k, 0.0078 * h / k, 0.004);
+        add(m, SHAPE_ROUND_CONE, hand, f_of(root), f_of(knuckle),
+            (struct thickness){0.0165 * h / k, 0.0120 * h / k, 0.018});
+        add(m, SHAPE_ROUND_CONE, hand, f_of(knuckle), f_of(tip),
+            (struct thickness){0.0100 * h / k, 0.0078 * h / k, 0.004});
     }
     struct vec3 base = v3_add(v3_add(w3, v3_scale(d, 0.025 * h)), v3_scale(across, -0.016 * h));
     struct vec3 tip = v3_add(v3_add(w3, v3_scale(d, 0.092 * h)), v3_scale(across, -0.056 * h));
-    add(m, SHAPE_ROUND_CONE, hand, f_of(base), f_of(tip), 0.0155 * h / k, 0.0095 * h / k, 0.012);
+    add(m, SHAPE_ROUND_CONE, hand, f_of(base), f_of(tip), (struct thickness){0.0155 * h / k, 0.0095 * h / k, 0.012});
 }
 
 static void add_leg(struct maker *m, int side)
@@ -256,29 +272,29 @@ static void add_leg(struct maker *m, int side)
     struct vec3 k3 = m->p->bind_joint[l + 1], a3 = m->p->bind_joint[l + 2];
     bool bare = m->p->figure.clothes == CLOTHES_SKIRT;
     double wide = bare ? 0 : 0.008;                                      // of the trousers
-    double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not melt into one
+    double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not merge into one
     add(m, SHAPE_ROUND_CONE, thigh, beside(m, hip, 0.006 * x, 0, -0.03), beside(m, knee, 0, -0.004, 0.01),
-        top + wide * 0.3, 0.054 * t + wide, 0.028)
+        (struct thickness){top + wide * 0.3, 0.054 * t + wide, 0.028})
         ->cloth = !bare;
-    add(m, SHAPE_ROUND_CONE, shin, beside(m, knee, 0, -0.002, 0), beside(m, ankle, 0, 0, 0.03), 0.052 * t + wide,
-        0.036 * t + wide, 0.02)
+    add(m, SHAPE_ROUND_CONE, shin, beside(m, knee, 0, -0.002, 0), beside(m, ankle, 0, 0, 0.03),
+        (struct thickness){0.052 * t + wide, 0.036 * t + wide, 0.02})
         ->cloth = !bare;
     struct vec3f calf = f_of(v3_mix(k3, a3, 0.30));
-    blob(m, shin, calf, 0, 0.014, 0, 0.047 * t + wide, 0.048 * t + wide, 0.105, 0.03)->cloth = !bare;
+    blob(m, shin, calf, v3(0, 0.014, 0), v3(0.047 * t + wide, 0.048 * t + wide, 0.105), 0.03)->cloth = !bare;
     if (!bare)
-        add(m, SHAPE_TUBE, shin, f_of(v3_mix(k3, a3, 0.35)), beside(m, ankle, 0, 0.002, -0.012), 0.060 * t, 0.058 * t,
-            0.02)
+        add(m, SHAPE_TUBE, shin, f_of(v3_mix(k3, a3, 0.35)), beside(m, ankle, 0, 0.002, -0.012),
+            (struct thickness){0.060 * t, 0.058 * t, 0.02})
             ->cloth = true;
     // Shoe: heel, ball, toes, and a collar round the ankle.
     double sole = ankle.z / m->s;
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.020, 0.012), beside(m, ankle, 0, 0.024, 0.034 - sole), 0.040,
-        0.040, 0.012);
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.020, 0.012), beside(m, ankle, 0, 0.024, 0.034 - sole),
+        (struct thickness){0.040, 0.040, 0.012});
     add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.014, 0.030 - sole),
-        beside(m, ankle, 0.006 * x, -0.105, 0.022 - sole), 0.038, 0.043, 0.02);
+        beside(m, ankle, 0.006 * x, -0.105, 0.022 - sole), (struct thickness){0.038, 0.043, 0.02});
     add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0.004 * x, -0.105, 0.018 - sole),
-        beside(m, ankle, 0.002 * x, -0.150, 0.018 - sole), 0.040, 0.032, 0.02);
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, -0.004, 0.0), beside(m, ankle, 0, -0.075, 0.045 - sole), 0.038,
-        0.030, 0.03);
+        beside(m, ankle, 0.002 * x, -0.150, 0.018 - sole), (struct thickness){0.040, 0.032, 0.02});
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, -0.004, 0.0), beside(m, ankle, 0, -0.075, 0.045 - sole),
+        (struct thickness){0.038, 0.030, 0.03});
 }
 
 static void add_tails(struct maker *m)
@@ -290,9 +306,9 @@ static void add_tails(struct maker *m)
     double g = (double)m->g;
     struct shape *s = NULL;
     if (c == CLOTHES_SKIRT)
-        s = add(m, SHAPE_TUBE, BONE_PELVIS, top, low, 0.130 * g, 0.262 * (0.4 + 0.6 * g), 0.03);
+        s = add(m, SHAPE_TUBE, BONE_PELVIS, top, low, (struct thickness){0.130 * g, 0.262 * (0.4 + 0.6 * g), 0.03});
     if (c == CLOTHES_COAT)
-        s = add(m, SHAPE_TUBE, BONE_PELVIS, top, low, 0.155 * g, 0.225 * (0.4 + 0.6 * g), 0.03);
+        s = add(m, SHAPE_TUBE, BONE_PELVIS, top, low, (struct thickness){0.155 * g, 0.225 * (0.4 + 0.6 * g), 0.03});
     if (s) {
         s->flat = 0.80f;
         s->hangs = s->cloth = true;

@@ -1,4 +1,4 @@
-// The picture of a tag36h11. Internal to tests/world; wraps libapriltag.
+// The bitmap of a tag36h11. Internal to tests/world; wraps libapriltag.
 #pragma once
 #include "base/status.h"
 

@@ -1,4 +1,4 @@
-// The small world against itself: what it says is true must be what it draws.
+// The small world's consistency: the truth it reports is what it renders.
 #include "tests/support/test.h"
 
 #include "tests/world/world.h"
@@ -49,7 +49,7 @@ static void drop(struct shot_pixels *p)
     free(p->depth);
 }
 
-// Every joint is inside the body, so wherever it projects to, the figure is seen, and in front of it.
+// Every joint is inside the body, so at its projection the figure is seen, and in front of it.
 static void test_joints_lie_behind_the_skin(void **state)
 {
     (void)state;
@@ -73,17 +73,17 @@ static void test_joints_lie_behind_the_skin(void **state)
                     print_error("%s, %s, t %.2f: the %s is not on the figure\n", figures[m], motions[m], t,
                                 joint_name((enum joint)j));
                 EXPECT_TRUE(p.mask[at]);
-                EXPECT_AT_LEAST(s.joint[j].z - p.depth[at] * 1e-3, 0.002);
+                EXPECT_AT_LEAST(s.joint[j].z - p.depth[at] * 1e-3, 0.015);
                 seen++;
             }
             drop(&p);
         }
         world_close(&w);
     }
-    EXPECT_AT_LEAST(seen, 200);
+    EXPECT_AT_LEAST(seen, 270);
 }
 
-// Standing still, facing the sensor, nothing is before anything else: the skin is a radius away.
+// Standing still, facing the sensor, nothing occludes anything: the skin is a radius in front of the joint.
 static void test_skin_is_a_radius_before_the_joint(void **state)
 {
     (void)state;
@@ -99,15 +99,15 @@ static void test_skin_is_a_radius_before_the_joint(void **state)
             size_t at = (size_t)lround(px.y) * (size_t)lens.width + (size_t)lround(px.x);
             double before = s.joint[j].z - p.depth[at] * 1e-3, radius = world_joint_radius(w, (enum joint)j);
             EXPECT_TRUE(p.mask[at]);
-            EXPECT_AT_LEAST(before, 0.005);
+            EXPECT_AT_LEAST(before, 0.025);
             bool spine = j == JOINT_HEAD || j == JOINT_TORSO || j == JOINT_WAIST; // these lie behind the middle
             if (j != JOINT_LEFT_FOOT && j != JOINT_RIGHT_FOOT)                    // seen from above, along the instep
                 EXPECT_AT_MOST(before, 1.3 * radius + (spine ? 0.06 : 0.012));
-            EXPECT_AT_LEAST(radius, 0.010);
-            EXPECT_AT_MOST(radius, 0.30);
+            EXPECT_AT_LEAST(radius, 0.025);
+            EXPECT_AT_MOST(radius, 0.20);
         }
-        // Left is the person's own: on the right of the picture of someone who faces us.
-        EXPECT_AT_LEAST(s.joint[JOINT_LEFT_HAND].x - s.joint[JOINT_RIGHT_HAND].x, 0.3);
+        // Left is the person's own: on the right of the image of a person who faces the camera.
+        EXPECT_AT_LEAST(s.joint[JOINT_LEFT_HAND].x - s.joint[JOINT_RIGHT_HAND].x, 0.38);
         drop(&p);
         world_close(&w);
     }
@@ -134,8 +134,8 @@ static void test_bones_keep_their_length_and_feet_the_floor(void **state)
             double low = fmin(s.joint[JOINT_LEFT_FOOT].z, s.joint[JOINT_RIGHT_FOOT].z);
             EXPECT_NEAR(low, stand, 0.03);
             for (int j = 0; j < JOINT_COUNT; j++) {
-                EXPECT_AT_LEAST(s.joint[j].z, 0.05);
-                EXPECT_AT_MOST(v3_distance(s.joint[j], before.joint[j]) / 0.02, 9); // m/s: a kick, not a jump cut
+                EXPECT_AT_LEAST(s.joint[j].z, 0.09);
+                EXPECT_AT_MOST(v3_distance(s.joint[j], before.joint[j]) / 0.02, 8); // m/s: a kick, not a discontinuity
             }
             before = s;
         }
@@ -157,8 +157,8 @@ static void test_pirouette_is_full_rotation(void **state)
         turned += t > 0 ? step : 0;
         last = a;
     }
-    EXPECT_NEAR(fabs(turned), 6.283185307179586, 0.1);
-    EXPECT_AT_LEAST(start.y - end.y, 1.2); // towards the sensor
+    EXPECT_NEAR(fabs(turned), 6.283185307179586, 1e-9);
+    EXPECT_AT_LEAST(start.y - end.y, 1.4); // towards the sensor
     world_close(&w);
 }
 
@@ -185,7 +185,7 @@ static void test_front_and_back_differ(void **state)
             }
         drop(&p);
     }
-    EXPECT_AT_LEAST(mean[0][0] - mean[1][0], 60); // a face against dark hair
+    EXPECT_AT_LEAST(mean[0][0] - mean[1][0], 110); // a face against dark hair
     world_close(&w);
 }
 
@@ -231,11 +231,11 @@ static double gray(const struct shot_pixels *p, double x, double y)
     return sum;
 }
 
-// How far outside `edge` (pixels) the picture turns from black to white along `out`.
+// How far outside `edge` (pixels) the image changes from black to white along `out`.
 static double crossing(const struct shot_pixels *p, struct pixel edge, double ox, double oy)
 {
     double dark = gray(p, edge.x - 3 * ox, edge.y - 3 * oy), bright = gray(p, edge.x + 3 * ox, edge.y + 3 * oy);
-    EXPECT_AT_LEAST(bright - dark, 50);
+    EXPECT_AT_LEAST(bright - dark, 120);
     double middle = (dark + bright) / 2, before = dark;
     for (double s = -3 + 0.05; s < 3; s += 0.05) {
         double here = gray(p, edge.x + s * ox, edge.y + s * oy);
@@ -282,7 +282,7 @@ static void test_tags_are_drawn_at_their_poses(void **state)
             }
         drop(&p);
     }
-    // In linear light half-way lies elsewhere than in grey levels, so edges seem to bulge a little.
+    // In linear light the half-way point lies elsewhere than in grey levels, so edges seem to bulge a little.
     EXPECT_NEAR(sum / n, 0, 0.2);
     EXPECT_AT_MOST(sqrt(square / n), 0.25);
     world_close(&w);
@@ -309,9 +309,9 @@ static void test_the_sweep_sees_every_tag(void **state)
             }
             seen += all;
         }
-        if (seen < 5)
+        if (seen < 10)
             print_error("tag %d\n", tags[i].id);
-        EXPECT_AT_LEAST(seen, 5);
+        EXPECT_AT_LEAST(seen, 10);
     }
     world_close(&w);
 }
@@ -326,7 +326,7 @@ static void test_viewer_keeps_actor_in_view(void **state)
         int seen = 0;
         for (int i = 0; i < lens.width * lens.height; i++)
             seen += p.mask[i];
-        EXPECT_AT_LEAST(seen, 0.03 * lens.width * lens.height);
+        EXPECT_AT_LEAST(seen, 0.042 * lens.width * lens.height);
         drop(&p);
     }
     world_close(&w);
@@ -341,7 +341,7 @@ static void test_depth_noise_grows_as_the_sensor_s_does(void **state)
     size_t n = (size_t)lens.width * (size_t)lens.height;
     uint16_t *ideal = malloc(n * 2), *out = malloc(n * 2);
     for (int mm = 700; mm <= 6000; mm = mm * 3 / 2) {
-        for (size_t i = 0; i < n; i++) // a slope over several steps, so that no place between two is preferred
+        for (size_t i = 0; i < n; i++) // a slope over several steps, so that no position between two is preferred
             ideal[i] = (uint16_t)(mm + mm * (i % 640) / 6400);
         EXPECT_STATUS(world_depth_noise(&lens, ideal, (uint64_t)mm, out), OK);
         double sum = 0, square = 0, off_step = 0, count = 0;
@@ -358,9 +358,9 @@ static void test_depth_noise_grows_as_the_sensor_s_does(void **state)
             count++;
         }
         EXPECT_AT_LEAST(count, 0.99 * (double)n);
-        EXPECT_NEAR(sqrt(square / count), 1, 0.05);
-        EXPECT_NEAR(sum / count, 0, 0.05);
-        EXPECT_AT_MOST(off_step, 1e-6);
+        EXPECT_NEAR(sqrt(square / count), 1, 0.03);
+        EXPECT_NEAR(sum / count, 0, 0.03);
+        EXPECT_AT_MOST(off_step, 1e-9);
     }
     for (int mm = 300; mm <= 9000; mm += 8700) { // out of range, near and far
         for (size_t i = 0; i < n; i++)
@@ -395,11 +395,11 @@ static void test_shadow_and_flying_pixels_lie_at_edges(void **state)
             flyers += between && edge;
             strays += between && !edge;
         }
-    EXPECT_NEAR(zeros_left / lens.height, shadow_px - 2, 1.6); // two of its columns count as edge
+    EXPECT_NEAR(zeros_left / lens.height, shadow_px - 2, 1.2); // two of its columns count as edge
     EXPECT_INT(zeros_right, 0);
     EXPECT_INT(strays, 0);
-    EXPECT_AT_LEAST(flyers / lens.height, 0.1);
-    EXPECT_AT_MOST(flyers / lens.height, 1.5);
+    EXPECT_AT_LEAST(flyers / lens.height, 0.3);
+    EXPECT_AT_MOST(flyers / lens.height, 0.6);
     free(ideal);
     free(out);
 }
@@ -428,7 +428,7 @@ static void test_open_refuses_invalid(void **state)
     EXPECT_STATUS(world_open(&w, &o), ERR_INPUT);
     EXPECT_TRUE(w == NULL);
     world_close(&w);
-    EXPECT_TRUE(!world_figure_named("nobody", &o.figure));
+    EXPECT_TRUE(!world_figure_named("no such figure", &o.figure));
 }
 
 int main(void)

@@ -60,25 +60,34 @@ void texture_set(struct texture *t, int x, int y, const float linear[3])
         p[c] = linear_to_srgb(linear[c]);
 }
 
-// Each level is the box-filtered half of the one below; odd edges weigh as they cover.
+// The mean of channel c over the texels [x0, x1) x [y0, y1) of a level.
+static float box_mean(const struct texture *t, int level, const int x[2], const int y[2], int c)
+{
+    float sum = 0;
+    for (int v = y[0]; v < y[1]; v++)
+        for (int u = x[0]; u < x[1]; u++)
+            sum += level_linear[t->level[level][((size_t)v * (size_t)t->width[level] + (size_t)u) * 3 + (size_t)c]];
+    return sum / (float)((x[1] - x[0]) * (y[1] - y[0]));
+}
+
+static void make_level(struct texture *t, int i)
+{
+    int w = t->width[i], h = t->height[i], pw = t->width[i - 1], ph = t->height[i - 1];
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            int columns[2] = {(int)((int64_t)x * pw / w), (int)((int64_t)(x + 1) * pw / w)};
+            int rows[2] = {(int)((int64_t)y * ph / h), (int)((int64_t)(y + 1) * ph / h)};
+            for (int c = 0; c < 3; c++)
+                t->level[i][((size_t)y * (size_t)w + (size_t)x) * 3 + (size_t)c] =
+                    linear_to_srgb(box_mean(t, i - 1, columns, rows, c));
+        }
+}
+
+// Each level is the box-filtered half of the one below; odd edges are weighted by coverage.
 void texture_finish(struct texture *t)
 {
-    for (int i = 1; i < t->level_count; i++) {
-        int w = t->width[i], h = t->height[i], pw = t->width[i - 1], ph = t->height[i - 1];
-        for (int y = 0; y < h; y++)
-            for (int x = 0; x < w; x++) {
-                int x0 = (int)((int64_t)x * pw / w), x1 = (int)((int64_t)(x + 1) * pw / w);
-                int y0 = (int)((int64_t)y * ph / h), y1 = (int)((int64_t)(y + 1) * ph / h);
-                for (int c = 0; c < 3; c++) {
-                    float sum = 0;
-                    for (int v = y0; v < y1; v++)
-                        for (int u = x0; u < x1; u++)
-                            sum += level_linear[t->level[i - 1][((size_t)v * (size_t)pw + (size_t)u) * 3 + (size_t)c]];
-                    t->level[i][((size_t)y * (size_t)w + (size_t)x) * 3 + (size_t)c] =
-                        linear_to_srgb(sum / (float)((x1 - x0) * (y1 - y0)));
-                }
-            }
-    }
+    for (int i = 1; i < t->level_count; i++)
+        make_level(t, i);
 }
 
 static int inside(int i, int n, bool wrap)
@@ -90,10 +99,18 @@ static int inside(int i, int n, bool wrap)
     return i < 0 ? 0 : i >= n ? n - 1 : i;
 }
 
-static void bilinear(const struct texture *t, int level, double x, double y, bool wrap, float weight, float sum[3])
+// A bilinear sample: level, position in texels of level 0, and its weight in the sum.
+struct texture_tap {
+    int level;
+    double x, y;
+    float weight;
+};
+
+static void bilinear(const struct texture *t, struct texture_tap tap, bool wrap, float sum[3])
 {
+    const int level = tap.level;
     int w = t->width[level], h = t->height[level];
-    double u = x * w / t->width[0] - 0.5, v = y * h / t->height[0] - 0.5;
+    double u = tap.x * w / t->width[0] - 0.5, v = tap.y * h / t->height[0] - 0.5;
     double fu = floor(u), fv = floor(v);
     float a = (float)(u - fu), b = (float)(v - fv);
     int x0 = inside((int)fu, w, wrap), x1 = inside((int)fu + 1, w, wrap);
@@ -103,18 +120,18 @@ static void bilinear(const struct texture *t, int level, double x, double y, boo
     for (int c = 0; c < 3; c++) {
         float top = level_linear[row0[x0 * 3 + c]] * (1 - a) + level_linear[row0[x1 * 3 + c]] * a;
         float low = level_linear[row1[x0 * 3 + c]] * (1 - a) + level_linear[row1[x1 * 3 + c]] * a;
-        sum[c] += weight * (top * (1 - b) + low * b);
+        sum[c] += tap.weight * (top * (1 - b) + low * b);
     }
 }
 
-void texture_at(const struct texture *t, double x, double y, float dxdu, float dydu, float dxdv, float dydv, bool wrap,
+void texture_at(const struct texture *t, double x, double y, const struct texture_footprint *f, bool wrap,
                 float linear[3])
 {
     // Several taps along the longer axis, each as wide as the shorter one.
     enum { MOST_TAPS = 8 };
-    float la = sqrtf(dxdu * dxdu + dydu * dydu), lb = sqrtf(dxdv * dxdv + dydv * dydv);
+    float la = sqrtf(f->dxdu * f->dxdu + f->dydu * f->dydu), lb = sqrtf(f->dxdv * f->dxdv + f->dydv * f->dydv);
     float longer = la > lb ? la : lb, shorter = la > lb ? lb : la;
-    float ax = la > lb ? dxdu : dxdv, ay = la > lb ? dydu : dydv;
+    float ax = la > lb ? f->dxdu : f->dxdv, ay = la > lb ? f->dydu : f->dydv;
     shorter = maxf(maxf(shorter, longer / MOST_TAPS), 1);
     int taps = (int)ceilf(longer / shorter - 0.01f);
     taps = taps < 1 ? 1 : taps > MOST_TAPS ? MOST_TAPS : taps;
@@ -130,9 +147,9 @@ void texture_at(const struct texture *t, double x, double y, float dxdu, float d
     for (int i = 0; i < taps; i++) {
         float s = taps > 1 ? ((float)i + 0.5f) / (float)taps - 0.5f : 0;
         double px = x + (double)(s * ax), py = y + (double)(s * ay);
-        bilinear(t, level, px, py, wrap, (1 - blend) / (float)taps, linear);
+        bilinear(t, (struct texture_tap){level, px, py, (1 - blend) / (float)taps}, wrap, linear);
         if (blend > 0)
-            bilinear(t, level + 1, px, py, wrap, blend / (float)taps, linear);
+            bilinear(t, (struct texture_tap){level + 1, px, py, blend / (float)taps}, wrap, linear);
     }
 }
 

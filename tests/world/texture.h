@@ -1,5 +1,5 @@
-// Pictures to be laid on surfaces, filtered for the distance they are seen from.
-// Albedo: kept as 8-bit sRGB, mixed in linear light. Internal to tests/world.
+// Textures with mipmaps and anisotropic filtering. Albedo: stored as 8-bit sRGB, filtered in linear light. Internal to
+// tests/world.
 #pragma once
 #include "base/status.h"
 
@@ -11,19 +11,23 @@ struct texture {
     int level_count;
 };
 
-// ERR_MEMORY. Level 0 is to be written with texture_set, the others come from texture_finish.
+// ERR_MEMORY. Level 0 is written with texture_set, the others come from texture_finish.
 MUST_CHECK enum status texture_make(struct texture *t, int width, int height);
 void texture_free(struct texture *t);
 void texture_set(struct texture *t, int x, int y, const float linear[3]);
 void texture_finish(struct texture *t);
 
-// At (x, y) in texels of level 0, whose centres are at +0.5; dx.. are how far x and y
-// run over a sample along the two axes of the picture. wrap: a tile, repeats.
-void texture_at(const struct texture *t, double x, double y, float dxdu, float dydu, float dxdv, float dydv, bool wrap,
+// How far x and y run over a sample along the image's u and v, texels of level 0.
+struct texture_footprint {
+    float dxdu, dydu, dxdv, dydv;
+};
+
+// The filtered albedo at (x, y) in texels of level 0, whose centres are at +0.5. wrap: a repeating tile.
+void texture_at(const struct texture *t, double x, double y, const struct texture_footprint *footprint, bool wrap,
                 float linear[3]);
 
 float srgb_to_linear(uint8_t value);  // a table
-uint8_t linear_to_srgb(float linear); // rounds, clamps; by a table, off by less than half a grey level's error
+uint8_t linear_to_srgb(float linear); // rounds, clamps; table lookup, off by less than half a grey level
 
 // Deterministic noise.
 uint32_t hash_of(uint32_t a, uint32_t b, uint32_t c);

@@ -192,7 +192,7 @@ static struct pose look_at(struct vec3 eye, struct vec3 target, double roll)
     return (struct pose){q, eye};
 }
 
-// The slow camera_shake of a hand: about -1..1, smooth.
+// The slow shake of a hand-held camera: about -1..1, smooth.
 static double camera_shake(double t, uint32_t seed)
 {
     return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2;
@@ -213,7 +213,7 @@ struct pose world_sweep_pose(const struct world *w, double time_s)
 {
     double t = least(most(time_s, 0), WORLD_SWEEP_S), a = t / WORLD_SWEEP_S * 1.12 * 6.283185307179586;
     uint32_t seed = seed_of(w, 301);
-    // Round the middle at arm's length, looking outwards, now up, now down at the floor.
+    // Round the middle at arm's length, facing outwards, alternately up and down at the floor.
     struct vec3 out = v3(sin(a), cos(a), 0);
     struct vec3 eye = v3_add(v3(0, 0.1, 1.42 + 0.12 * sin(2.1 * a)), v3_scale(out, -0.95 + 0.25 * sin(3 * a)));
     eye = v3_add(eye,
@@ -227,7 +227,7 @@ struct pose world_viewer_pose(const struct world *w, double time_s)
 {
     double length = world_seconds(w), t = least(most(time_s, 0), length);
     uint32_t seed = seed_of(w, 302);
-    // Where the actor is, smoothed: the one who walks foresees nothing.
+    // The actor's position, smoothed over the past: the camera does not anticipate.
     struct vec3 actor = v3(0, 0, 0);
     for (int i = -4; i <= 4; i++)
         actor = v3_add(actor, v3_scale(world_joints(w, t + 0.2 * i).joint[JOINT_WAIST], 1.0 / 9));

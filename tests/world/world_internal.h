@@ -12,5 +12,5 @@ struct world {
     struct figure figure;
 };
 
-// How the figure stands at `time_s`, where the options put it. world.c
+// The figure's stance at `time_s`, positioned by the options. world.c
 struct stance world_stance(const struct world *w, double time_s);

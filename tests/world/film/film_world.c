@@ -1,11 +1,12 @@
-// film-world: films the small world into folders, as a sensor and a tablet would
-// have, with the truth beside them.
+// film-world: renders the small world into folders, as a sensor and a tablet's camera would have recorded it, with the
+// truth beside them.
+#include "tests/world/film/film_options.h"
+
 #include "app/commands/command.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/json.h"
 #include "platform/png.h"
-#include "tests/world/world.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -14,38 +15,10 @@
 
 enum { PATH_BYTES = 4096, QUALITY = 93 };
 
-enum set { SET_PLACE = 1, SET_SENSOR = 2, SET_VIEWER = 4, SET_ALL = 7 };
-
-struct film_options {
-    const char *out;
-    int sets;
-    double seconds; // < 0: all
-    int width, height;
-    double focal_px;  // 0: as a Kinect's, as a tablet's, by the width
-    double rate_hz;   // 0: the reel's own
-    double readout_s; // of a rolling shutter; the sensor on its stand does not notice
-    bool clean;
-    struct world_options world;
-};
-
-// One camera's film: what it is called, how often it looks, when its clock starts.
-struct reel {
-    const char *name;
-    enum set set;
-    double rate_hz, start_s;
-    bool depth, actor;
-};
-
-static const struct reel reels[] = {
-    {"place", SET_PLACE, 10, 940, true, false},
-    {"sensor", SET_SENSOR, 30, 1000, true, true},
-    {"viewer", SET_VIEWER, 10, 2000, false, false},
-};
-
 // A text that grows, written to its file at the end.
 struct text_buffer {
     char *bytes;
-    size_t count, room;
+    size_t count, capacity;
     bool failed;
 };
 
@@ -58,15 +31,15 @@ static void add(struct text_buffer *t, const char *format, ...)
     int n = vsnprintf(line, sizeof line, format, list);
     va_end(list);
     assert(n >= 0 && n < (int)sizeof line);
-    if (t->count + (size_t)n > t->room) {
-        size_t room = 2 * t->room + 4096;
-        char *bigger = realloc(t->bytes, room);
+    if (t->count + (size_t)n > t->capacity) {
+        size_t capacity = 2 * t->capacity + 4096;
+        char *bigger = realloc(t->bytes, capacity);
         if (!bigger) {
             t->failed = true;
             return;
         }
         t->bytes = bigger;
-        t->room = room;
+        t->capacity = capacity;
     }
     memcpy(t->bytes + t->count, line, (size_t)n);
     t->count += (size_t)n;
@@ -142,7 +115,7 @@ static enum status save_tags(const struct world *w, const char *folder, const ch
         json_add_number(tag, "id", tags[i].id);
         json_add_number(tag, "size_m", tags[i].side_m);
         struct json *corners = json_add_array(tag, "corners");
-        // place_tag_corners' order, worked out here: the truth leans on nothing that is measured by it
+        // place_tag_corners' order, computed here: the truth must not depend on what it judges
         static const double sign[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
         for (int k = 0; k < 4; k++) {
             double h = tags[i].side_m / 2;
@@ -172,7 +145,7 @@ static void add_joints(struct text_buffer *t, double time, const struct skeleton
             s->joint[j].z);
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- images
 
 struct pixels {
     uint8_t *color, *mask;
@@ -209,18 +182,28 @@ static struct pose rolling_camera_pose(const void *context, double time_s)
     return camera_at(c->world, c->reel, time_s);
 }
 
-// Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
-static enum status film_frame(const struct film_options *f, const struct world *w, const struct reel *r,
-                              const struct lens *lens, struct pose world_from_camera, int i, double t,
-                              struct pixels *px)
+struct filming {
+    const struct film_options *options;
+    const struct world *world;
+    const struct reel *reel;
+    struct pixels *pixels; // buffers
+};
+
+// Writes frame `i` of a reel, at t seconds: its image, its depth, and what a viewer should have seen.
+static enum status film_frame(const struct filming *film, const struct lens *lens, struct pose world_from_camera, int i,
+                              double t)
 {
+    const struct film_options *f = film->options;
+    const struct reel *r = film->reel;
+    const struct world *w = film->world;
+    struct pixels *px = film->pixels;
     char path[PATH_BYTES];
     uint64_t seed = f->world.seed * 1000003u + (uint64_t)i * 8 + r->set;
     struct world_shot shot = {*lens, world_from_camera, t, r->actor};
-    struct world_image picture = {px->color, r->depth ? px->depth : NULL, NULL};
+    struct world_image image = {px->color, r->depth ? px->depth : NULL, NULL};
     enum status status = lens->readout_s > 0 ? world_render_rolling(w, &shot, rolling_camera_pose,
-                                                                    &(struct rolling_camera){w, r}, t, &picture)
-                                             : world_render(w, &shot, &picture);
+                                                                    &(struct rolling_camera){w, r}, t, &image)
+                                             : world_render(w, &shot, &image);
     if (!status && r->depth && !f->clean)
         status = world_depth_noise(lens, px->depth, seed, px->depth);
     if (!status) {
@@ -269,7 +252,7 @@ static enum status make_folders(const struct film_options *f, const struct reel 
     return status;
 }
 
-// The picture is as high as was asked for, about the lens's own middle; pixels are square.
+// The image has the height asked for, about the lens's own centre; pixels are square.
 static struct calibration calibration_of(const struct film_options *f, const struct reel *r)
 {
     double scale = f->width / 640.0;
@@ -305,7 +288,7 @@ static enum status film_reel(const struct film_options *f, const struct world *w
     for (int i = 0; i < count && !status && !command_stopped(); i++) {
         double t = i / rate_hz, stamp = r->start_s + t;
         struct pose pose = camera_at(w, r, t);
-        status = film_frame(f, w, r, &c.color, pose, i, t, px);
+        status = film_frame(&(struct filming){f, w, r, px}, &c.color, pose, i, t);
         add(&rgb, "%.6f rgb/%04d.jpg\n", stamp, i);
         add(&depth, "%.6f depth/%04d.png\n", stamp, i);
         add_pose(&poses, stamp, pose);
@@ -340,14 +323,14 @@ static enum status film_all(const struct film_options *f)
     size_t n = (size_t)f->width * (size_t)f->height;
     struct pixels px = {malloc(n * 3), malloc(n), malloc(n * 2)};
     if (!px.color || !px.mask || !px.depth)
-        status = fail(ERR_MEMORY, "out of memory for pictures of %d x %d", f->width, f->height);
+        status = fail(ERR_MEMORY, "out of memory for images of %d x %d", f->width, f->height);
     if (!status)
         status = folder_make(truth);
     if (!status)
         status = save_tags(w, f->out, truth);
-    for (size_t i = 0; i < COUNT_OF(reels) && !status && !command_stopped(); i++)
-        if (f->sets & reels[i].set)
-            status = film_reel(f, w, &reels[i], &px);
+    for (size_t i = 0; i < FILM_REELS && !status && !command_stopped(); i++)
+        if (f->sets & film_reels[i].set)
+            status = film_reel(f, w, &film_reels[i], &px);
     free(px.color);
     free(px.mask);
     free(px.depth);
@@ -355,188 +338,10 @@ static enum status film_all(const struct film_options *f)
     return status;
 }
 
-// ---------------------------------------------------------------- options
-
-enum {
-    KEY_OUT = COMMAND_KEY,
-    KEY_WHAT,
-    KEY_SECONDS,
-    KEY_SIZE,
-    KEY_FIGURE,
-    KEY_MOTION,
-    KEY_SEED,
-    KEY_THREADS,
-    KEY_CLEAN,
-    KEY_READOUT,
-    KEY_FOCAL,
-    KEY_RATE,
-    KEY_TABLE,
-    KEY_BARE,
-    KEY_TAGS,
-    KEY_MOVED,
-    KEY_AT,
-    KEY_STAND,
-    KEY_WALK
-};
-
-static void read_number(struct argp_state *state, const char *text, const char *option, double low, double high,
-                        double *out)
-{
-    char *end;
-    *out = strtod(text, &end);
-    if (end == text || *end || !(*out >= low && *out <= high))
-        argp_error(state, "--%s is '%s'; it must be a number from %g to %g", option, text, low, high);
-}
-
-// Up to the end or a colon. Returns where it ended.
-static const char *read_tags(struct argp_state *state, const char *text, uint32_t *tags)
-{
-    const char *at = text;
-    for (*tags = 0; *at && *at != ':';) {
-        char *end;
-        long id = strtol(at, &end, 10);
-        if (end == at || (*end && *end != ',' && *end != ':') || id < 0 || id > 31)
-            argp_error(state, "'%s' is no list of tags; it must be like 0,3,7", text);
-        *tags |= 1u << id;
-        at = *end == ',' ? end + 1 : end;
-    }
-    return at;
-}
-
-static void read_moved(struct argp_state *state, const char *text, struct world_moved *moved)
-{
-    char rest;
-    const char *by = read_tags(state, text, &moved->tags);
-    if (sscanf(by, ":%lf,%lf%c", &moved->right, &moved->up, &rest) != 2)
-        argp_error(state, "--moved is '%s'; it must be like 0,3:0.3,-0.1", text);
-}
-
-static const double DEGREE = 3.14159265358979323846 / 180;
-
-static void read_at(struct argp_state *state, const char *text, struct world_spot *spot)
-{
-    char rest;
-    if (sscanf(text, "%lf,%lf,%lf%c", &spot->x, &spot->y, &spot->turned, &rest) != 3)
-        argp_error(state, "--at is '%s'; it must be X,Y,DEGREES", text);
-    spot->turned *= DEGREE;
-}
-
-static void read_stand(struct argp_state *state, const char *text, struct world_stand *s)
-{
-    char rest;
-    if (sscanf(text, "%lf,%lf,%lf,%lf,%lf,%lf,%lf%c", &s->eye.x, &s->eye.y, &s->eye.z, &s->target.x, &s->target.y,
-               &s->target.z, &s->roll, &rest) != 7)
-        argp_error(state, "--stand is '%s'; it must be X,Y,Z,X,Y,Z,DEGREES", text);
-    s->roll *= DEGREE;
-}
-
-static error_t parse(int key, char *text, struct argp_state *state)
-{
-    struct film_options *f = state->input;
-    double number = 0;
-    char rest;
-    switch (key) {
-    case KEY_OUT: f->out = text; break;
-    case KEY_WHAT:
-        f->sets = !strcmp(text, "all") ? SET_ALL : 0;
-        for (size_t i = 0; i < COUNT_OF(reels); i++)
-            if (!strcmp(text, reels[i].name))
-                f->sets = reels[i].set;
-        if (!f->sets)
-            argp_error(state, "--what is '%s'; it must be place, sensor, viewer or all", text);
-        break;
-    case KEY_SECONDS: read_number(state, text, "seconds", 0, 3600, &f->seconds); break;
-    case KEY_SIZE:
-        if (sscanf(text, "%dx%d%c", &f->width, &f->height, &rest) != 2 || f->width < 64 || f->width > 4096 ||
-            f->height < 64 || f->height > 4096)
-            argp_error(state, "--size is '%s'; it must be like 640x480, 64 to 4096 both ways", text);
-        break;
-    case KEY_FIGURE:
-        if (!world_figure_named(text, &f->world.figure))
-            argp_error(state, "--figure is '%s'; there are %s", text, world_figure_names());
-        break;
-    case KEY_MOTION: f->world.motion = text; break;
-    case KEY_SEED:
-        read_number(state, text, "seed", 0, 4294967295.0, &number);
-        f->world.seed = (uint64_t)number;
-        break;
-    case KEY_THREADS:
-        read_number(state, text, "threads", 1, 16, &number);
-        f->world.threads = (int)number;
-        break;
-    case KEY_READOUT:
-        read_number(state, text, "readout", 0, LENS_MAX_READOUT_S * 1e3, &number);
-        f->readout_s = number * 1e-3;
-        break;
-    case KEY_CLEAN: f->clean = true; break;
-    case KEY_FOCAL: read_number(state, text, "focal", 30, 8000, &f->focal_px); break;
-    case KEY_RATE: read_number(state, text, "rate", 0.5, 240, &f->rate_hz); break;
-    case KEY_TABLE: f->world.table = true; break;
-    case KEY_BARE: f->world.bare = true; break;
-    case KEY_TAGS:
-        if (*read_tags(state, text, &f->world.tags))
-            argp_error(state, "--tags is '%s'; it must be like 0,3,7", text);
-        break;
-    case KEY_MOVED: read_moved(state, text, &f->world.moved); break;
-    case KEY_AT: read_at(state, text, &f->world.spot); break;
-    case KEY_STAND: read_stand(state, text, &f->world.stand); break;
-    case KEY_WALK:
-        if (sscanf(text, "%lf,%lf%c", &f->world.walk.distance_m, &f->world.walk.round, &rest) != 2)
-            argp_error(state, "--walk is '%s'; it must be METRES,DEGREES", text);
-        f->world.walk.round *= DEGREE;
-        break;
-    case ARGP_KEY_END: command_require(state, f->out, "out"); break;
-    default: return ARGP_ERR_UNKNOWN;
-    }
-    return 0;
-}
-
 int main(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"out", KEY_OUT, "DIR", 0, "Where to write place/, sensor/, viewer/, tags.json and truth/", 0},
-        {"what", KEY_WHAT, "SET", 0,
-         "place (the empty room, sensor in the hand), sensor (the take), viewer (a tablet that walks round) or all "
-         "(the default)",
-         0},
-        {"seconds", KEY_SECONDS, "S", 0, "Film no more than this", 0},
-        {"size", KEY_SIZE, "WxH", 0, "Of the pictures; 640x480 unless told", 0},
-        {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
-        {"motion", KEY_MOTION, "NAME", 0,
-         "pirouette (the default), kata, still, bend, walk, hide, visit, or the path of a .bvh file", 0},
-        {"seed", KEY_SEED, "N", 0, "Of posters, hands and noise; 1 unless told", 0},
-        {"threads", KEY_THREADS, "N", 0, "1 unless told; the files do not depend on it", 0},
-        {"readout", KEY_READOUT, "MS", 0,
-         "Cameras in the hand have a rolling shutter: the last row is read this much after the first", 0},
-        {"clean", KEY_CLEAN, NULL, 0, "No noise on colour and depth", 0},
-        {"focal", KEY_FOCAL, "PX", 0,
-         "The camera's focal length, pixels of its picture; 525/640 of the width, the tablet's 545/640, unless told",
-         0},
-        {"rate", KEY_RATE, "HZ", 0, "Pictures a second; 10, the take 30, unless told", 0},
-        {"table", KEY_TABLE, NULL, 0, "A table to the right of the actor's way", 0},
-        {"bare", KEY_BARE, NULL, 0, "No pictures on the walls, no rug", 0},
-        {"tags", KEY_TAGS, "LIST", 0, "Which of the tags 0 to 14 hang: 0,3,7; all unless told", 0},
-        {"moved", KEY_MOVED, "LIST:RIGHT,UP", 0, "Tags that hang so many metres from where they hung", 0},
-        {"at", KEY_AT, "X,Y,DEGREES", 0, "Where the motion takes place, and how far it is turned", 0},
-        {"stand", KEY_STAND, "X,Y,Z,X,Y,Z,DEGREES", 0,
-         "Where the sensor stands, what it looks at, and how far it is rolled; 0.1,-3.1,1.15,0.02,0,1,0.23 unless told",
-         0},
-        {"walk", KEY_WALK, "METRES,DEGREES", 0, "How far from the actor the viewer walks, and how far round", 0},
-        {0},
-    };
-    static const struct argp argp = {
-        options,
-        parse,
-        NULL,
-        "Films the small world that the tests know: a room with tags, and a figure that moves in it, "
-        "as folders in the TUM RGB-D layout with the truth beside them.",
-        NULL,
-        NULL,
-        NULL};
-    struct film_options f = {
-        .sets = SET_ALL, .seconds = -1, .width = 640, .height = 480, .world = world_default_options()};
-    argp_err_exit_status = 2;
-    argp_parse(&argp, argc, argv, 0, NULL, &f);
+    struct film_options f;
+    film_read_options(argc, argv, &f);
     command_catch_signals();
     return film_all(&f) ? command_failed("film-world") : 0;
 }

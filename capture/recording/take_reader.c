@@ -1,0 +1,378 @@
+// Reading a take: its calibration, body and frame index when it is opened, its images one frame at a time.
+#include "capture/recording/recording_reader.h"
+
+#include "capture/recording/depth_codec.h"
+#include "platform/jpeg.h"
+
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// What all handles on a take share. Immutable once it is read; the last handle that closes frees it.
+struct take_index {
+    atomic_int handles;
+    int64_t id;
+    struct calibration calibration;
+    struct body body;
+    bool complete;
+    int64_t dropped;
+    struct take_entry *entries;
+    int64_t count;
+};
+
+_Static_assert(sizeof(struct take_entry) <= 520, "recording.h states the memory of an hour");
+
+// One handle: its own connection, statement and decode buffers.
+struct take {
+    struct recording *recording;
+    struct take_index *index;
+    struct statement *read_images;
+    struct depth_coder *coder;
+    uint8_t *color, *mask; // allocated when first wanted, as is depth
+    uint16_t *depth;
+};
+
+// ------------------------------------------------------------- opening
+
+static enum status no_such_take(struct recording *r, const char *name)
+{
+    char list[300] = "";
+    size_t used = 0;
+    for (int i = 0; i < recording_take_count(r) && used < sizeof list; i++)
+        used += (size_t)snprintf(list + used, sizeof list - used, "%s'%s'", i ? ", " : "", recording_take_name(r, i));
+    if (!recording_take_count(r))
+        return fail(ERR_MISSING, "%s holds no take yet, so none called '%s'", recording_path(r), name);
+    return fail(ERR_MISSING, "%s has no take '%s'; it has %s%s", recording_path(r), name, list,
+                used >= sizeof list ? "…" : "");
+}
+
+enum status take_from_row(struct statement *s, struct take_row *out, bool *usable)
+{
+    const uint8_t *calibration = recording_blob(s, 2, CALIBRATION_BYTES), *body = recording_blob(s, 5, BODY_BYTES);
+    *out = (struct take_row){
+        .id = statement_number(s, 0),
+        .complete = statement_number(s, 3) == 1,
+        .dropped = statement_number(s, 4),
+        .body.representative_frame = -1,
+    };
+    bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(s, 1)) < (int)sizeof out->name;
+    *usable = false;
+    if (calibration) {
+        get_calibration(calibration, &out->calibration);
+        *usable = calibration_check(&out->calibration) == OK;
+    }
+    if (body) {
+        get_body(body, &out->body);
+        if (!body_is_finite(&out->body))
+            out->body = (struct body){.representative_frame = -1};
+    }
+    if (*usable && body && whole && body_is_finite(&out->body) &&
+        take_crc(out->name, calibration, out->complete, out->dropped, body) == statement_number(s, 6))
+        return OK;
+    return fail(ERR_CORRUPT, "a take cannot be read");
+}
+
+static enum status read_take_row(struct take_index *t, struct recording *r)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, recording_database(r), "SELECT " TAKE_COLUMNS " FROM take WHERE rowid = ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, t->id);
+        status = statement_step(s);
+    }
+    if (status == OK || status == NOTHING) {
+        struct take_row row;
+        bool usable;
+        if (status == NOTHING || take_from_row(s, &row, &usable) != OK) {
+            status = recording_damaged(r, "a take cannot be read");
+        } else {
+            t->calibration = row.calibration;
+            t->body = row.body;
+            t->complete = row.complete;
+            t->dropped = row.dropped;
+        }
+    }
+    statement_close(&s);
+    return status;
+}
+
+enum status frame_from_row(struct statement *s, struct take_entry *out)
+{
+    size_t skeleton_bytes;
+    const uint8_t *pose = recording_blob(s, 3, POSE_BYTES), *skeleton = statement_blob(s, 4, &skeleton_bytes);
+    int64_t time_ns = statement_number(s, 1), images = statement_number(s, 5);
+    bool located = statement_number(s, 2) == 1;
+    if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || images < 0 || images > 7 ||
+        frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != statement_number(s, 6))
+        return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+    *out = (struct take_entry){
+        .time_ns = time_ns,
+        .located = located,
+        .row_number = (int32_t)(statement_number(s, 0) & FRAME_NUMBER_MAX),
+        .has_color = images & TAKE_COLOR,
+        .has_depth = images & TAKE_DEPTH,
+        .has_mask = images & TAKE_MASK,
+        .has_skeleton = skeleton_bytes > 0,
+    };
+    get_pose(pose, &out->world_from_camera);
+    if (skeleton_bytes)
+        get_skeleton(skeleton, &out->skeleton);
+    if (!pose_finite(out->world_from_camera) || (out->has_skeleton && !skeleton_is_finite(&out->skeleton)))
+        return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite",
+                    (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+    return OK;
+}
+
+// Resizes the entries. False: out of memory, and they are as before.
+static bool resize_entries(struct take_index *t, int64_t capacity)
+{
+    struct take_entry *entries = realloc(t->entries, sizeof *entries * (size_t)capacity);
+    if (entries)
+        t->entries = entries;
+    return entries != NULL;
+}
+
+static enum status read_entry(struct take_index *t, struct statement *s)
+{
+    enum status status = frame_from_row(s, &t->entries[t->count]);
+    if (status == OK && t->count && t->entries[t->count].time_ns <= t->entries[t->count - 1].time_ns)
+        status = fail(ERR_CORRUPT, "its frames' times do not rise");
+    return status;
+}
+
+static enum status read_entries(struct take_index *t, struct recording *r)
+{
+    struct statement *s;
+    int64_t capacity = 0, representative = -1;
+    enum status status = statement_open(
+        &s, recording_database(r), "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    if (status == OK) {
+        statement_bind_number(s, 1, frame_key(t->id, 0));
+        statement_bind_number(s, 2, frame_key(t->id, FRAME_NUMBER_MAX));
+    }
+    while (status == OK && (status = statement_step(s)) == OK) {
+        if (t->count == capacity) {
+            capacity = capacity ? capacity * 2 : 256;
+            if (!resize_entries(t, capacity)) {
+                status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
+                break;
+            }
+        }
+        status = read_entry(t, s);
+        if (status != OK) {
+            status = recording_damaged(r, status_message());
+            break;
+        }
+        if (t->entries[t->count].row_number == t->body.representative_frame)
+            representative = t->count;
+        t->count++;
+    }
+    statement_close(&s);
+    if (t->count && !resize_entries(t, t->count)) // gives back what doubling allocated beyond the last frame
+        status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
+    // Row numbers have gaps where frames were lost; callers count the frames that are there.
+    t->body.representative_frame = representative;
+    return status == NOTHING ? OK : status;
+}
+
+static enum status read_index(struct take_index *t, struct recording *r)
+{
+    // One transaction, so that a concurrent writer's commit does not come in between.
+    struct database *db = recording_database(r);
+    enum status status = database_run(db, "BEGIN");
+    if (status == OK)
+        status = read_take_row(t, r);
+    if (status == OK)
+        status = read_entries(t, r);
+    if (database_in_transaction(db)) {
+        struct failure first;
+        failure_keep(&first, status);
+        enum status ended = database_run(db, "COMMIT");
+        status = status != OK ? failure_restore(&first) : ended;
+    }
+    return status;
+}
+
+static void release_index(struct take_index *t)
+{
+    if (!t || atomic_fetch_sub(&t->handles, 1) > 1)
+        return;
+    free(t->entries);
+    free(t);
+}
+
+// Opens a handle on `index`, whose reference it takes over, on failure too. index NULL: out of memory.
+static enum status open_handle(struct take **out, struct recording *r, struct take_index *index)
+{
+    struct take *t = *out = calloc(1, sizeof *t);
+    if (!t || !index) {
+        release_index(index);
+        free(t);
+        *out = NULL;
+        return fail(ERR_MEMORY, "no memory for a take of %s", recording_path(r));
+    }
+    t->recording = r;
+    t->index = index;
+    return OK;
+}
+
+static enum status open_decoders(struct take *t)
+{
+    enum status status = statement_open(&t->read_images, recording_database(t->recording),
+                                        "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
+    return status == OK ? depth_coder_open(&t->coder) : status;
+}
+
+enum status take_open(struct take **out, struct recording *r, const char *name)
+{
+    *out = NULL;
+    int i = 0;
+    while (i < recording_take_count(r) && strcmp(recording_take_name(r, i), name))
+        i++;
+    if (i == recording_take_count(r))
+        return no_such_take(r, name);
+    struct take_index *index = calloc(1, sizeof *index);
+    if (index) {
+        atomic_init(&index->handles, 1);
+        index->id = recording_take_id(r, i);
+    }
+    enum status status = open_handle(out, r, index);
+    if (status == OK)
+        status = read_index(index, r);
+    if (status == OK)
+        status = open_decoders(*out);
+    if (status != OK)
+        take_close(out);
+    return status;
+}
+
+enum status take_open_shared(struct take **out, struct recording *r, const struct take *same)
+{
+    atomic_fetch_add(&same->index->handles, 1);
+    enum status status = open_handle(out, r, same->index);
+    if (status == OK)
+        status = open_decoders(*out);
+    if (status != OK)
+        take_close(out);
+    return status;
+}
+
+void take_close(struct take **t)
+{
+    if (!*t)
+        return;
+    statement_close(&(*t)->read_images);
+    depth_coder_close(&(*t)->coder);
+    release_index((*t)->index);
+    free((*t)->color);
+    free((*t)->depth);
+    free((*t)->mask);
+    free(*t);
+    *t = NULL;
+}
+
+const struct calibration *take_calibration(const struct take *t) { return &t->index->calibration; }
+
+int64_t take_frame_count(const struct take *t) { return t->index->count; }
+
+const struct take_entry *take_entry(const struct take *t, int64_t index)
+{
+    assert(index >= 0 && index < t->index->count);
+    return &t->index->entries[index];
+}
+
+const struct body *take_body(const struct take *t) { return &t->index->body; }
+
+bool take_is_complete(const struct take *t) { return t->index->complete; }
+
+int64_t take_dropped(const struct take *t) { return t->index->dropped; }
+
+size_t take_index_bytes(const struct take *t)
+{
+    return sizeof *t->index + sizeof *t->index->entries * (size_t)t->index->count;
+}
+
+// ------------------------------------------------------------- images
+
+static enum status no_memory(void) { return fail(ERR_MEMORY, "no memory for a frame's images"); }
+
+// One image's bytes, checked. NULL with a sentence when they are not as written.
+static const uint8_t *checked_blob(struct statement *s, int column, int crc_column, size_t *count)
+{
+    const uint8_t *bytes = statement_blob(s, column, count);
+    if (bytes && crc32_of(0, bytes, *count) == statement_number(s, crc_column))
+        return bytes;
+    fail(ERR_CORRUPT, "its checksum is wrong");
+    return NULL;
+}
+
+static enum status decode_mask(struct take *t)
+{
+    const struct lens *lens = &t->index->calibration.depth;
+    size_t count;
+    if (!t->mask && !(t->mask = malloc(depth_pixels(&t->index->calibration))))
+        return no_memory();
+    const uint8_t *bytes = checked_blob(t->read_images, 4, 1, &count);
+    return bytes ? mask_decode(t->coder, bytes, count, t->mask, lens->width, lens->height) : ERR_CORRUPT;
+}
+
+static enum status decode_depth(struct take *t)
+{
+    const struct lens *lens = &t->index->calibration.depth;
+    size_t count;
+    if (!t->depth && !(t->depth = malloc(depth_pixels(&t->index->calibration) * sizeof *t->depth)))
+        return no_memory();
+    const uint8_t *bytes = checked_blob(t->read_images, 5, 2, &count);
+    return bytes ? depth_decode(t->coder, bytes, count, t->depth, lens->width, lens->height) : ERR_CORRUPT;
+}
+
+static enum status decode_color(struct take *t)
+{
+    const struct lens *lens = &t->index->calibration.color;
+    size_t count;
+    if (!t->color && !(t->color = malloc((size_t)lens->width * (size_t)lens->height * 3)))
+        return no_memory();
+    const uint8_t *bytes = checked_blob(t->read_images, 6, 3, &count);
+    return bytes ? jpeg_decode(bytes, count, t->color, lens->width, lens->height) : ERR_CORRUPT;
+}
+
+static enum status decode_wanted(struct take *t, unsigned want, struct take_images *out)
+{
+    const struct calibration *c = &t->index->calibration;
+    enum status status = OK;
+    if (((want & (TAKE_DEPTH | TAKE_MASK)) && !depth_pixels(c)) || ((want & TAKE_COLOR) && !c->color.width))
+        return fail(ERR_CORRUPT, "it has an image of a camera that is not there");
+    if (want & TAKE_MASK)
+        status = decode_mask(t);
+    if (status == OK && (want & TAKE_DEPTH))
+        status = decode_depth(t);
+    if (status == OK && (want & TAKE_COLOR))
+        status = decode_color(t);
+    if (status == OK)
+        *out = (struct take_images){.color = want & TAKE_COLOR ? t->color : NULL,
+                                    .depth = want & TAKE_DEPTH ? t->depth : NULL,
+                                    .mask = want & TAKE_MASK ? t->mask : NULL};
+    return status;
+}
+
+enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out)
+{
+    const struct take_entry *entry = take_entry(t, index);
+    *out = (struct take_images){0};
+    want &= (entry->has_color ? TAKE_COLOR : 0u) | (entry->has_depth ? TAKE_DEPTH : 0u) |
+            (entry->has_mask ? TAKE_MASK : 0u);
+    if (!want)
+        return OK;
+    statement_bind_number(t->read_images, 1, frame_key(t->index->id, entry->row_number));
+    enum status status = statement_step(t->read_images);
+    if (status == OK)
+        status = decode_wanted(t, want, out);
+    else if (status == NOTHING)
+        status = fail(ERR_CORRUPT, "its images are lost");
+    if (status == ERR_CORRUPT)
+        status = fail(status, "%s: frame %lld is damaged: %s", recording_path(t->recording), (long long)index,
+                      status_message());
+    statement_reset(t->read_images);
+    return status;
+}

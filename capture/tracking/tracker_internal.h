@@ -1,0 +1,63 @@
+// State and steps that the source files of the tracker share: tracker_state.c opens and closes it, tracker.c predicts,
+// observes and commits, tracker_decide.c decides what a frame shows, tracker_backward.c serves the smoother.
+#pragma once
+#include "capture/body/hem_detector.h"
+#include "capture/body/pose_filter.h"
+#include "capture/segmentation/segment.h"
+#include "capture/tracking/limb_hypotheses.h"
+#include "capture/tracking/tracker.h"
+
+enum { LEARN_EVERY = 2 }; // frames between updates of the background model
+
+struct tracker {
+    struct tracker_options options;
+    struct calibration calibration;
+    struct segmenter *segmenter;
+    struct depth_evidence *evidence;
+    struct fit_scratch *scratch; // `best` holds this frame's fit
+    uint8_t *mask, *second_mask;
+    bool following, backward;             // backward: frames come in falling order of time; times are negated in here
+    int detection_count;                  // how often a person was detected from scratch
+    struct body_pose pose, previous_pose; // of the last two frames
+    struct pose_filter filter;            // filtered pose: the output
+    int64_t time_ns, previous_ns;         // times of pose and previous_pose
+    bool has_velocity;                    // previous_pose and pose are one motion
+    struct body_pose prior_pose;          // of the next frame: the body as estimated in the other direction
+    bool has_prior;
+    struct shape_prior shape;
+    double learned_s;
+    struct hem_estimate hem;
+    struct body_pose shape_pose; // the last pose from which much of the shape was learned
+    int64_t lost_since_ns;       // 0: visible
+    int poor_frames, frames, empty_frames;
+    int static_object_frames;         // number of frames right before this one that turned out to show a static object
+    unsigned cropped;                 // the image's edges that cropped the person at the last detection
+    double flip_log_odds;             // that the person faces the other way
+    double leg_swap_log_odds;         // that the legs are exchanged
+    double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
+    bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
+    bool flipped;                     // this frame turned the body round
+    bool seen_ever[JOINT_COUNT];
+    float out_of_image_s[JOINT_COUNT];
+    struct tracker_times times;
+    int64_t mark_ns; // processor time up to which `times` accounts
+};
+
+// One frame on its way through the steps.
+struct tracked_frame {
+    int64_t time_ns; // negated when backward
+    const uint16_t *depth;
+    double dt_s; // since the last frame, at most 1 s
+    struct fit_task task;
+    bool has_evidence; // a person is segmented and has enough points
+    bool detected;     // the person was detected from scratch in this frame
+};
+
+// Adds the processor time since the last call to `step`.
+void tracker_add_elapsed(struct tracker *t, int64_t *step);
+
+// Forgets the person, not the learned background.
+void tracker_drop_person(struct tracker *t);
+
+// Fits the body to the frame, or detects a person. True: scratch->best is the person's fit, and t->following holds.
+bool tracker_decide(struct tracker *t, struct tracked_frame *frame);

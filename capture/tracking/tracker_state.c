@@ -1,0 +1,96 @@
+// Opens, closes and resets a tracker, and accounts for its time.
+#include "capture/tracking/tracker_internal.h"
+
+#include "base/clock.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct tracker_options tracker_default_options(void)
+{
+    return (struct tracker_options){.points = 600, .iterations = 5, .learn_s = 10, .patience_s = 0.7};
+}
+
+enum status tracker_open(struct tracker **out, const struct calibration *calibration,
+                         const struct tracker_options *options)
+{
+    *out = NULL;
+    struct tracker_options o = options ? *options : tracker_default_options();
+    if (o.points < 100 || o.points > EVIDENCE_POINTS_MAX || o.iterations < 1 || o.iterations > 30 ||
+        !(o.learn_s >= 0) || !(o.patience_s >= 0))
+        return fail(ERR_INPUT, "tracking: points (%d) must be 100 to %d, iterations (%d) 1 to 30, times not negative",
+                    o.points, EVIDENCE_POINTS_MAX, o.iterations);
+    enum status status = lens_check(&calibration->depth, "depth");
+    if (status != OK)
+        return status;
+    struct tracker *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "not enough memory to track a person");
+    t->options = o;
+    t->calibration = *calibration;
+    t->scratch = calloc(1, sizeof *t->scratch);
+    t->mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
+    t->second_mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
+    status = t->scratch && t->mask && t->second_mask ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
+    if (status == OK)
+        status = segmenter_open(&t->segmenter, &calibration->depth);
+    if (status == OK)
+        status = evidence_open(&t->evidence, &calibration->depth);
+    if (status != OK) {
+        tracker_close(&t);
+        return status;
+    }
+    *out = t;
+    return OK;
+}
+
+void tracker_close(struct tracker **t)
+{
+    if (!*t)
+        return;
+    if ((*t)->segmenter)
+        segmenter_close(&(*t)->segmenter);
+    if ((*t)->evidence)
+        evidence_close(&(*t)->evidence);
+    free((*t)->scratch);
+    free((*t)->mask);
+    free((*t)->second_mask);
+    free(*t);
+    *t = NULL;
+}
+
+void tracker_set_background(struct tracker *t, const uint16_t *depth) { segmenter_set_background(t->segmenter, depth); }
+
+void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
+{
+    segmenter_set_floor(t->segmenter, up, height_m);
+}
+
+struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
+
+void tracker_add_elapsed(struct tracker *t, int64_t *step)
+{
+    int64_t now_ns = clock_cpu_ns();
+    *step += now_ns - t->mark_ns;
+    t->mark_ns = now_ns;
+}
+
+void tracker_drop_person(struct tracker *t)
+{
+    t->following = t->has_velocity = false;
+    t->poor_frames = 0;
+    t->flip_log_odds = t->leg_swap_log_odds = 0;
+    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
+    memset(t->limb_relocated, 0, sizeof t->limb_relocated);
+    t->lost_since_ns = 0;
+    memset(t->seen_ever, 0, sizeof t->seen_ever);
+    memset(t->out_of_image_s, 0, sizeof t->out_of_image_s);
+    segmenter_drop_person(t->segmenter);
+}
+
+void tracker_reset(struct tracker *t)
+{
+    tracker_drop_person(t);
+    t->backward = false;
+    segmenter_reset(t->segmenter);
+}
