@@ -73,7 +73,7 @@ static double bilinear_form(const float c[6], struct vec3 r, struct vec3 q)
 }
 
 // Variance against the usual one: where more bits differ, the match is less exact, or wrong.
-static double variance_factor(const struct place_point *point, const struct feature *f)
+static double variance_factor(const struct place_landmark *point, const struct feature *f)
 {
     // Tuned on the tests' small world: mean squared error of features within LANDMARK_NARROW_PX that should show the
     // same point, by bits that differ: 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55,
@@ -82,7 +82,7 @@ static double variance_factor(const struct place_point *point, const struct feat
     return fmax(1, 0.3 + bits * bits);
 }
 
-void match_covariance(const struct place_point *point, const struct feature *f, double out[3])
+void match_covariance(const struct place_landmark *point, const struct feature *f, double out[3])
 {
     double times = variance_factor(point, f);
     feature_covariance(f, out);
@@ -90,7 +90,7 @@ void match_covariance(const struct place_point *point, const struct feature *f, 
         out[i] *= times;
 }
 
-void landmark_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+void landmark_covariance(const struct place_landmark *point, const struct feature *f, const struct lens *lens,
                          const struct pose *camera_from_world, double out[3])
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
@@ -109,7 +109,7 @@ void landmark_covariance(const struct place_point *point, const struct feature *
     out[2] += bilinear_form(point->covariance, y, y);
 }
 
-double landmark_depth_variance(const struct place_point *point, const struct pose *camera_from_world)
+double landmark_depth_variance(const struct place_landmark *point, const struct pose *camera_from_world)
 {
     struct vec3 z = quat_rotate(quat_conjugate(camera_from_world->rotation), v3(0, 0, 1));
     return bilinear_form(point->covariance, z, z);
@@ -142,7 +142,7 @@ static bool within_distance(struct pixel a, struct pixel b, double distance)
 }
 
 // The feature within the radius with the fewest differing bits; -1: none, or not clearly the best.
-static int best_feature(const struct place_point *point, const struct feature_index *index, const struct lens *lens,
+static int best_feature(const struct place_landmark *point, const struct feature_index *index, const struct lens *lens,
                         struct pixel at, double radius, int *bits)
 {
     int x0 = (int)((at.x - radius) * index->across / lens->width),
@@ -180,7 +180,7 @@ static int best_feature(const struct place_point *point, const struct feature_in
 
 // Whether a camera at `eye` sees the landmark from about the side from which the sweep saw it. True where that is not
 // known.
-static bool faces_camera(const struct place_point *point, struct vec3 eye)
+static bool faces_camera(const struct place_landmark *point, struct vec3 eye)
 {
     // Cosine of the angle allowed beyond that of the sweep's own images on average: 30 degrees. Tuned on the tests'
     // small world: up to there one match in 900 was wrong, beyond it one in 35.
@@ -193,7 +193,7 @@ static bool faces_camera(const struct place_point *point, struct vec3 eye)
 int landmarks_match(const struct match_query *query, struct match_window window, const struct shutter_motion *motion,
                     const struct pose *camera_from_world, struct landmark_match *out, int capacity)
 {
-    const struct place_point *points = query->points;
+    const struct place_landmark *points = query->points;
     const struct feature_index *index = query->index;
     const struct lens *lens = query->lens;
     const double radius_px = window.radius_px;
@@ -232,7 +232,7 @@ int landmark_correspondences(const struct match_query *query, const struct pose 
     const struct lens *lens = query->lens;
     for (int i = 0; i < count; i++) {
         const struct feature *f = &query->index->features[matches[i].feature];
-        const struct place_point *point = &query->points[matches[i].point];
+        const struct place_landmark *point = &query->points[matches[i].point];
         struct vec3 ray = lens_ray(lens, f->at);
         out[i] = (struct pnp_point){.world = point->world,
                                     .x = ray.x,
@@ -342,7 +342,7 @@ static void match_and_refine(const struct match_query *query, struct match_windo
 }
 
 // The matches of landmarks that face the camera. How many.
-static int facing_matches(const struct place_point *points, const struct landmark_match *matches, int count,
+static int facing_matches(const struct place_landmark *points, const struct landmark_match *matches, int count,
                           const struct pose *camera_from_world, struct landmark_match *out)
 {
     const struct vec3 eye = pose_inverse(*camera_from_world).translation;

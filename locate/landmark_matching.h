@@ -29,7 +29,7 @@ struct landmark_match {
 
 // What is matched with what. All borrowed.
 struct match_query {
-    const struct place_point *points; // the landmarks
+    const struct place_landmark *points; // the landmarks
     int32_t point_count;
     const struct feature_index *index;
     const double *depth; // metres at each feature, 0: none; or NULL
@@ -68,15 +68,15 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
 void feature_covariance(const struct feature *f, double out[3]);
 
 // The same of a feature matched to a landmark: the more bits of the descriptors differ, the larger.
-void match_covariance(const struct place_point *point, const struct feature *f, double out[3]);
+void match_covariance(const struct place_landmark *point, const struct feature *f, double out[3]);
 
 // The covariance of the reprojection error of a match: of the feature, of the sweep's features, and of the landmark's
 // position in the map.
-void landmark_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+void landmark_covariance(const struct place_landmark *point, const struct feature *f, const struct lens *lens,
                          const struct pose *camera_from_world, double out[3]);
 
 // The variance of the landmark's distance along the camera's z, m^2; 0: not known.
-double landmark_depth_variance(const struct place_point *point, const struct pose *camera_from_world);
+double landmark_depth_variance(const struct place_landmark *point, const struct pose *camera_from_world);
 
 // An isotropic standard deviation, pixels, for a pose that is only roughly known.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

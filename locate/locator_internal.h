@@ -56,7 +56,7 @@ struct locator {
     struct tag_detector *detector;
     struct tag_detector *coarse_detector; // of half-size images; or NULL
     struct tag_refiner *refiner;
-    struct place_point *points;
+    struct place_landmark *points;
     int32_t point_count;
     uint8_t *gray;
     // Of the current image:
@@ -79,7 +79,7 @@ struct locator {
     struct pose_fusion fusion;
     int32_t *region_of, *points_by_region,
         region_start[LOCATOR_REGIONS + 1];  // landmarks by the region of the image that they should be seen in
-    struct place_point *region_points;      // of one region
+    struct place_landmark *region_points;   // of one region
     int frames_unsearched[LOCATOR_REGIONS]; // images since landmarks were last searched for in each region
     uint8_t *missed_count;                  // of each landmark: searches in vain since it was last found, at most 255
     struct pose last;                       // camera_from_world of the last image that was localised

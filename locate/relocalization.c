@@ -116,7 +116,7 @@ static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struc
 // ---------------------------------------------------------------- matches
 
 // The best landmark for a feature; -1: none, or another one elsewhere is nearly as good.
-static int32_t best_point(const struct place_point *points, int32_t point_count, const struct feature *f, int *bits)
+static int32_t best_point(const struct place_landmark *points, int32_t point_count, const struct feature *f, int *bits)
 {
     int32_t best = -1;
     int second = 257;

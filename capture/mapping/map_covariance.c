@@ -19,7 +19,7 @@ struct landmark_information {
 
 // Adds one observation of a landmark: whitened residuals and their Jacobian by its position.
 static void add_observation(struct landmark_information *k, const struct lens *lens, const struct map_frame *f,
-                            const struct map_feature *s, const struct place_point *point)
+                            const struct map_feature *s, const struct place_landmark *point)
 {
     struct vec3 p = pose_apply(f->camera_from_world, point->world), ray = lens_ray(lens, s->feature.at);
     double rotation[3][3], c[3], rows[3][3], e[3] = {0};
@@ -49,7 +49,7 @@ static void add_observation(struct landmark_information *k, const struct lens *l
     k->observations++;
 }
 
-static void set_covariance(const struct landmark_information *k, struct place_point *point)
+static void set_covariance(const struct landmark_information *k, struct place_landmark *point)
 {
     static const int ROW[6] = {0, 0, 0, 1, 1, 2}, COLUMN[6] = {0, 1, 2, 1, 2, 2};
     double covariance[9], spare = k->numbers - 3;

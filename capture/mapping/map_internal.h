@@ -67,7 +67,7 @@ struct map {
     int32_t frame_count, frame_capacity;
     struct map_tag *tags;
     int32_t tag_count;
-    struct place_point *points;
+    struct place_landmark *points;
     int32_t *point_observations;
     int32_t point_count, point_capacity;
     int32_t held_points; // the first so many are an earlier sweep's and constant

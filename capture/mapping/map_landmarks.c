@@ -40,8 +40,8 @@ void map_create_landmarks(struct map *m, struct map_frame *f)
         if (s->point >= 0 || !(depth > 0))
             continue;
         struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
-        struct place_point *p = &m->points[m->point_count];
-        *p = (struct place_point){.world = pose_apply(world_from_camera, v3_scale(ray, depth))};
+        struct place_landmark *p = &m->points[m->point_count];
+        *p = (struct place_landmark){.world = pose_apply(world_from_camera, v3_scale(ray, depth))};
         memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
         s->point = m->point_count++;
     }
@@ -309,7 +309,7 @@ static enum status keep_best(struct map *m, int32_t most)
 {
     struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
     int32_t *now = malloc((size_t)(m->point_count + 1) * sizeof *now);
-    struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
+    struct place_landmark *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
     enum status status =
         order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
     int32_t count = 0, held = m->held_points;

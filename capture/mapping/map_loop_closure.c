@@ -15,11 +15,11 @@ static const double SEARCH_WIDTH = 1.5; // of the field searched for old landmar
 
 struct loop_scratch {
     struct map_scratch frame;
-    int32_t *merged_into;       // of each landmark: the one that it duplicates (union-find)
-    bool *covisible;            // of each frame: shares a landmark with the present one
-    bool *known;                // of each landmark: shown by a covisible frame
-    struct place_point *points; // the old landmarks searched for
-    int32_t *point_index;       // of each of those: index into map.points
+    int32_t *merged_into;          // of each landmark: the one that it duplicates (union-find)
+    bool *covisible;               // of each frame: shares a landmark with the present one
+    bool *known;                   // of each landmark: shown by a covisible frame
+    struct place_landmark *points; // the old landmarks searched for
+    int32_t *point_index;          // of each of those: index into map.points
     int32_t count;
 };
 

@@ -21,7 +21,7 @@ struct place_tag {
 void place_tag_corners(const struct place_tag *tag, struct vec3 world[4]);
 
 // A landmark with its ORB descriptor (Rublee et al. 2011), for localising without tags.
-struct place_point {
+struct place_landmark {
     struct vec3 world;
     float covariance[6]; // of `world`, m^2: xx, xy, xz, yy, yz, zz; all 0: unknown
     // Mean of the unit vectors from it to the sweep's cameras that observed it, world axes; all 0: unknown. From other
@@ -43,7 +43,7 @@ struct place {
     struct calibration calibration; // of the sensor that recorded it
     struct place_tag *tags;
     int32_t tag_count;
-    struct place_point *points;
+    struct place_landmark *points;
     int32_t point_count;
     struct place_view *views;
     int32_t view_count;

@@ -195,12 +195,12 @@ void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
     out->observations = (int32_t)get_u32(&in);
 }
 
-void put_point(uint8_t out[POINT_BYTES], const struct place_point *point)
+void put_point(uint8_t out[POINT_BYTES], const struct place_landmark *point)
 {
     memcpy(put_vec3(out, point->world), point->descriptor, sizeof point->descriptor);
 }
 
-void get_point(const uint8_t in[POINT_BYTES], struct place_point *out)
+void get_point(const uint8_t in[POINT_BYTES], struct place_landmark *out)
 {
     out->world = get_vec3(&in);
     memcpy(out->descriptor, in, sizeof out->descriptor);
@@ -218,12 +218,12 @@ static void get_floats(const uint8_t *in, float *values, size_t count)
         values[i] = get_f32(&in);
 }
 
-void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point)
+void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_landmark *point)
 {
     put_floats(out, point->covariance, COUNT_OF(point->covariance));
 }
 
-void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out)
+void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_landmark *out)
 {
     get_floats(in, out->covariance, COUNT_OF(out->covariance));
 }
@@ -238,12 +238,12 @@ void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out)
     get_floats(in, out->covariance, COUNT_OF(out->covariance));
 }
 
-void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_point *point)
+void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_landmark *point)
 {
     put_floats(out, point->seen_from, COUNT_OF(point->seen_from));
 }
 
-void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out)
+void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *out)
 {
     get_floats(in, out->seen_from, COUNT_OF(out->seen_from));
 }
@@ -260,7 +260,7 @@ bool tag_is_finite(const struct place_tag *tag)
     return finite;
 }
 
-bool point_is_finite(const struct place_point *point)
+bool point_is_finite(const struct place_landmark *point)
 {
     const float *c = point->covariance;
     bool finite = v3_finite(point->world) && c[0] >= 0 && c[3] >= 0 && c[5] >= 0;

@@ -78,20 +78,20 @@ void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m);
 void get_residuals(const uint8_t in[RESIDUAL_BYTES], double *rms_px, double *rms_m);
 void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag);
 void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out);
-void put_point(uint8_t out[POINT_BYTES], const struct place_point *point);
-void get_point(const uint8_t in[POINT_BYTES], struct place_point *out);
-void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point);
-void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out);
+void put_point(uint8_t out[POINT_BYTES], const struct place_landmark *point);
+void get_point(const uint8_t in[POINT_BYTES], struct place_landmark *out);
+void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_landmark *point);
+void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_landmark *out);
 void put_tag_error(uint8_t out[TAG_ERROR_BYTES], const struct place_tag *tag);
 void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out);
-void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_point *point);
-void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out);
+void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_landmark *point);
+void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *out);
 
 // Valid lenses, finite numbers, and no color_from_depth but identity where depth is registered. ERR_INPUT with a
 // sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
-bool point_is_finite(const struct place_point *point); // and no variance is negative
-bool tag_is_finite(const struct place_tag *tag);       // likewise
+bool point_is_finite(const struct place_landmark *point); // and no variance is negative
+bool tag_is_finite(const struct place_tag *tag);          // likewise
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);

@@ -90,7 +90,7 @@ static void test_landmarks_are_kept(void **state)
     printf("%d points\n", (int)room.place.point_count);
     EXPECT_AT_LEAST(room.place.point_count, LEAST_POINTS);
     for (int32_t i = 0; i < room.place.point_count; i++) {
-        const struct place_point *p = &room.place.points[i];
+        const struct place_landmark *p = &room.place.points[i];
         EXPECT_TRUE(p->covariance[0] > 0); // has a covariance
         struct vec3 from = v3((double)p->seen_from[0], (double)p->seen_from[1], (double)p->seen_from[2]);
         EXPECT_AT_LEAST(v3_length(from), 0.1); // and a viewing direction

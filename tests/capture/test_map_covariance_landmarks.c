@@ -27,7 +27,7 @@ static void film(struct lens lens, struct pose world_from_camera, uint64_t noise
 }
 
 // The features of the present image, at their true positions; none at depth edges.
-static int map_points(const struct lens *lens, struct pose world_from_camera, struct place_point *points)
+static int map_points(const struct lens *lens, struct pose world_from_camera, struct place_landmark *points)
 {
     static struct feature features[FEATURES_MAX];
     int found, count = 0;
@@ -83,7 +83,7 @@ static void localize(const struct place *place, const struct lens *lens, struct 
 static void test_landmark_covariances_are_consistent(void **state)
 {
     (void)state;
-    static struct place_point points[FEATURES_MAX];
+    static struct place_landmark points[FEATURES_MAX];
     struct world_options o = world_default_options();
     struct lens lens = world_viewer_calibration(0.75).color;
     struct rng rng = {seed};

@@ -233,7 +233,7 @@ static void test_single_wall(void **state)
 {
     (void)state;
     enum { POINTS = 120, WRONG = 40, BEHIND = 20 };
-    static struct place_point points[POINTS];
+    static struct place_landmark points[POINTS];
     static struct feature features[POINTS];
     static struct feature_index index;
     struct landmark_match matches[POINTS];
