@@ -140,29 +140,36 @@ static void test_convolutions(void **state)
         check_convolution(&all[i], &rng);
 }
 
-// One operator with at most a constant second input, image to image.
-static const float *run_simple(int kind, struct shape from, struct shape to, const int (*options)[2], int option_count,
-                               const int32_t *amounts, int amount_count, const float *in, struct network **n)
+// One operator from image to image, with at most a constant second input.
+struct simple {
+    int kind; // enum tflite_kind
+    struct shape from, to;
+    int option[6][2]; // width in bytes, value; see struct tflite_file_operator
+    const int32_t *amounts;
+    int amount_count;
+};
+
+static const float *run_simple(const struct simple *s, const float *in, struct network **n)
 {
     struct tflite_file file = {
-        .tensor = {image_of(from),
-                   image_of(to),
+        .tensor = {image_of(s->from),
+                   image_of(s->to),
                    {.dimensions = 2,
-                    .size = {amount_count > 1 ? amount_count / 2 : 1, 2},
+                    .size = {s->amount_count > 1 ? s->amount_count / 2 : 1, 2},
                     .type = FILE_INT32,
-                    .data = amounts,
-                    .bytes = sizeof *amounts * (size_t)amount_count}},
+                    .data = s->amounts,
+                    .bytes = sizeof *s->amounts * (size_t)s->amount_count}},
         .tensor_count = 3,
-        .op = {{.kind = kind, .inputs = {0, 2}, .input_count = amounts ? 2 : 1, .output = 1}},
+        .op = {{.kind = s->kind, .inputs = {0, 2}, .input_count = s->amounts ? 2 : 1, .output = 1}},
         .op_count = 1,
         .input = 0,
         .output = 1,
     };
-    for (int i = 0; i < option_count; i++) {
-        file.op[0].option[i].width = options[i][0];
-        file.op[0].option[i].value = options[i][1];
+    for (size_t i = 0; i < COUNT_OF(s->option); i++) {
+        file.op[0].option[i].width = s->option[i][0];
+        file.op[0].option[i].value = s->option[i][1];
     }
-    return run(&file, in, n, (size_t)count_of(to));
+    return run(&file, in, n, (size_t)count_of(s->to));
 }
 
 static void test_pad(void **state)
@@ -171,10 +178,11 @@ static void test_pad(void **state)
     static float in[MOST];
     static const int32_t amounts[8] = {0, 0, 1, 2, 3, 0, 0, 1};
     const struct shape from = {3, 4, 2}, to = {6, 7, 3};
+    const struct simple pad = {TFLITE_PAD, from, to, {{0}}, amounts, 8};
     struct rng rng = {SEED + 1};
     struct network *n;
     fill(&rng, in, count_of(from), 1);
-    const float *out = run_simple(TFLITE_PAD, from, to, NULL, 0, amounts, 8, in, &n);
+    const float *out = run_simple(&pad, in, &n);
     for (int i = 0; i < count_of(to); i++) {
         const int c = i % 3, x = i / 3 % 7 - 3, y = i / 21 - 1;
         EXPECT_NEAR((double)out[i], c < 2 ? at(in, from, y, x, c) : 0, 0);
@@ -187,11 +195,12 @@ static void test_max_pool(void **state)
     (void)state;
     static float in[MOST];
     const struct shape from = {5, 7, 3}, to = {2, 3, 3};
-    static const int options[6][2] = {{1, 1}, {4, 2}, {4, 2}, {4, 2}, {4, 2}, {1, 0}};
+    const struct simple pool = {
+        TFLITE_MAX_POOL_2D, from, to, {{1, 1}, {4, 2}, {4, 2}, {4, 2}, {4, 2}, {1, 0}}, NULL, 0};
     struct rng rng = {SEED + 2};
     struct network *n;
     fill(&rng, in, count_of(from), 1);
-    const float *out = run_simple(TFLITE_MAX_POOL_2D, from, to, options, 6, NULL, 0, in, &n);
+    const float *out = run_simple(&pool, in, &n);
     for (int i = 0; i < count_of(to); i++) {
         const int c = i % 3, x = i / 3 % 3 * 2, y = i / 9 * 2;
         const double most = fmax(fmax(at(in, from, y, x, c), at(in, from, y, x + 1, c)),
@@ -207,12 +216,12 @@ static void test_resize(void **state)
     (void)state;
     static float in[MOST];
     const struct shape from = {4, 5, 2}, to = {8, 10, 2};
-    static const int options[4][2] = {{0, 0}, {0, 0}, {1, 0}, {1, 1}};
     static const int32_t size[2] = {8, 10};
+    const struct simple resize = {TFLITE_RESIZE_BILINEAR, from, to, {{0, 0}, {0, 0}, {1, 0}, {1, 1}}, size, 2};
     struct network *n;
     for (int i = 0; i < count_of(from); i++)
         in[i] = (float)(i % 2 ? i / 2 % 5 : 10 * (i / 10));
-    const float *out = run_simple(TFLITE_RESIZE_BILINEAR, from, to, options, 4, size, 2, in, &n);
+    const float *out = run_simple(&resize, in, &n);
     for (int i = 0; i < count_of(to); i++) {
         const double x = fmin(fmax((i / 2 % 10 + 0.5) / 2 - 0.5, 0), 4), y = fmin(fmax((i / 20 + 0.5) / 2 - 0.5, 0), 3);
         EXPECT_NEAR((double)out[i], i % 2 ? x : 10 * y, 1e-5);
@@ -225,11 +234,11 @@ static void test_depth_to_space(void **state)
     (void)state;
     static float in[MOST];
     const struct shape from = {2, 3, 8}, to = {4, 6, 2};
-    static const int options[1][2] = {{4, 2}};
+    const struct simple depth_to_space = {TFLITE_DEPTH_TO_SPACE, from, to, {{4, 2}}, NULL, 0};
     struct network *n;
     for (int i = 0; i < count_of(from); i++)
         in[i] = (float)i;
-    const float *out = run_simple(TFLITE_DEPTH_TO_SPACE, from, to, options, 1, NULL, 0, in, &n);
+    const float *out = run_simple(&depth_to_space, in, &n);
     for (int i = 0; i < count_of(to); i++) {
         const int c = i % 2, x = i / 2 % 6, y = i / 12;
         EXPECT_NEAR((double)out[i], at(in, from, y / 2, x / 2, (y % 2 * 2 + x % 2) * 2 + c), 0);
@@ -241,11 +250,11 @@ static void test_logistic(void **state)
 {
     (void)state;
     static float in[MOST];
-    const struct shape shape = {1, 5, 1};
+    const struct simple logistic = {TFLITE_LOGISTIC, {1, 5, 1}, {1, 5, 1}, {{0}}, NULL, 0};
     static const float values[5] = {-200, -1, 0, 1, 200};
     struct network *n;
     memcpy(in, values, sizeof values);
-    const float *out = run_simple(TFLITE_LOGISTIC, shape, shape, NULL, 0, NULL, 0, in, &n);
+    const float *out = run_simple(&logistic, in, &n);
     for (int i = 0; i < 5; i++)
         EXPECT_NEAR((double)out[i], 1 / (1 + exp(-(double)values[i])), 1e-7);
     network_close(&n);
