@@ -396,15 +396,27 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         evaluate(task, &pose, &shape, out);
 }
 
+// Standard deviations of an adult population around the proportions (4 to 8 %); that of the height, 12 %, is wider than
+// the 8 % of adults. In the order of enum shape_factor.
+static const double shape_sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04,
+                                                0.04, 0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
+#define TALL_SIGMA 0.06 // of heights above the average: 1.94 m is two of them
+
 struct shape_prior shape_prior_default(void)
 {
-    // Standard deviations of an adult population around the proportions (4 to 8 %); that of the height, 12 %, is wider
-    // than the 8 % of adults. In the order of enum shape_factor.
-    static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04,
-                                              0.04, 0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
     struct shape_prior prior;
     memset(&prior, 0, sizeof prior);
     for (int k = 0; k < SHAPE_COUNT; k++)
-        prior.information[k][k] = 1 / (sigma[k] * sigma[k]);
+        prior.information[k][k] = 1 / (shape_sigma[k] * shape_sigma[k]);
     return prior;
+}
+
+double shape_log_odds(const struct body_shape *shape)
+{
+    double energy = 0;
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        double sigma = k == SHAPE_SCALE && shape->log[k] > 0 ? TALL_SIGMA : shape_sigma[k], off = shape->log[k] / sigma;
+        energy += 0.5 * off * off;
+    }
+    return energy;
 }

@@ -26,6 +26,9 @@ struct shape_prior {
 };
 struct shape_prior shape_prior_default(void); // an average adult, with the variance of a population
 
+// The energy of a shape in the population of people, children among them.
+double shape_log_odds(const struct body_shape *shape);
+
 struct fit_task {
     const struct depth_evidence *evidence;
     bool have_floor;

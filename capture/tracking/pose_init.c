@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { YAWS = 8, FACINGS = 4 };
+enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
 // Chosen by hand; docs/results.md measures the outcome.
 #define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
 #define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
@@ -14,6 +14,9 @@ enum { YAWS = 8, FACINGS = 4 };
 #define REINIT_LOG_ODDS      20.0  // against the followed body having been wrong all along
 #define FEET_SEEN_LOG_ODDS   5.0   // the same when feet appear: proportions learned without them are uncertain
 #define REFINE_RATE          1.6   // of the least energy: a rough fit above this is not refined
+#define CHALLENGE_RATE       1.2   // of the followed pose's energy: a rough fit above this is no challenge
+#define CHALLENGE_LOG_ODDS   15.0  // against the followed body having been wrong, of another start
+#define SAME_POSE_M          0.06  // starts that converge to within this of the followed joints are the same pose
 #define WAIST_RATE           0.571 // the waist joint's height over the floor, of body height, in body_model.c
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
 #define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
@@ -69,11 +72,32 @@ struct person_measures {
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
 
+// The median of the points at the trunk's levels below the top.
+static bool measure_trunk(const struct fit_task *task, struct person_measures *out)
+{
+    const struct depth_evidence *e = task->evidence;
+    double x[EVIDENCE_POINTS_MAX], z[EVIDENCE_POINTS_MAX];
+    double low = out->top - TRUNK_LOW * out->height, high = out->top - TRUNK_HIGH * out->height;
+    int count = 0;
+    for (int i = 0; i < e->count; i++) {
+        double h = level_of(task, e->point[i].p);
+        if (h > low && h < high) {
+            x[count] = e->point[i].p.x;
+            z[count++] = e->point[i].p.z;
+        }
+    }
+    if (count < TRUNK_POINTS_MIN)
+        return false;
+    out->trunk.x = rank_of(x, count, 0.5);
+    out->trunk.z = rank_of(z, count, 0.5);
+    return true;
+}
+
 // Rough measures of the person from the points alone.
 static bool measure(const struct fit_task *task, struct person_measures *out)
 {
     const struct depth_evidence *e = task->evidence;
-    double level[EVIDENCE_POINTS_MAX], x[EVIDENCE_POINTS_MAX], z[EVIDENCE_POINTS_MAX];
+    double level[EVIDENCE_POINTS_MAX];
     for (int i = 0; i < e->count; i++)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
@@ -92,46 +116,66 @@ static bool measure(const struct fit_task *task, struct person_measures *out)
         out->height = out->top; // most people stand
     if (!out->legs_cropped && out->head_cropped)
         out->top = out->bottom + fmax(tall, out->height);
-    int count = 0;
-    double low = out->top - TRUNK_LOW * out->height, high = out->top - TRUNK_HIGH * out->height;
-    for (int i = 0; i < e->count; i++) {
-        double h = level_of(task, e->point[i].p);
-        if (h > low && h < high) {
-            x[count] = e->point[i].p.x;
-            z[count++] = e->point[i].p.z;
-        }
+    return measure_trunk(task, out);
+}
+
+// What a person may be doing when first seen. The height that the points suggest is then another share of the body's.
+enum posture {
+    ARMS_DOWN,
+    ARMS_OUT,
+    ARMS_RAISED, // the topmost points are hands
+    CROUCHED,
+    BENT, // the trunk leans ahead
+    LEFT_KICK,
+    RIGHT_KICK,
+    POSTURES
+};
+static const double height_rate[POSTURES] = {1, 1, 0.80, 1.35, 1.35, 1, 1};
+
+static void rotate(struct body_pose *pose, enum segment s, double x, double z)
+{
+    pose->rotation[s] = quat_from_rotation_vector(v3(x, 0, z));
+}
+
+static void take_posture(struct body_pose *pose, enum posture posture)
+{
+    static const double raised[POSTURES] = {0.12, 0.9, 2.6, 0.4, 0.12, 0, 0}; // arms from hanging, radians
+    rotate(pose, SEG_LEFT_UPPER_ARM, 0, raised[posture]);
+    rotate(pose, SEG_RIGHT_UPPER_ARM, 0, -raised[posture]);
+    if (posture == CROUCHED || posture == LEFT_KICK) {
+        rotate(pose, SEG_LEFT_THIGH, -1.2, 0);
+        rotate(pose, SEG_LEFT_SHIN, posture == CROUCHED ? 1.6 : 0.6, 0);
     }
-    if (count < TRUNK_POINTS_MIN)
-        return false;
-    out->trunk.x = rank_of(x, count, 0.5);
-    out->trunk.z = rank_of(z, count, 0.5);
-    return true;
+    if (posture == CROUCHED || posture == RIGHT_KICK) {
+        rotate(pose, SEG_RIGHT_THIGH, -1.2, 0);
+        rotate(pose, SEG_RIGHT_SHIN, posture == CROUCHED ? 1.6 : 0.6, 0);
+    }
+    if (posture == BENT) {
+        rotate(pose, SEG_ABDOMEN, 0.7, 0);
+        rotate(pose, SEG_CHEST, 0.7, 0);
+    }
 }
 
-// A leg raised as in a kick; side 0: the left one.
-static void raise_leg(struct body_pose *pose, int side)
-{
-    pose->rotation[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH] = quat_from_rotation_vector(v3(-1.2, 0, 0));
-    pose->rotation[side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN] = quat_from_rotation_vector(v3(0.6, 0, 0));
-}
-
-static void raise_arms(struct body_pose *pose, double left, double right)
-{
-    pose->rotation[SEG_LEFT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, left));
-    pose->rotation[SEG_RIGHT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, -right));
-}
-
-// The likeliest poses so far, one for each direction that the trunk may face: towards the sensor, left, away, right.
 struct start_pose {
     struct body_pose pose;
     struct body_shape shape;
-    double energy; // with facing_log_odds
+    double energy; // with facing_log_odds and the shape's
 };
 
+// The likeliest poses so far, one for each direction that the trunk may face: towards the sensor, left, away, right;
+// of people as tall as their points, and of others.
 struct pose_candidates {
-    struct start_pose of[FACINGS];
+    struct start_pose of[FACINGS * SIZES];
     bool unsure; // no feet are visible, or no floor is known
 };
+
+static struct pose_candidates no_candidates(bool unsure)
+{
+    struct pose_candidates c = {.unsure = unsure};
+    for (int i = 0; i < FACINGS * SIZES; i++)
+        c.of[i].energy = INFINITY;
+    return c;
+}
 
 static struct vec3 ahead_of(const struct body_pose *pose)
 {
@@ -144,18 +188,18 @@ static double facing_log_odds(const struct body_pose *pose, bool unsure)
     return (unsure ? AWAY_LOG_ODDS_UNSURE : AWAY_LOG_ODDS) * 0.5 * (1 + ahead_of(pose).z);
 }
 
-static void keep_best(struct pose_candidates *c, const struct fit_result *r)
+static void keep_best(struct pose_candidates *c, const struct fit_result *r, enum posture posture)
 {
     struct vec3 ahead = ahead_of(&r->pose);
     int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
-    double energy = r->energy + facing_log_odds(&r->pose, c->unsure);
-    if (energy < c->of[facing].energy)
-        c->of[facing] = (struct start_pose){r->pose, r->shape, energy};
+    double energy = r->energy + facing_log_odds(&r->pose, c->unsure) + shape_log_odds(&r->shape);
+    struct start_pose *best = &c->of[facing + (height_rate[posture] == 1 ? 0 : FACINGS)];
+    if (energy < best->energy)
+        *best = (struct start_pose){r->pose, r->shape, energy};
 }
 
-// Fits roughly from `pose`, first with a wide kernel.
-static void fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch,
-                      struct pose_candidates *c)
+// Fits roughly from `pose` into scratch->trial, first with a wide kernel.
+static void fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch)
 {
     task->expected = *pose;
     task->expected_sigma = START_SIGMA;
@@ -166,7 +210,6 @@ static void fit_start(struct fit_task *task, const struct body_pose *pose, struc
     task->iterations = ROUGH_ITERATIONS;
     task->kernel_m = ROUGH_KERNEL_M;
     body_fit(task, &rough, &scratch->trial);
-    keep_best(c, &scratch->trial);
 }
 
 // Refines a rough fit, with a limb search and the shape learned, into scratch->best.
@@ -209,16 +252,16 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
 {
     struct start_pose best = {.energy = INFINITY};
     double least = INFINITY;
-    for (int i = 0; i < FACINGS; i++)
+    for (int i = 0; i < FACINGS * SIZES; i++)
         least = fmin(least, rough->of[i].energy);
-    for (int i = 0; i < FACINGS; i++) {
+    for (int i = 0; i < FACINGS * SIZES; i++) {
         if (!(rough->of[i].energy <= REFINE_RATE * least))
             continue;
         refine_candidate(task, &rough->of[i], scratch);
         struct start_pose fine = {scratch->best.pose, scratch->best.shape, 0};
         task->kernel_m = EVALUATE_KERNEL_M;
         body_evaluate(task, &fine.pose, &fine.shape, &scratch->best);
-        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure);
+        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure) + shape_log_odds(&fine.shape);
         if (fine.energy < best.energy)
             best = fine;
     }
@@ -226,56 +269,63 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
     task->shape.mean = best.shape;
 }
 
-// No standing pose fits well, whichever way it faces: tries a raised leg.
-static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_scratch *scratch)
+// Where the waist joint of a person in this posture is.
+static struct vec3 start_root(const struct fit_task *task, const struct person_measures *s, enum posture posture)
 {
-    struct pose_candidates rough = {.unsure = !task->have_floor};
-    struct start_pose standing = {scratch->best.pose, scratch->best.shape, scratch->best.energy};
-    standing.energy += facing_log_odds(&standing.pose, rough.unsure);
-    for (int i = 0; i < FACINGS; i++)
-        rough.of[i].energy = INFINITY;
-    task->learn_shape = false;
-    task->point_stride = START_STRIDE;
-    for (int yaw = 0; yaw < YAWS; yaw++)
-        for (int side = 0; side < 2; side++) {
-            struct body_pose pose = body_standing_pose(root, task->up, yaw * 2 * PI / YAWS);
-            raise_leg(&pose, side);
-            fit_start(task, &pose, scratch, &rough);
-        }
-    choose_best(task, &rough, scratch);
-    if (scratch->best.energy + facing_log_odds(&scratch->best.pose, rough.unsure) < standing.energy)
-        return;
-    body_evaluate(task, &standing.pose, &standing.shape, &scratch->best);
-    task->shape.mean = standing.shape;
-}
-
-// Where the waist joint of a standing person is.
-static struct vec3 standing_root(const struct fit_task *task, const struct person_measures *s)
-{
-    double waist = s->top - CROWN_RATE * s->height - task->floor_m;
+    double rise = posture == BENT ? s->bottom + WAIST_RATE * s->height : s->top - CROWN_RATE * s->height;
+    double waist = rise - task->floor_m;
     struct vec3 root = v3(s->trunk.x, 0, s->trunk.z + SPINE_DEPTH_RATE * s->height);
-    double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
-    root.y = rise;
+    root.y = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     return root;
 }
 
-// Fits standing poses of all directions about `root`. Cropped at a side, one direction is enough: half a person fits
-// any of them. Then, and where neither head nor feet are visible, places further out of the image are tried too.
-static void try_standing(struct fit_task *task, const struct person_measures *s, struct vec3 root,
-                         struct fit_scratch *scratch, struct pose_candidates *rough)
+// The measures of the person who would be in this posture. False: the points do not allow for it.
+static bool adapt_measures(const struct fit_task *task, struct person_measures *s, enum posture posture)
 {
-    static const double arms[2] = {0.12, 0.9}, away[3] = {0, 0.06, 0.12}; // radians; of body height
-    bool middle = s->legs_cropped && s->head_cropped;
-    for (int yaw = 0; yaw < (s->side_cropped ? 1 : YAWS); yaw++)
-        for (int a = 0; a < 2; a++)
-            for (int k = 0; k < (s->side_cropped || middle ? 3 : 1); k++) {
-                double by = away[k] * s->height;
-                struct vec3 at =
-                    v3_add(root, v3_add(v3(s->side_cropped * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
-                struct body_pose pose = body_standing_pose(at, task->up, yaw * 2 * PI / YAWS);
-                raise_arms(&pose, arms[a], arms[a]);
-                fit_start(task, &pose, scratch, rough);
-            }
+    if (height_rate[posture] == 1)
+        return true;
+    if (s->legs_cropped || s->head_cropped || s->side_cropped)
+        return false;
+    s->height *= height_rate[posture];
+    if (posture == ARMS_RAISED)
+        s->top = s->bottom + s->height;
+    return s->height > TALL_MIN_M && s->height < TALL_MAX_M && measure_trunk(task, s);
+}
+
+// What is known of the shape before the first fit.
+static void start_shape(struct fit_task *task, const struct person_measures *s)
+{
+    task->shape = shape_prior_default();
+    task->shape.mean.log[SHAPE_SCALE] = portable_log(s->height / BODY_AVERAGE_HEIGHT_M);
+    if (!s->legs_cropped && !s->head_cropped)
+        task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (HEIGHT_SIGMA * HEIGHT_SIGMA);
+    apply_skirt(task, s->height);
+}
+
+// Fits a posture in all directions. Cropped at a side, one direction is enough: half a person fits any of them. Then,
+// and where neither head nor feet are visible, places further out of the image are tried too.
+static void try_posture(struct fit_task *task, const struct person_measures *measured, enum posture posture,
+                        struct fit_scratch *scratch, struct pose_candidates *rough)
+{
+    static const double away[3] = {0, 0.06, 0.12}; // of body height
+    struct person_measures s = *measured;
+    if (!adapt_measures(task, &s, posture))
+        return;
+    start_shape(task, &s);
+    struct vec3 root = start_root(task, &s, posture);
+    bool middle = s.legs_cropped && s.head_cropped;
+    task->learn_shape = false;
+    task->point_stride = START_STRIDE;
+    for (int yaw = 0; yaw < (s.side_cropped ? 1 : YAWS); yaw++)
+        for (int k = 0; k < (s.side_cropped || middle ? 3 : 1); k++) {
+            double by = away[k] * s.height;
+            struct vec3 at =
+                v3_add(root, v3_add(v3(s.side_cropped * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
+            struct body_pose pose = body_standing_pose(at, task->up, yaw * 2 * PI / YAWS);
+            take_posture(&pose, posture);
+            fit_start(task, &pose, scratch);
+            keep_best(rough, &scratch->trial, posture);
+        }
 }
 
 bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
@@ -283,23 +333,61 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     struct person_measures s;
     if (task->evidence->count < POINTS_MIN || !measure(task, &s))
         return false;
-    double scale_log = portable_log(s.height / BODY_AVERAGE_HEIGHT_M);
-    task->shape = shape_prior_default();
-    task->shape.mean.log[SHAPE_SCALE] = scale_log;
-    if (!s.legs_cropped && !s.head_cropped)
-        task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (HEIGHT_SIGMA * HEIGHT_SIGMA);
-    apply_skirt(task, s.height);
-    task->learn_shape = false;
-    struct vec3 root = standing_root(task, &s);
-    struct pose_candidates rough = {.unsure = s.legs_cropped || !task->have_floor};
-    for (int i = 0; i < FACINGS; i++)
-        rough.of[i].energy = INFINITY;
-    task->point_stride = START_STRIDE;
-    try_standing(task, &s, root, scratch, &rough);
+    struct pose_candidates rough = no_candidates(s.legs_cropped || !task->have_floor);
+    for (enum posture p = ARMS_DOWN; p <= ARMS_RAISED; p++)
+        try_posture(task, &s, p, scratch, &rough);
     choose_best(task, &rough, scratch);
-    if (scratch->best.energy > POOR_FIT_ENERGY && !s.side_cropped && !s.legs_cropped)
-        try_kicks(task, root, scratch);
+    if (scratch->best.energy > POOR_FIT_ENERGY && !s.side_cropped && !s.legs_cropped) {
+        for (enum posture p = CROUCHED; p < POSTURES; p++)
+            try_posture(task, &s, p, scratch, &rough);
+        choose_best(task, &rough, scratch);
+    }
     return explained_share(task->evidence, &scratch->best, FOUND_M) > FOUND_SHARE;
+}
+
+static double largest_distance(const struct body_build *a, const struct body_build *b)
+{
+    double most = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        most = fmax(most, v3_distance(a->joint[j], b->joint[j]));
+    return most;
+}
+
+bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch)
+{
+    const struct fit_task before = *task;
+    const struct body_pose pose = *followed; // `followed` may point into scratch
+    struct person_measures s;
+    struct pose_candidates rough = no_candidates(true);
+    enum posture posture = (enum posture)(turn % POSTURES);
+    bool wins = false;
+    if (measure(task, &s) && !s.side_cropped && !s.legs_cropped && adapt_measures(task, &s, posture)) {
+        task->kernel_m = ROUGH_KERNEL_M;
+        task->point_stride = START_STRIDE;
+        body_evaluate(task, &pose, &before.shape.mean, &scratch->best);
+        struct body_build own = scratch->best.build;
+        double energy = scratch->best.energy + shape_log_odds(&before.shape.mean);
+        start_shape(task, &s);
+        task->learn_shape = false;
+        struct body_pose start =
+            body_standing_pose(start_root(task, &s, posture), task->up, turn * 3 % YAWS * 2 * PI / YAWS);
+        take_posture(&start, posture);
+        fit_start(task, &start, scratch);
+        if (scratch->trial.energy + shape_log_odds(&scratch->trial.shape) < CHALLENGE_RATE * energy &&
+            largest_distance(&scratch->trial.build, &own) > SAME_POSE_M) {
+            keep_best(&rough, &scratch->trial, posture);
+            choose_best(task, &rough, scratch);
+            body_evaluate(task, &pose, &before.shape.mean, &scratch->trial);
+            wins = scratch->trial.energy + shape_log_odds(&before.shape.mean) - scratch->best.energy -
+                       shape_log_odds(&scratch->best.shape) >
+                   CHALLENGE_LOG_ODDS;
+        }
+    }
+    if (wins)
+        return true;
+    *task = before;
+    body_evaluate(task, &pose, &task->shape.mean, &scratch->best);
+    return false;
 }
 
 bool pose_reinit(struct fit_task *task, const struct body_pose *followed, bool feet_appeared,

@@ -15,7 +15,10 @@ enum {
     HEM_FRAMES_MIN = 8,      // measurements that decide whether there is one
     STATIC_FRAMES_MIN = 12,  // updates of the background model, 0.8 s; people in recordings reached 3
     SECOND_PERSON_EVERY = 5, // how often a second person is looked for
-    POOR_FRAMES_MAX = 12,    // consecutive frames (0.4 s) with a poor fit, after which the person is lost
+    CHALLENGE_EVERY = 12,    // how often another start is tried,
+    CHALLENGE_EVERY_DOUBTFUL = 2,
+    CHALLENGE_START_FRAMES = 30, // at first, too
+    POOR_FRAMES_MAX = 12,        // consecutive frames (0.4 s) with a poor fit, after which the person is lost
 };
 
 // Shares of the points within a distance of the body.
@@ -23,6 +26,7 @@ enum {
 #define ROUGHLY_M           0.10
 #define EXPLAINED_SHARE_MIN 0.97  // within NEAR_M, of a person: of furniture fewer are,
 #define FIT_ENERGY_MAX      120.0 // or its fit has more energy: people's have 25 to 60 on rendered films
+#define DOUBTFUL_ENERGY     60.0  // a fit's energy above which other starts are tried often
 #define GOOD_SHARE          0.985 // within NEAR_M: below, limbs are searched and no shape is learned
 #define POOR_SHARE          0.7   // within ROUGHLY_M: below, the frame is poor
 #define LOST_SHARE          0.35  // within ROUGHLY_M: below, the person is lost immediately
@@ -261,6 +265,29 @@ static bool detect_person(struct tracker *t, struct fit_task *task)
     return true;
 }
 
+// The followed person's pose and shape were wrong: those in scratch->best replace them.
+static void replace_fit(struct tracker *t, const struct fit_task *task)
+{
+    adopt_fit(t, task);
+    t->flipped = true; // a jump, no motion
+    t->flip_log_odds = t->leg_swap_log_odds = 0;
+    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
+    memset(t->limb_relocated, 0, sizeof t->limb_relocated);
+}
+
+// A wrong start, or a wrong decision since, would be followed to the end: tries other starts, one at a time, more often
+// at first and while the fit is poor.
+static void challenge(struct tracker *t, struct fit_task *task)
+{
+    bool doubtful = t->frames < CHALLENGE_START_FRAMES || t->scratch->best.energy > DOUBTFUL_ENERGY;
+    if (t->backward || ++t->challenge_wait < (doubtful ? CHALLENGE_EVERY_DOUBTFUL : CHALLENGE_EVERY))
+        return;
+    t->challenge_wait = 0;
+    if (pose_challenge(task, &t->scratch->best.pose, t->challenge_turn++, t->scratch))
+        replace_fit(t, task);
+    tracker_add_elapsed(t, &t->times.search);
+}
+
 // Of a person cropped by the image's edge, or just entering, a leg may have been taken for the whole body, and tracking
 // would keep that. When fewer edges crop the person, detects the person again from scratch.
 static void reinitialise(struct tracker *t, struct fit_task *task)
@@ -269,13 +296,8 @@ static void reinitialise(struct tracker *t, struct fit_task *task)
     if (t->backward || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
     t->cropped = now;
-    if (pose_reinit(task, &t->scratch->best.pose, before & ~now & CROP_BOTTOM, t->scratch)) {
-        adopt_fit(t, task);
-        t->flipped = true; // a jump, no motion
-        t->flip_log_odds = t->leg_swap_log_odds = 0;
-        memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
-        memset(t->limb_relocated, 0, sizeof t->limb_relocated);
-    }
+    if (pose_reinit(task, &t->scratch->best.pose, before & ~now & CROP_BOTTOM, t->scratch))
+        replace_fit(t, task);
     tracker_add_elapsed(t, &t->times.search);
 }
 
@@ -328,5 +350,6 @@ bool tracker_decide(struct tracker *t, struct tracked_frame *frame)
     if (frame->detected)
         return t->following = detect_person(t, task);
     reinitialise(t, task);
+    challenge(t, task);
     return true;
 }

@@ -37,6 +37,7 @@ struct tracker {
     double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     bool flipped;                     // this frame turned the body round
+    int challenge_wait, challenge_turn; // frames since another start was tried; which is next
     bool seen_ever[JOINT_COUNT];
     float out_of_image_s[JOINT_COUNT];
     struct tracker_times times;
