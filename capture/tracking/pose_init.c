@@ -16,6 +16,7 @@ enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
 #define REFINE_RATE          1.6   // of the least energy: a rough fit above this is not refined
 #define CHALLENGE_RATE       1.2   // of the followed pose's energy: a rough fit above this is no challenge
 #define CHALLENGE_LOG_ODDS   15.0  // against the followed body having been wrong, of another start
+#define TURN_LOG_ODDS        35.0  // the same of a start that faces the other way
 #define SAME_POSE_M          0.06  // starts that converge to within this of the followed joints are the same pose
 #define WAIST_RATE           0.571 // the waist joint's height over the floor, of body height, in body_model.c
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
@@ -35,7 +36,7 @@ enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
 enum { WIDE_ITERATIONS = 5, ROUGH_ITERATIONS = 7, FINE_ITERATIONS = 10, LIMB_SEARCHES = 2 };
 
 // Ranges of a person's height, and levels over the floor below which feet are cropped, or stand on the floor.
-static const double TALL_MIN_M = 0.9, TALL_MAX_M = 2.4, LEGS_HIDDEN_M = 0.4, STANDING_M = 0.25;
+static const double TALL_MIN_M = 0.9, TALL_MAX_M = 2.4, GUESS_MAX_M = 2.0, LEGS_HIDDEN_M = 0.4, STANDING_M = 0.25;
 
 // The levels of the trunk's points, below the top, of body height.
 static const double TRUNK_LOW = 0.5, TRUNK_HIGH = 0.2;
@@ -284,12 +285,12 @@ static bool adapt_measures(const struct fit_task *task, struct person_measures *
 {
     if (height_rate[posture] == 1)
         return true;
-    if (s->legs_cropped || s->head_cropped || s->side_cropped)
+    if (s->head_cropped || s->side_cropped || (s->legs_cropped && !task->have_floor))
         return false;
     s->height *= height_rate[posture];
     if (posture == ARMS_RAISED)
         s->top = s->bottom + s->height;
-    return s->height > TALL_MIN_M && s->height < TALL_MAX_M && measure_trunk(task, s);
+    return s->height > TALL_MIN_M && s->height < GUESS_MAX_M && measure_trunk(task, s);
 }
 
 // What is known of the shape before the first fit.
@@ -361,7 +362,7 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
     struct pose_candidates rough = no_candidates(true);
     enum posture posture = (enum posture)(turn % POSTURES);
     bool wins = false;
-    if (measure(task, &s) && !s.side_cropped && !s.legs_cropped && adapt_measures(task, &s, posture)) {
+    if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) && adapt_measures(task, &s, posture)) {
         task->kernel_m = ROUGH_KERNEL_M;
         task->point_stride = START_STRIDE;
         body_evaluate(task, &pose, &before.shape.mean, &scratch->best);
@@ -378,9 +379,10 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
             keep_best(&rough, &scratch->trial, posture);
             choose_best(task, &rough, scratch);
             body_evaluate(task, &pose, &before.shape.mean, &scratch->trial);
+            bool turns = v3_dot(ahead_of(&pose), ahead_of(&scratch->best.pose)) < 0;
             wins = scratch->trial.energy + shape_log_odds(&before.shape.mean) - scratch->best.energy -
                        shape_log_odds(&scratch->best.shape) >
-                   CHALLENGE_LOG_ODDS;
+                   (turns ? TURN_LOG_ODDS : CHALLENGE_LOG_ODDS);
         }
     }
     if (wins)
