@@ -50,8 +50,8 @@ static void find_first_rows(int first[SEG_COUNT + 1])
         first[s + 1] = FIT_POSE_COUNT - 1 - (5 + 3 * outermost[s + 1]);
 }
 
-// A pivot that is not positive counts as PIVOT_MIN.
-static void factor(const struct pose_information *information, struct pose_factor *out)
+// False: not positive definite.
+static bool factor(const struct pose_information *information, struct pose_factor *out)
 {
     int first[SEG_COUNT + 1];
     find_first_rows(first);
@@ -64,9 +64,12 @@ static void factor(const struct pose_information *information, struct pose_facto
             double sum = information->h[FIT_POSE_COUNT - 1 - j][a] + (i == j ? DIAGONAL_MIN : 0);
             for (int k = from; k < j; k++)
                 sum -= out->l[i][k] * out->l[j][k];
-            out->l[i][j] = i == j ? sqrt(fmax(sum, PIVOT_MIN)) : sum / out->l[j][j];
+            if (i == j && !(sum > PIVOT_MIN && isfinite(sum)))
+                return false;
+            out->l[i][j] = i == j ? sqrt(sum) : sum / out->l[j][j];
         }
     }
+    return true;
 }
 
 enum { CHAIN_MAX = 3 + 3 * 6 }; // unknowns that move a joint: the root's and those of at most six segments
@@ -110,14 +113,16 @@ static struct covariance3 joint_posterior(const struct pose_factor *f, const str
     return sum;
 }
 
-void find_joint_posteriors(const struct body_build *build, const struct pose_information *information,
+bool find_joint_posteriors(const struct body_build *build, const struct pose_information *information,
                            struct covariance3 out[JOINT_COUNT])
 {
     struct pose_factor f;
-    factor(information, &f);
+    if (!factor(information, &f))
+        return false;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct joint_jacobian jacobian;
         find_jacobian(build, (enum joint)j, &jacobian);
         out[j] = joint_posterior(&f, &jacobian);
     }
+    return true;
 }

@@ -5,7 +5,7 @@
 #pragma once
 #include "capture/body/body_fit.h"
 
-// build: of the pose at which `information` was read. Always positive definite: what nothing determines has a variance
-// of some metres.
-void find_joint_posteriors(const struct body_build *build, const struct pose_information *information,
-                           struct covariance3 out[JOINT_COUNT]);
+// build: of the pose at which `information` was read. What nothing determines has a standard deviation of some 30 m or
+// radians. False: the information is not positive semidefinite; `out` is then undefined.
+MUST_CHECK bool find_joint_posteriors(const struct body_build *build, const struct pose_information *information,
+                                      struct covariance3 out[JOINT_COUNT]);

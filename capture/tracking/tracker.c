@@ -98,8 +98,9 @@ static void fill_skeleton(struct tracker *t, const struct fit_result *fit, doubl
     const double size_m = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct body_build build;
     body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
-    if (fit->has_information) // else as in the frame before
-        find_joint_posteriors(&fit->build, &fit->information, t->posterior);
+    struct covariance3 posterior[JOINT_COUNT];
+    if (fit->has_information && find_joint_posteriors(&fit->build, &fit->information, posterior))
+        memcpy(t->posterior, posterior, sizeof posterior); // else as in the frame before
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct vec3 p = build.joint[j];
         const bool seen = look_for_joint(t, (enum joint)j, p, size_m, dt_s);
