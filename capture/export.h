@@ -2,8 +2,8 @@
 #pragma once
 #include "capture/recording/recording.h"
 
-// CSV: timestamp,joint,x_m,y_m,z_m,confidence; seconds, the colour camera's axes,
-// frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
+// CSV: timestamp,joint,x_m,y_m,z_m,confidence,sigma_m; seconds, the colour camera's axes; sigma_m: standard deviation
+// per axis, empty where not known. Frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status export_joints_csv(const struct take *take, const char *path);
 
 // BVH, y up, centimetres: bones of the take's median lengths, rotated frame by

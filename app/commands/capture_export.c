@@ -37,7 +37,9 @@ int capture_export(int argc, char **argv)
     static const struct argp_option options[] = {
         {"take", COMMAND_KEY, "NAME", 0, "the take", 0},
         {"as", COMMAND_KEY + 1, "FORMAT", 0,
-         "joints-csv (time, joint, position in the colour camera's axes, confidence) or bvh", 0},
+         "joints-csv (time, joint, position in the colour camera's axes, confidence, standard deviation per axis) or "
+         "bvh",
+         0},
         {"out", COMMAND_KEY + 2, "PATH", 0, "the file to write", 0},
         {0},
     };

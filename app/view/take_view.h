@@ -3,10 +3,10 @@
 // other threads, whose handles share the take's index. One thread calls it, the gpu's. Textures belong to the take view
 // and are valid until the next take_view_draw.
 //
-// Memory that grows with the take, beside the renderer's pose index: the take's index, 520 bytes a frame (recording.h),
-// 8 of take_skeletons (8 more while the avatar is built) and 448 for each frame with inpainted joints, and 4 of each of
-// two skeleton_tracks: 59 MB for an hour, with 448 bytes for each inpainted frame on top. It was 437 MB: four indices
-// of 528 bytes and two tracks of 968.
+// Memory that grows with the take, beside the renderer's pose index: the take's index, 712 bytes a frame (recording.h),
+// 8 of take_skeletons (8 more while the avatar is built) and 640 for each frame with inpainted joints, and 4 of each of
+// two skeleton_tracks: 80 MB for an hour, with 640 bytes for each inpainted frame on top. It was 437 MB when
+// each of four handles had an index of 528 bytes a frame and each of two tracks 968.
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"

@@ -330,6 +330,7 @@ void body_evaluate(const struct fit_task *task, const struct body_pose *pose, co
                    struct fit_result *out)
 {
     memset(out->solid, -1, sizeof out->solid);
+    out->has_information = false;
     evaluate(task, pose, shape, out);
 }
 
@@ -392,6 +393,9 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
     }
     out->pose = pose;
     out->shape = shape;
+    out->has_information = !task->pose_only && task->iterations > 0;
+    for (int i = 0; out->has_information && i < FIT_POSE_COUNT; i++)
+        memcpy(out->information.h[i], system.h[i], sizeof out->information.h[i]);
     if (!task->pose_only)
         evaluate(task, &pose, &shape, out);
 }

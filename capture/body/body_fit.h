@@ -45,14 +45,22 @@ struct fit_task {
     struct shape_prior shape; // in; with learn_shape its mean is the initial shape
 };
 
+// The information matrix of the pose: the sum of w j j' over all evidence and priors, the motion prior included, at the
+// last iteration's pose, lower triangle. With the shape learned, for that shape.
+struct pose_information {
+    double h[FIT_POSE_COUNT][FIT_POSE_COUNT];
+};
+
 struct fit_result {
     struct body_pose pose;
     struct body_shape shape;
     struct body_build build;
-    double energy;                                      // of all terms but the motion prior
-    double limb_energy[SEG_COUNT];                      // free-space part and collisions, by segment
-    float residual[EVIDENCE_POINTS_MAX];                // per point: metres off the nearest surface
-    int8_t solid[EVIDENCE_POINTS_MAX];                  // per point: the nearest solid
+    double energy;                       // of all terms but the motion prior
+    double limb_energy[SEG_COUNT];       // free-space part and collisions, by segment
+    float residual[EVIDENCE_POINTS_MAX]; // per point: metres off the nearest surface
+    int8_t solid[EVIDENCE_POINTS_MAX];   // per point: the nearest solid
+    bool has_information;                // of body_fit; not of body_evaluate, nor after no iteration
+    struct pose_information information;
     double shape_information[SHAPE_COUNT][SHAPE_COUNT]; // of this frame alone, with the pose marginalised out
 };
 

@@ -26,7 +26,7 @@ struct batch {
 
 struct async_writer {
     struct database *db, *checkpoint_db;
-    struct statement *add_frame, *add_image, *put_take;
+    struct statement *add_frame, *add_joint_error, *add_image, *put_take;
 
     pthread_mutex_t lock; // guards all below
     pthread_cond_t wake;  // there may be something to do
@@ -41,6 +41,16 @@ struct async_writer {
 };
 
 // ------------------------------------------------------------- rows
+
+static enum status insert_joint_error(struct async_writer *s, const struct frame_row *f)
+{
+    uint8_t covariances[JOINT_ERROR_BYTES];
+    put_joint_error(covariances, f->skeleton);
+    statement_bind_number(s->add_joint_error, 1, f->key);
+    statement_bind_blob(s->add_joint_error, 2, covariances, sizeof covariances);
+    statement_bind_number(s->add_joint_error, 3, crc32_of(0, covariances, sizeof covariances));
+    return statement_run(s->add_joint_error);
+}
 
 static enum status insert_frame(struct async_writer *s, const struct frame_row *f)
 {
@@ -59,6 +69,8 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
     statement_bind_number(row, 6, images);
     statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images));
     enum status status = statement_run(row);
+    if (status == OK && f->skeleton && skeleton_has_covariance(f->skeleton))
+        status = insert_joint_error(s, f);
     if (status != OK || !images)
         return status;
     row = s->add_image;
@@ -212,6 +224,9 @@ static enum status start(struct async_writer *s)
     enum status status =
         statement_open(&s->add_frame, s->db, "INSERT INTO frame(" FRAME_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
+        status = statement_open(&s->add_joint_error, s->db,
+                                "INSERT OR REPLACE INTO joint_error(" JOINT_ERROR_COLUMNS ") VALUES(?,?,?)");
+    if (status == OK)
         status = statement_open(&s->add_image, s->db, "INSERT INTO picture(" IMAGE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
         status =
@@ -354,6 +369,7 @@ enum status async_writer_close(struct async_writer **async_writer)
     empty(&s->batch);
     database_close(&s->checkpoint_db);
     statement_close(&s->add_frame);
+    statement_close(&s->add_joint_error);
     statement_close(&s->add_image);
     statement_close(&s->put_take);
     pthread_cond_destroy(&s->wake);

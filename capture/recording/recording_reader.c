@@ -102,6 +102,14 @@ struct database *recording_database(struct recording *r) { return r->db; }
 
 const char *recording_path(const struct recording *r) { return database_path(r->db); }
 
+enum status recording_has_joint_errors(struct database *db, bool *out)
+{
+    int64_t tables = 0;
+    enum status status = database_number(db, COUNT_TABLES("'joint_error'"), &tables);
+    *out = tables > 0;
+    return status;
+}
+
 // ------------------------------------------------------------- the place
 
 // Decodes tags and points from their blobs. False: out of memory.

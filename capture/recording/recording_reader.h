@@ -16,6 +16,12 @@ const uint8_t *recording_blob(struct statement *s, int column, size_t bytes);
 // Decodes one row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number; *out is then undefined.
 MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
 
+// Decodes one row of JOINT_ERROR_COLUMNS: the joints' covariances. ERR_CORRUPT with the frame's number; they are then
+// not known.
+MUST_CHECK enum status joint_error_from_row(struct statement *s, struct skeleton *out);
+// Whether the file has the table joint_error; older files lack it.
+MUST_CHECK enum status recording_has_joint_errors(struct database *db, bool *out);
+
 // Decodes one row of TAKE_COLUMNS. ERR_CORRUPT: the row is not as written; *out then holds what of it is valid, and
 // *usable says whether that is enough to read the frames.
 MUST_CHECK enum status take_from_row(struct statement *s, struct take_row *out, bool *usable);

@@ -18,7 +18,7 @@ enum {
 struct salvage {
     struct database *from, *to;
     struct async_writer *async_writer;
-    struct statement *frame, *images, *takes; // of `from`
+    struct statement *frame, *joint_error, *images, *takes; // of `from`; joint_error NULL: older
     struct recording_report *report;
 };
 
@@ -64,6 +64,19 @@ static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, c
     return status;
 }
 
+// The frame's joints' covariances, where they can be read.
+static void read_joint_error(struct salvage *v, int64_t key, struct take_entry *entry)
+{
+    if (!v->joint_error || !entry->has_skeleton)
+        return;
+    statement_bind_number(v->joint_error, 1, key);
+    enum status status = statement_step(v->joint_error);
+    if (status == OK)
+        status = joint_error_from_row(v->joint_error, &entry->skeleton);
+    (void)status; // a frame can be shown without them
+    statement_reset(v->joint_error);
+}
+
 // The next readable frame from *key on. NOTHING: there is none.
 static enum status next_frame(struct salvage *v, int64_t *key, int64_t last, struct take_entry *entry)
 {
@@ -90,6 +103,7 @@ static enum status copy_frames(struct salvage *v, struct take_row *take)
     enum status status;
     while ((status = next_frame(v, &key, last, &entry)) == OK) {
         if (!saved || entry.time_ns > last_time_ns) {
+            read_joint_error(v, key, &entry);
             status = copy_frame(v, key, frame_key(take->id, saved), &entry);
             if (status != OK)
                 return status;
@@ -219,6 +233,15 @@ static enum status copy_place(const char *path, const char *to)
     return status == OK ? closed : status;
 }
 
+static enum status open_joint_errors(struct salvage *v)
+{
+    bool there;
+    enum status status = recording_has_joint_errors(v->from, &there);
+    return status == OK && there ? statement_open(&v->joint_error, v->from,
+                                                  "SELECT " JOINT_ERROR_COLUMNS " FROM joint_error WHERE rowid = ?")
+                                 : status;
+}
+
 static enum status open_both(struct salvage *v, const char *path, const char *to)
 {
     enum status status = database_open(&v->from, path, DATABASE_SALVAGE);
@@ -228,6 +251,8 @@ static enum status open_both(struct salvage *v, const char *path, const char *to
         status =
             statement_open(&v->frame, v->from,
                            "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
+    if (status == OK)
+        status = open_joint_errors(v);
     if (status == OK)
         status = statement_open(&v->images, v->from, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
     if (status == OK)
@@ -258,6 +283,7 @@ enum status recording_salvage(const char *path, const char *to, struct recording
     failure_keep(&first, status);
     enum status written = async_writer_close(&v.async_writer);
     statement_close(&v.frame);
+    statement_close(&v.joint_error);
     statement_close(&v.images);
     statement_close(&v.takes);
     database_close(&v.from);

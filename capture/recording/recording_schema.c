@@ -15,7 +15,7 @@ const char *const recording_tables =
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
     " skeleton BLOB, pictures INTEGER, crc INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);" OPTIONAL_TABLES;
+    " mask BLOB, depth BLOB, color BLOB);" OPTIONAL_TABLES JOINT_ERROR_TABLE;
 
 // ------------------------------------------------------------- checksums
 
@@ -154,6 +154,20 @@ void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out)
         out->joint[j] = get_vec3(&in);
         out->confidence[j] = get_f32(&in);
     }
+}
+
+void put_joint_error(uint8_t out[JOINT_ERROR_BYTES], const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        for (int i = 0; i < 6; i++)
+            out = put_u16(out, s->covariance[j].half[i]);
+}
+
+void get_joint_error(const uint8_t in[JOINT_ERROR_BYTES], struct skeleton *out)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        for (int i = 0; i < 6; i++)
+            out->covariance[j].half[i] = get_u16(&in);
 }
 
 void put_body(uint8_t out[BODY_BYTES], const struct body *body)
@@ -300,10 +314,19 @@ bool skeleton_has_known_joint(const struct skeleton *s)
     return false;
 }
 
+bool skeleton_has_covariance(const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (covariance_is_known(s->covariance[j]))
+            return true;
+    return false;
+}
+
 bool skeleton_is_finite(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !v3_finite(s->joint[j])))
+        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !v3_finite(s->joint[j])) ||
+            !covariance_is_finite(s->covariance[j]))
             return false;
     return true;
 }

@@ -9,6 +9,7 @@ enum {
     CALIBRATION_BYTES = 2 * (2 * 4 + 9 * 8) + 1 + 7 * 8,
     POSE_BYTES = 7 * 8,
     SKELETON_BYTES = JOINT_COUNT * (3 * 8 + 4),
+    JOINT_ERROR_BYTES = JOINT_COUNT * 6 * 2,
     BODY_BYTES = 8 + PART_COUNT * 8,
     RESIDUAL_BYTES = 2 * 8,
     TAG_BYTES = 4 + 8 + POSE_BYTES + 8 + 4,
@@ -25,12 +26,14 @@ static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((
 enum { FRAME_NUMBER_MAX = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
-// Covariances and viewing directions of the place's landmarks and tags. Older files get these tables with their next
-// place.
+// Covariances and viewing directions of the place's landmarks and tags, and the joints' covariances. Older files get
+// the place's tables with their next place, and joint_error when they are opened to add to them.
 #define OPTIONAL_TABLES                                                                                                \
     "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
     "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
+#define JOINT_ERROR_TABLE                                                                                              \
+    "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
@@ -39,11 +42,12 @@ extern const char *const recording_tables; // CREATE TABLE ...
 enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_SIDE, OPTIONAL_TABLE_COUNT };
 
 // The order of columns in all statements. rowid is id, also where a damaged byte made the table's own SQL text differ.
-#define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
-#define VIEW_COLUMNS  "rowid, world_from_camera, depth, color, crc"
-#define TAKE_COLUMNS  "rowid, name, calibration, complete, dropped, body, crc"
-#define FRAME_COLUMNS "rowid, time_ns, located, world_from_camera, skeleton, pictures, crc"
-#define IMAGE_COLUMNS "rowid, mask_crc, depth_crc, color_crc, mask, depth, color"
+#define PLACE_COLUMNS       "calibration, residuals, tags, points, crc"
+#define VIEW_COLUMNS        "rowid, world_from_camera, depth, color, crc"
+#define TAKE_COLUMNS        "rowid, name, calibration, complete, dropped, body, crc"
+#define FRAME_COLUMNS       "rowid, time_ns, located, world_from_camera, skeleton, pictures, crc"
+#define JOINT_ERROR_COLUMNS "rowid, covariances, crc"
+#define IMAGE_COLUMNS       "rowid, mask_crc, depth_crc, color_crc, mask, depth, color"
 
 // One row of the table take.
 struct take_row {
@@ -72,6 +76,9 @@ void put_calibration(uint8_t out[CALIBRATION_BYTES], const struct calibration *c
 void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *out);
 void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *skeleton);
 void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out);
+// Only the joints' covariances.
+void put_joint_error(uint8_t out[JOINT_ERROR_BYTES], const struct skeleton *skeleton);
+void get_joint_error(const uint8_t in[JOINT_ERROR_BYTES], struct skeleton *out);
 void put_body(uint8_t out[BODY_BYTES], const struct body *body);
 void get_body(const uint8_t in[BODY_BYTES], struct body *out);
 void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m);
@@ -93,7 +100,8 @@ MUST_CHECK enum status calibration_check(const struct calibration *calibration);
 bool point_is_finite(const struct place_landmark *point); // and no variance is negative
 bool tag_is_finite(const struct place_tag *tag);          // likewise
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
-bool skeleton_is_finite(const struct skeleton *skeleton);
+bool skeleton_has_covariance(const struct skeleton *skeleton); // of any joint
+bool skeleton_is_finite(const struct skeleton *skeleton);      // covariances included
 bool body_is_finite(const struct body *body);
 
 // Number of pixels of the depth image; 0: there is no depth camera.

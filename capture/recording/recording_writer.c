@@ -79,6 +79,8 @@ enum status recording_append(struct recording_writer **out, const char *path)
     if (status == OK)
         status = database_lock_writer(w->db);
     if (status == OK)
+        status = database_run(w->db, JOINT_ERROR_TABLE); // older files lack it
+    if (status == OK)
         status = prepare(w);
     return status == OK ? OK : release(out, status);
 }
@@ -313,34 +315,73 @@ const char *recording_writer_path(const struct recording_writer *w) { return dat
 
 // ------------------------------------------------------------- replacing skeletons
 
-// read: selects the frame of `key`; write: updates its skeleton. A key without a row is skipped.
-static enum status replace_skeleton(struct statement *read, struct statement *write, int64_t key,
-                                    const struct skeleton *skeleton)
+// read: selects a frame; write: updates its skeleton; forget, keep: delete and insert its covariances.
+struct skeleton_statements {
+    struct statement *read, *write, *forget, *keep;
+};
+
+static enum status open_skeleton_statements(struct skeleton_statements *s, struct database *db)
+{
+    enum status status = statement_open(&s->read, db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid = ?");
+    if (status == OK)
+        status = statement_open(&s->write, db, "UPDATE frame SET skeleton = ?, crc = ? WHERE rowid = ?");
+    if (status == OK)
+        status = statement_open(&s->forget, db, "DELETE FROM joint_error WHERE rowid = ?");
+    return status == OK ? statement_open(&s->keep, db, "INSERT INTO joint_error(" JOINT_ERROR_COLUMNS ") VALUES(?,?,?)")
+                        : status;
+}
+
+static void close_skeleton_statements(struct skeleton_statements *s)
+{
+    statement_close(&s->read);
+    statement_close(&s->write);
+    statement_close(&s->forget);
+    statement_close(&s->keep);
+}
+
+static enum status replace_covariances(const struct skeleton_statements *s, int64_t key,
+                                       const struct skeleton *skeleton)
+{
+    uint8_t bytes[JOINT_ERROR_BYTES];
+    statement_bind_number(s->forget, 1, key);
+    enum status status = statement_run(s->forget);
+    if (status != OK || !skeleton_has_known_joint(skeleton) || !skeleton_has_covariance(skeleton))
+        return status;
+    put_joint_error(bytes, skeleton);
+    statement_bind_number(s->keep, 1, key);
+    statement_bind_blob(s->keep, 2, bytes, sizeof bytes);
+    statement_bind_number(s->keep, 3, crc32_of(0, bytes, sizeof bytes));
+    return statement_run(s->keep);
+}
+
+// A key without a row is skipped.
+static enum status replace_skeleton(const struct skeleton_statements *s, int64_t key, const struct skeleton *skeleton)
 {
     struct take_entry entry;
     uint8_t pose[POSE_BYTES], bytes[SKELETON_BYTES];
-    statement_bind_number(read, 1, key);
-    enum status status = statement_step(read);
+    statement_bind_number(s->read, 1, key);
+    enum status status = statement_step(s->read);
     if (status == OK)
-        status = frame_from_row(read, &entry);
-    unsigned images = status == OK ? (unsigned)statement_number(read, 5) : 0;
-    statement_reset(read);
+        status = frame_from_row(s->read, &entry);
+    unsigned images = status == OK ? (unsigned)statement_number(s->read, 5) : 0;
+    statement_reset(s->read);
     if (status != OK || !entry.has_skeleton)
         return status == NOTHING ? OK : status;
     put_pose(pose, &entry.world_from_camera);
     put_skeleton(bytes, skeleton);
     size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
     const uint8_t *blob = count ? bytes : NULL;
-    statement_bind_blob(write, 1, blob, count);
-    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, images));
-    statement_bind_number(write, 3, key);
-    return statement_run(write);
+    statement_bind_blob(s->write, 1, blob, count);
+    statement_bind_number(s->write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, images));
+    statement_bind_number(s->write, 3, key);
+    status = statement_run(s->write);
+    return status == OK ? replace_covariances(s, key, skeleton) : status;
 }
 
 enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
 {
     assert(!w->in_take && w->take.id && count <= w->frames);
-    struct statement *read = NULL, *write = NULL;
+    struct skeleton_statements statements = {0};
     for (int64_t i = 0; i < count; i++)
         if (skeleton[i] && !skeleton_is_finite(skeleton[i]))
             return fail(ERR_INPUT, "a skeleton holds a number that is not finite");
@@ -348,14 +389,11 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
     if (status == OK)
         status = database_run(w->db, "BEGIN IMMEDIATE");
     if (status == OK)
-        status = statement_open(&read, w->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid = ?");
-    if (status == OK)
-        status = statement_open(&write, w->db, "UPDATE frame SET skeleton = ?, crc = ? WHERE rowid = ?");
+        status = open_skeleton_statements(&statements, w->db);
     for (int64_t i = 0; status == OK && i < count; i++)
         if (skeleton[i])
-            status = replace_skeleton(read, write, frame_key(w->take.id, i), skeleton[i]);
-    statement_close(&read);
-    statement_close(&write);
+            status = replace_skeleton(&statements, frame_key(w->take.id, i), skeleton[i]);
+    close_skeleton_statements(&statements);
     if (status == OK)
         status = database_run(w->db, "COMMIT");
     return async_writer_resume(w->async_writer, status);

@@ -56,10 +56,41 @@ bool part_is_known(const struct body *body, const struct skeleton *s, enum part 
     return body->radius_rate[p] > 0 && s->confidence[part_ends[p].from] > 0 && s->confidence[part_ends[p].to] > 0;
 }
 
+struct covariance3 joint_covariance(const struct skeleton *s, enum joint j)
+{
+    return covariance_unpack(s->covariance[j]);
+}
+
+void joint_set_covariance(struct skeleton *s, enum joint j, const struct covariance3 *m2)
+{
+    s->covariance[j] = covariance_pack(m2);
+}
+
+double joint_sigma_m(const struct skeleton *s, enum joint j)
+{
+    if (!covariance_is_known(s->covariance[j]))
+        return (double)NAN;
+    const struct covariance3 c = joint_covariance(s, j);
+    return sqrt(covariance3_trace(&c) / 3);
+}
+
+float confidence_of(double sigma_m, bool observed)
+{
+    if (sigma_m > KNOWN_SIGMA_MAX_M)
+        return 0;
+    return observed && !(sigma_m > SEEN_SIGMA_MAX_M) ? 1 : 0.5F;
+}
+
 struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b)
 {
     struct skeleton in_a = *in_b;
-    for (int j = 0; j < JOINT_COUNT; j++)
+    for (int j = 0; j < JOINT_COUNT; j++) {
         in_a.joint[j] = pose_apply(a_from_b, in_b->joint[j]);
+        if (!covariance_is_known(in_b->covariance[j]))
+            continue;
+        struct covariance3 c = joint_covariance(in_b, (enum joint)j);
+        c = covariance3_rotate(a_from_b.rotation, &c);
+        joint_set_covariance(&in_a, (enum joint)j, &c);
+    }
     return in_a;
 }

@@ -1,7 +1,7 @@
 // The body's 16 joints (NiTE's 15 and the waist) and 11 parts, as capture and reenact name them. Left is the person's
 // own left. Pure.
 #pragma once
-#include "base/geometry.h"
+#include "base/covariance.h"
 
 enum joint {
     JOINT_HEAD,
@@ -39,12 +39,29 @@ enum part {
 };
 
 // Joint positions at one instant, metres. The axes are stated where a skeleton is used; in a recording they are the
-// colour camera's at that instant. confidence: 1 observed, 0.5 inferred (hidden, moved with the body), 0 unknown: the
-// position is then meaningless and must not be used.
+// colour camera's at that instant.
+//
+// covariance: of the position's error, in the same axes, as a Cholesky factor (base/covariance.h); all 0: not known, as
+// in recordings that were made before covariances were kept. Read and write it with the functions below.
+//
+// confidence: 1 seen, 0.5 inferred (hidden, moved with the body), 0 unknown: the position is then meaningless and must
+// not be used. The tracker decides it from the covariance (confidence_of).
 struct skeleton {
     struct vec3 joint[JOINT_COUNT];
     float confidence[JOINT_COUNT];
+    struct covariance_root covariance[JOINT_COUNT];
 };
+
+struct covariance3 joint_covariance(const struct skeleton *s, enum joint j); // m^2; all 0: not known
+void joint_set_covariance(struct skeleton *s, enum joint j, const struct covariance3 *m2);
+// The standard deviation per axis: the root of a third of the covariance's trace. NaN: not known.
+double joint_sigma_m(const struct skeleton *s, enum joint j);
+
+// The confidence of a joint with this standard deviation per axis that the frame shows, or does not: 1 where it shows
+// it to SEEN_SIGMA_MAX_M, 0 beyond KNOWN_SIGMA_MAX_M, else 0.5. NaN, not known: 1 or 0.5.
+#define SEEN_SIGMA_MAX_M  0.05 // chosen by hand
+#define KNOWN_SIGMA_MAX_M 0.30 // chosen by hand: about the length of a forearm
+float confidence_of(double sigma_m, bool observed);
 
 // A part runs from joint `from` to joint `to`; its cylinder's radius is radius_rate times their distance ([D14] 4.1).
 struct part_ends {
@@ -64,4 +81,5 @@ struct body {
 // True: both joints of the part are known and its radius was measured.
 bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part p);
 
+// Positions and covariances, in the axes of a.
 struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b);

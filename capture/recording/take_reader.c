@@ -21,7 +21,7 @@ struct take_index {
     int64_t count;
 };
 
-_Static_assert(sizeof(struct take_entry) <= 520, "recording.h states the memory of an hour");
+_Static_assert(sizeof(struct take_entry) <= 712, "recording.h states the memory of an hour");
 
 // One handle: its own connection, statement and decode buffers.
 struct take {
@@ -124,6 +124,21 @@ enum status frame_from_row(struct statement *s, struct take_entry *out)
     return OK;
 }
 
+enum status joint_error_from_row(struct statement *s, struct skeleton *out)
+{
+    const uint8_t *covariances = recording_blob(s, 1, JOINT_ERROR_BYTES);
+    bool good = covariances && crc32_of(0, covariances, JOINT_ERROR_BYTES) == statement_number(s, 2);
+    if (good)
+        get_joint_error(covariances, out);
+    for (int j = 0; j < JOINT_COUNT && good; j++)
+        good = covariance_is_finite(out->covariance[j]);
+    if (good)
+        return OK;
+    memset(out->covariance, 0, sizeof out->covariance);
+    return fail(ERR_CORRUPT, "the joints' covariances of frame %lld are damaged",
+                (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+}
+
 // Resizes the entries. False: out of memory, and they are as before.
 static bool resize_entries(struct take_index *t, int64_t capacity)
 {
@@ -176,6 +191,35 @@ static enum status read_entries(struct take_index *t, struct recording *r)
     return status == NOTHING ? OK : status;
 }
 
+// The covariances of the frames that are there.
+static enum status read_joint_errors(struct take_index *t, struct recording *r)
+{
+    struct statement *s = NULL;
+    bool there;
+    int64_t i = 0;
+    enum status status = recording_has_joint_errors(recording_database(r), &there);
+    if (status != OK || !there)
+        return status;
+    status =
+        statement_open(&s, recording_database(r),
+                       "SELECT " JOINT_ERROR_COLUMNS " FROM joint_error WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    if (status == OK) {
+        statement_bind_number(s, 1, frame_key(t->id, 0));
+        statement_bind_number(s, 2, frame_key(t->id, FRAME_NUMBER_MAX));
+    }
+    while (status == OK && (status = statement_step(s)) == OK) {
+        const int64_t number = statement_number(s, 0) & FRAME_NUMBER_MAX;
+        while (i < t->count && t->entries[i].row_number < number)
+            i++;
+        if (i < t->count && t->entries[i].row_number == number && t->entries[i].has_skeleton)
+            status = joint_error_from_row(s, &t->entries[i].skeleton);
+        if (status != OK)
+            status = recording_damaged(r, status_message());
+    }
+    statement_close(&s);
+    return status == NOTHING ? OK : status;
+}
+
 static enum status read_index(struct take_index *t, struct recording *r)
 {
     // One transaction, so that a concurrent writer's commit does not come in between.
@@ -185,6 +229,8 @@ static enum status read_index(struct take_index *t, struct recording *r)
         status = read_take_row(t, r);
     if (status == OK)
         status = read_entries(t, r);
+    if (status == OK)
+        status = read_joint_errors(t, r);
     if (database_in_transaction(db)) {
         struct failure first;
         failure_keep(&first, status);

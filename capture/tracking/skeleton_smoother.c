@@ -38,6 +38,7 @@ struct smoother_frame {
     struct pose_log_odds odds;           // against the forward estimate
     double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
     enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
+    double facing_doubt;                 // the probability of the other one
     struct skeleton result;              // in the end in the colour camera's axes
 };
 
@@ -111,7 +112,7 @@ enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t t
         return OK;
     m->person = tracker_detection_count(t) - 1;
     m->pose = *tracker_pose(t);
-    m->estimate[FORWARD] = *online;
+    m->estimate[FORWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), online);
     s->shape[m->person] = *tracker_shape(t);
     return OK;
 }
@@ -309,28 +310,77 @@ static void forward_backward(const struct smoother_frame *m, int64_t count, int 
     }
 }
 
+// The point between the forward and the backward estimate of a joint, and its covariance.
+static struct vec3 mixed_joint(const struct smoother_frame *m, enum joint j, double backward_share,
+                               struct covariance3 *covariance)
+{
+    const struct skeleton *forward = &m->estimate[FORWARD], *backward = &m->estimate[BACKWARD];
+    const struct covariance3 a = joint_covariance(forward, j), b = joint_covariance(backward, j);
+    *covariance = joint_merge_covariance(&a, &b, v3_sub(forward->joint[j], backward->joint[j]), backward_share);
+    return v3_mix(forward->joint[j], backward->joint[j], backward_share);
+}
+
+// The passes face opposite ways and one is taken: each joint may be where the other has it.
+static void doubt_facing(struct smoother_frame *m)
+{
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct vec3 off = v3_sub(m->estimate[FORWARD].joint[j], m->estimate[BACKWARD].joint[j]);
+        struct covariance3 c = joint_covariance(&m->result, (enum joint)j), spread = covariance3_outer(off);
+        spread = covariance3_scale(&spread, m->facing_doubt);
+        c = covariance3_add(&c, &spread);
+        joint_set_covariance(&m->result, (enum joint)j, &c);
+    }
+}
+
 // The midpoint of both passes where they face the same way.
 static void merge_estimates(struct smoother_frame *m)
 {
     m->result = m->estimate[m->has_backward && facing_differs(m) ? m->facing : FORWARD];
+    if (m->has_backward && facing_differs(m))
+        doubt_facing(m);
     if (!m->has_backward || facing_differs(m))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        m->result.joint[j] = v3_mix(m->estimate[FORWARD].joint[j], m->estimate[BACKWARD].joint[j], 0.5);
+        struct covariance3 c;
+        m->result.joint[j] = mixed_joint(m, (enum joint)j, 0.5, &c);
+        joint_set_covariance(&m->result, (enum joint)j, &c);
         if (m->estimate[BACKWARD].confidence[j] == 1)
             m->result.confidence[j] = 1;
     }
 }
 
 // A limb's joint if `source` is right about the limb; the other pass counts too, as far as it agrees.
-static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum estimate source, enum joint joint)
+static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum estimate source, enum joint joint,
+                                struct covariance3 *covariance)
 {
+    *covariance = joint_covariance(&m->estimate[ALTERNATIVE], joint);
     if (source == ALTERNATIVE)
         return m->estimate[ALTERNATIVE].joint[joint];
     double off = limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
            other = 0.5 * portable_exp(-off * off);
-    return v3_mix(m->estimate[FORWARD].joint[joint], m->estimate[BACKWARD].joint[joint],
-                  source == BACKWARD ? 1 - other : other);
+    return mixed_joint(m, joint, source == BACKWARD ? 1 - other : other, covariance);
+}
+
+// The posterior mean of a limb's joint over all choices, and its covariance: the mean of the choices' covariances and
+// the spread of the choices about the mean.
+static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const double posterior[STATES])
+{
+    struct vec3 point[STATES], mean = {0, 0, 0};
+    struct covariance3 covariance = {0};
+    for (int s = 0; s < STATES; s++) {
+        struct covariance3 c;
+        point[s] = merged_joint(m, k, k % 2 ? right_estimate(s) : left_estimate(s), joint, &c);
+        mean = v3_add(mean, v3_scale(point[s], posterior[s]));
+        c = covariance3_scale(&c, posterior[s]);
+        covariance = covariance3_add(&covariance, &c);
+    }
+    for (int s = 0; s < STATES; s++) {
+        struct covariance3 spread = covariance3_outer(v3_sub(point[s], mean));
+        spread = covariance3_scale(&spread, posterior[s]);
+        covariance = covariance3_add(&covariance, &spread);
+    }
+    m->result.joint[joint] = mean;
+    joint_set_covariance(&m->result, joint, &covariance);
 }
 
 // The posterior mean over all choices: of an unseen limb, the least wrong point.
@@ -339,15 +389,8 @@ static void merge_pair(struct smoother_frame *m, int first, const double posteri
     if (!m->has_backward || facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
-        const enum joint joint[2] = {body_limbs[k].bend, body_limbs[k].tip};
-        for (int i = 0; i < 2; i++) {
-            struct vec3 mean = {0, 0, 0};
-            for (int s = 0; s < STATES; s++) {
-                enum estimate source = k == first ? left_estimate(s) : right_estimate(s);
-                mean = v3_add(mean, v3_scale(merged_joint(m, k, source, joint[i]), posterior[s]));
-            }
-            m->result.joint[joint[i]] = mean;
-        }
+        merge_joint(m, k, body_limbs[k].bend, posterior);
+        merge_joint(m, k, body_limbs[k].tip, posterior);
     }
 }
 
@@ -423,6 +466,14 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
     }
 }
 
+// What a pass saw, or inferred, is so only as far as its covariance allows now.
+static void decide_confidence(struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        s->confidence[j] =
+            fminf(s->confidence[j], confidence_of(joint_sigma_m(s, (enum joint)j), s->confidence[j] == 1));
+}
+
 // The end of a run of consecutive frames of one person.
 static int64_t segment_end(const struct smoother *s, int64_t first)
 {
@@ -450,8 +501,10 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
     forward_backward(m, count, TRUNK, scratch->posterior);
     for (int64_t i = 0; i < count; i++) {
         const double *posterior = scratch->posterior[i];
-        m[i].facing =
-            posterior[state_of(BACKWARD, BACKWARD)] > posterior[state_of(FORWARD, FORWARD)] ? BACKWARD : FORWARD;
+        const double forward = posterior[state_of(FORWARD, FORWARD)],
+                     backward = posterior[state_of(BACKWARD, BACKWARD)];
+        m[i].facing = backward > forward ? BACKWARD : FORWARD;
+        m[i].facing_doubt = fmin(forward, backward);
         merge_estimates(&m[i]);
     }
     for (int first = 0; first < LIMB_COUNT; first += 2) {
@@ -466,8 +519,10 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&m[i], &build);
     }
-    for (int64_t i = 0; i < count; i++)
+    for (int64_t i = 0; i < count; i++) {
+        decide_confidence(&m[i].result);
         m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
+    }
 }
 
 enum status smoother_solve(struct smoother *s)

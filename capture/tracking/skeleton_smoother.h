@@ -14,7 +14,7 @@
 // restored.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
-// Memory: 2520 bytes a frame in an array that doubles when full: an hour at 30 Hz uses 272 MB of 330 MB allocated.
+// Memory: 3296 bytes a frame in an array that doubles when full: an hour at 30 Hz uses 356 MB of 432 MB allocated.
 // smoother_solve takes another 120 bytes a frame while it runs.
 #pragma once
 #include "capture/tracking/tracker.h"
@@ -44,5 +44,7 @@ MUST_CHECK enum status smoother_backward(struct smoother *s, struct tracker *t, 
 MUST_CHECK enum status smoother_solve(struct smoother *s);
 
 // Frame `index` after smoother_solve, colour camera's axes; NULL: no person. Valid until smoother_close. Confidence:
-// 1 where either pass saw the joint, else that of the forward pass.
+// 1 where either pass saw the joint, else that of the forward pass, as far as the covariance allows (confidence_of).
+// The covariance is that of both estimates, widened by half their squared disagreement and by the spread of the choices
+// that the posterior leaves open (joint_covariance.h).
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);

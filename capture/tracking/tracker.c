@@ -2,6 +2,7 @@
 #include "base/portable_math.h"
 
 #include "capture/tracking/tracker_internal.h"
+#include "capture/body/joint_posterior.h"
 #include "base/clock.h"
 
 #include <string.h>
@@ -11,7 +12,6 @@
 #define EXTRAPOLATE_MAX_NS 2e8        // beyond this the velocity says nothing about the pose
 #define VELOCITY_RATE      0.8        // of the velocity: limbs reverse more often than they accelerate; chosen by hand
 #define VELOCITY_STEPS_MAX 3          // of the last step, at most so many are extrapolated
-#define OUT_OF_IMAGE_S     1          // a joint outside the image this long is not known any more
 
 enum {
     SPHERES_PER_SOLID = 4,
@@ -69,12 +69,9 @@ static int predict_spheres(struct tracker *t, const struct body_pose *expected,
     return count;
 }
 
-// Joints in the colour camera and their confidence: 1 visible, 0.5 inferred, 0 never seen or long outside the image.
-static void fill_skeleton(struct tracker *t, const struct fit_result *fit, double dt_s, struct skeleton *out)
+// Whether the frame shows joint j, at `p` in the depth camera, and the time since one did.
+static bool look_for_joint(struct tracker *t, enum joint j, struct vec3 p, double size_m, double dt_s)
 {
-    struct body_build build;
-    body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
-    double size = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     static const double radius[JOINT_COUNT] = {
         // of body height: half the thickness of the body at the joint
         [JOINT_HEAD] = 0.05,         [JOINT_NECK] = 0.04,        [JOINT_LEFT_SHOULDER] = 0.032,
@@ -84,16 +81,35 @@ static void fill_skeleton(struct tracker *t, const struct fit_result *fit, doubl
         [JOINT_LEFT_FOOT] = 0.024,   [JOINT_RIGHT_HIP] = 0.055,  [JOINT_RIGHT_KNEE] = 0.034,
         [JOINT_RIGHT_FOOT] = 0.024,
     };
+    bool outside;
+    const int visible = evidence_visible_count(t->evidence, p, radius[j] * size_m, &outside);
+    const bool seen = visible >= VISIBLE_PROBES_MIN;
+    struct joint_sight *sight = &t->sight[j];
+    sight->seen_ever |= visible > 0;
+    sight->hidden_s = seen ? 0 : sight->hidden_s + dt_s;
+    sight->out_of_image_s = outside ? sight->out_of_image_s + dt_s : 0;
+    return seen;
+}
+
+// Joints in the colour camera, and how well each is known.
+static void fill_skeleton(struct tracker *t, const struct fit_result *fit, double dt_s, struct skeleton *out)
+{
+    const struct quat color_from_depth = t->calibration.color_from_depth.rotation;
+    const double size_m = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    struct body_build build;
+    body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
+    struct covariance3 posterior[JOINT_COUNT];
+    if (fit->has_information && find_joint_posteriors(&fit->build, &fit->information, posterior))
+        memcpy(t->posterior, posterior, sizeof posterior); // else as in the frame before
     for (int j = 0; j < JOINT_COUNT; j++) {
-        struct vec3 p = build.joint[j];
-        bool outside;
-        int visible = evidence_visible_count(t->evidence, p, radius[j] * size, &outside);
-        t->seen_ever[j] |= visible > 0;
-        t->out_of_image_s[j] = outside ? t->out_of_image_s[j] + (float)dt_s : 0;
+        const struct vec3 p = build.joint[j];
+        const bool seen = look_for_joint(t, (enum joint)j, p, size_m, dt_s);
+        t->terms[j] = joint_uncertainty((enum joint)j, p, &t->posterior[j], &t->sight[j]);
+        struct covariance3 c = joint_uncertainty_sum(&t->terms[j]);
+        c = covariance3_rotate(color_from_depth, &c);
+        joint_set_covariance(out, (enum joint)j, &c);
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = visible >= VISIBLE_PROBES_MIN                              ? 1
-                             : t->seen_ever[j] && t->out_of_image_s[j] < OUT_OF_IMAGE_S ? 0.5f
-                                                                                        : 0;
+        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), seen);
     }
 }
 

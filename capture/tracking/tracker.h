@@ -16,7 +16,7 @@
 // Frames: skeletons in the colour camera's axes, the floor in the depth camera's; metres. One handle, one thread. About
 // 4 MB and two bytes a depth pixel, all but a small list of components allocated by tracker_open.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "capture/tracking/joint_covariance.h"
 #include "base/lens.h"
 
 struct tracker;
@@ -46,11 +46,15 @@ void tracker_reset(struct tracker *t);
 
 // One frame. time_ns: rising; if it does not rise, the motion is estimated from scratch.
 // depth: of the calibration's depth lens. mask: one byte a depth pixel, 255 = the person; may be NULL.
-// OK       *out (colour camera's axes, metres) and mask are filled
+// OK       *out (colour camera's axes, metres) and mask are filled; covariances as in joint_covariance.h
 // NOTHING  no person is visible; *out has confidence 0 everywhere, mask is all 0
 // ERR_MEMORY  as NOTHING; the person stays followed and the next frame may come
 MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out,
                                     uint8_t *mask);
+
+// What the covariances of the last skeleton consist of, depth camera's axes: JOINT_COUNT entries, valid until the next
+// tracker_next.
+const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t);
 
 // Processor time that the last tracker_next took on its thread, by step, ns.
 struct tracker_times {

@@ -5,6 +5,7 @@
 #include "capture/body/pose_filter.h"
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/limb_hypotheses.h"
+#include "capture/tracking/joint_covariance.h"
 #include "capture/tracking/tracker.h"
 
 enum { LEARN_EVERY = 2 }; // frames between updates of the background model
@@ -40,6 +41,9 @@ struct tracker {
     int challenge_wait, challenge_turn; // frames since another start was tried; which is next
     bool seen_ever[JOINT_COUNT];
     float out_of_image_s[JOINT_COUNT];
+    struct joint_sight sight[JOINT_COUNT];
+    struct covariance3 posterior[JOINT_COUNT];         // of the last fit, depth camera's axes
+    struct joint_uncertainty_terms terms[JOINT_COUNT]; // of the last skeleton
     struct tracker_times times;
     int64_t mark_ns; // processor time up to which `times` accounts
 };

@@ -66,6 +66,8 @@ void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
     segmenter_set_floor(t->segmenter, up, height_m);
 }
 
+const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t) { return t->terms; }
+
 struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
 
 void tracker_add_elapsed(struct tracker *t, int64_t *step)
@@ -83,8 +85,7 @@ void tracker_drop_person(struct tracker *t)
     memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
     memset(t->limb_relocated, 0, sizeof t->limb_relocated);
     t->lost_since_ns = 0;
-    memset(t->seen_ever, 0, sizeof t->seen_ever);
-    memset(t->out_of_image_s, 0, sizeof t->out_of_image_s);
+    memset(t->sight, 0, sizeof t->sight);
     segmenter_drop_person(t->segmenter);
 }
 

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 
 static const float CONFIDENCE = 0.5F; // of an inpainted joint
+// Of a random walk of a lost joint against the one it hangs on, per axis: 20 cm after a second. Chosen by hand.
+static const double WALK_M2_S = 0.04;
 
 // From the trunk outwards, so that a forearm can follow an inpainted elbow.
 static const struct bone_ends {
@@ -49,8 +51,10 @@ static bool nearest_known(const struct take *take, int64_t frame, int step, cons
     return false;
 }
 
-// The bone in the upper torso's axes, interpolated. False: unknown on both sides.
-static bool inpaint_bone(const struct take *take, int64_t frame, const struct bone_ends *bone, struct vec3 *out)
+// The bone in the upper torso's axes, interpolated, and the variance of its far end per axis: of a random walk from the
+// frame that knows it, or of a Brownian bridge between two. False: unknown on both sides.
+static bool inpaint_bone(const struct take *take, int64_t frame, const struct bone_ends *bone, struct vec3 *out,
+                         double *variance_m2)
 {
     struct vec3 before, after;
     int64_t since_ns, until_ns;
@@ -59,6 +63,8 @@ static bool inpaint_bone(const struct take *take, int64_t frame, const struct bo
     if (!has_before && !has_after)
         return false;
     const double t = !has_before ? 1 : !has_after ? 0 : (double)since_ns / (double)(since_ns + until_ns);
+    const double gap_ns = (has_before ? (1 - t) * (double)since_ns : 0) + (has_after ? t * (double)until_ns : 0);
+    *variance_m2 = WALK_M2_S * gap_ns * 1e-9 * (has_before && has_after ? 0.5 : 1);
     if (!has_before)
         before = after;
     if (!has_after)
@@ -69,6 +75,17 @@ static bool inpaint_bone(const struct take *take, int64_t frame, const struct bo
     return true;
 }
 
+// A joint at the end of an inpainted bone: its error is that of the joint it hangs on and the bone's. Where the first
+// is not known, neither is the sum.
+static void set_inpainted_covariance(struct skeleton *s, const struct bone_ends *bone, double variance_m2)
+{
+    const struct covariance3 from = joint_covariance(s, bone->from), walk = covariance3_isotropic(variance_m2),
+                             sum = covariance3_add(&from, &walk);
+    s->covariance[bone->to] = s->covariance[bone->from];
+    if (covariance_is_known(s->covariance[bone->from]))
+        joint_set_covariance(s, bone->to, &sum);
+}
+
 struct skeleton inpaint_skeleton(const struct take *take, int64_t frame)
 {
     struct skeleton s = take_entry(take, frame)->skeleton;
@@ -77,12 +94,14 @@ struct skeleton inpaint_skeleton(const struct take *take, int64_t frame)
         return s;
     for (size_t i = 0; i < COUNT_OF(bones); i++) {
         struct vec3 b;
+        double variance_m2;
         if (s.confidence[bones[i].to] > 0 || !(s.confidence[bones[i].from] > 0) ||
-            !inpaint_bone(take, frame, &bones[i], &b))
+            !inpaint_bone(take, frame, &bones[i], &b, &variance_m2))
             continue;
         const struct vec3 bone = v3_add(v3_add(v3_scale(trunk.x, b.x), v3_scale(trunk.y, b.y)), v3_scale(trunk.z, b.z));
         s.joint[bones[i].to] = v3_add(s.joint[bones[i].from], bone);
         s.confidence[bones[i].to] = CONFIDENCE;
+        set_inpainted_covariance(&s, &bones[i], variance_m2);
     }
     return s;
 }

@@ -8,6 +8,7 @@
 // No joint is inpainted farther than this from a frame that knows it. Chosen by hand.
 #define INPAINT_MAX_GAP_NS 2000000000
 
-// The frame's joints, in its colour camera's axes; inpainted ones have confidence 0.5. Where the frame has no
-// skeleton, or its upper torso is unknown, as recorded.
+// The frame's joints, in its colour camera's axes; inpainted ones have confidence 0.5 and a covariance that
+// grows with the time to the frames that know them. Where the frame has no skeleton, or its upper torso is unknown, as
+// recorded.
 struct skeleton inpaint_skeleton(const struct take *take, int64_t frame);

@@ -108,6 +108,23 @@ static int64_t first_after(const struct skeleton_track *m, int64_t time_ns)
     return low;
 }
 
+// Between two frames the covariance is mixed as the position is: (1 - t) A + t B bounds the true one whatever the
+// correlation of the two errors is, and is it where they are equal. Squared weights would take the errors as
+// independent, but neighbouring frames share most of theirs (a hidden limb's guess, cloth, the model): a joint would
+// seem to be known better between two frames than in either. Not known in one: not known.
+static void mix_covariances(const struct skeleton *a, const struct skeleton *b, enum joint j, double t,
+                            struct skeleton *out)
+{
+    struct covariance3 before = joint_covariance(a, j), after = joint_covariance(b, j);
+    before = covariance3_scale(&before, 1 - t);
+    after = covariance3_scale(&after, t);
+    before = covariance3_add(&before, &after);
+    if (covariance_is_known(a->covariance[j]) && covariance_is_known(b->covariance[j]))
+        joint_set_covariance(out, j, &before);
+    else
+        out->covariance[j] = (struct covariance_root){{0}};
+}
+
 // Joints between frames a and b; what one of the two does not know stays as in *out.
 static void interpolate(const struct skeleton_track *m, int64_t before, int64_t after, double t, struct skeleton *out)
 {
@@ -116,6 +133,7 @@ static void interpolate(const struct skeleton_track *m, int64_t before, int64_t 
         if (a.confidence[j] > 0 && b.confidence[j] > 0) {
             out->joint[j] = v3_mix(a.joint[j], b.joint[j], t);
             out->confidence[j] = fminf(a.confidence[j], b.confidence[j]);
+            mix_covariances(&a, &b, (enum joint)j, t, out);
         }
 }
 

@@ -2,7 +2,7 @@
 // watching and shared by all who read them: skeleton_track, depth_frame and frame_layer. Immutable after opening, so
 // any number of threads may read it.
 //
-// Memory: 8 bytes a frame and 448 bytes for each frame that has an inpainted joint; others use the take's own index.
+// Memory: 8 bytes a frame and 640 bytes for each frame that has an inpainted joint; others use the take's own index.
 #pragma once
 #include "capture/recording/recording.h"
 

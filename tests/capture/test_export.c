@@ -17,7 +17,16 @@ static struct world *world;
 static struct recording *recording;
 static struct take *take;
 
-static struct skeleton truth(int i) { return world_joints_in_camera(world, i / 10.0, world_sensor_pose(world)); }
+// The head's covariance is not known, the others are 2 cm.
+static struct skeleton truth(int i)
+{
+    struct skeleton s = world_joints_in_camera(world, i / 10.0, world_sensor_pose(world));
+    const struct covariance3 c = covariance3_isotropic(4e-4);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (j != JOINT_HEAD)
+            joint_set_covariance(&s, (enum joint)j, &c);
+    return s;
+}
 
 static void test_csv_has_every_joint(void **state)
 {
@@ -28,14 +37,20 @@ static void test_csv_has_every_joint(void **state)
     size_t count;
     EXPECT_STATUS(file_read(path, &text, &count), OK);
     char *line = strtok((char *)text, "\n");
-    assert_string_equal(line, "timestamp,joint,x_m,y_m,z_m,confidence");
+    assert_string_equal(line, "timestamp,joint,x_m,y_m,z_m,confidence,sigma_m");
     int rows = 0;
     while ((line = strtok(NULL, "\n"))) {
-        double time_s, x, y, z, confidence;
+        double time_s, x, y, z, confidence, sigma_m;
         char name[32];
-        assert_int_equal(sscanf(line, "%lf,%31[^,],%lf,%lf,%lf,%lf", &time_s, name, &x, &y, &z, &confidence), 6);
+        const int fields =
+            sscanf(line, "%lf,%31[^,],%lf,%lf,%lf,%lf,%lf", &time_s, name, &x, &y, &z, &confidence, &sigma_m);
         enum joint j;
         EXPECT_TRUE(joint_from_name(name, &j));
+        EXPECT_INT(fields, j == JOINT_HEAD ? 6 : 7); // an empty field
+        if (j != JOINT_HEAD)
+            EXPECT_NEAR(sigma_m, 0.02, 2e-5);
+        else
+            EXPECT_TRUE(line[strlen(line) - 1] == ',');
         struct skeleton wanted = truth(rows / JOINT_COUNT);
         EXPECT_NEAR(time_s, 7 + rows / JOINT_COUNT / 10.0, 1e-6);
         EXPECT_NEAR(x, wanted.joint[j].x, 1e-5);

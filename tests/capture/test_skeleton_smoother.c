@@ -91,6 +91,39 @@ static double jitter_m(const struct smoothing_case *t, const struct skeleton *go
     return sum / (JOINT_COUNT * (t->frames - 2));
 }
 
+// The mean squared Mahalanobis distance of the known joints of a confidence from `from` to `to`; 3 where the
+// covariances are right.
+static double mean_mahalanobis_squared(const struct smoothing_case *t, const struct skeleton *got, double from,
+                                       double to)
+{
+    double sum = 0;
+    int count = 0;
+    for (int k = 0; k < t->frames; k++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if ((double)got[k].confidence[j] >= from && (double)got[k].confidence[j] <= to) {
+                sum += joint_mahalanobis_squared(&got[k], &t->truth[k], (enum joint)j);
+                count++;
+            }
+    return count ? sum / count : 3;
+}
+
+static void test_covariances_say_how_far_off(void **state)
+{
+    (void)state;
+    static struct smoothing_case t;
+    const struct smoothing_take takes[] = {{"kata", 2, FRAMES_MOST, 0, 0, 0}, {"walk", 0, 48, 0, 0, 135}};
+    for (size_t i = 0; i < COUNT_OF(takes); i++) {
+        run_smoothing(&takes[i], &t);
+        double seen = mean_mahalanobis_squared(&t, t.smoothed, 1, 1),
+               inferred = mean_mahalanobis_squared(&t, t.smoothed, 0.5, 0.5);
+        print_message("%s: mean squared Mahalanobis distance %.2f of joints seen, %.2f inferred, instead of 3\n",
+                      takes[i].motion, seen, inferred);
+        EXPECT_AT_LEAST(seen, 0.75);
+        EXPECT_AT_MOST(seen, 6);
+        EXPECT_AT_MOST(inferred, 9);
+    }
+}
+
 static void test_smoothing_reduces_error(void **state)
 {
     (void)state;
@@ -202,9 +235,8 @@ static void test_facing_is_right_from_first_frame(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_smoothing_reduces_error),
-        cmocka_unit_test(test_fast_motion_is_not_clipped),
-        cmocka_unit_test(test_frames_without_actor_stay_empty),
+        cmocka_unit_test(test_smoothing_reduces_error),          cmocka_unit_test(test_covariances_say_how_far_off),
+        cmocka_unit_test(test_fast_motion_is_not_clipped),       cmocka_unit_test(test_frames_without_actor_stay_empty),
         cmocka_unit_test(test_facing_is_right_from_first_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -12,7 +12,7 @@ static void film(struct tracked_film *s, double time_s, uint64_t seed)
     tracked_film_shoot(s, world_sensor_pose(s->world), time_s, seed);
 }
 
-// No joint is NaN, far outside any room, or of an undefined confidence.
+// No joint is NaN, far outside any room, or of an undefined confidence or covariance.
 static void expect_sane(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -20,6 +20,11 @@ static void expect_sane(const struct skeleton *s)
         EXPECT_AT_MOST(v3_length(s->joint[j]), 30);
         float c = s->confidence[j];
         EXPECT_TRUE(c == 0 || c == 0.5f || c == 1);
+        EXPECT_TRUE(covariance_is_finite(s->covariance[j]));
+        if (c > 0) {
+            EXPECT_AT_LEAST(joint_sigma_m(s, (enum joint)j), 1e-3);
+            EXPECT_AT_MOST(joint_sigma_m(s, (enum joint)j), c == 1 ? SEEN_SIGMA_MAX_M : KNOWN_SIGMA_MAX_M);
+        }
     }
 }
 

@@ -231,6 +231,7 @@ static uint64_t hash_of(const char *path)
             hash = mix(hash, &e->time_ns, sizeof e->time_ns);
             hash = mix(hash, &e->world_from_camera, sizeof e->world_from_camera);
             hash = mix(hash, e->skeleton.joint, sizeof e->skeleton.joint);
+            hash = mix(hash, e->skeleton.covariance, sizeof e->skeleton.covariance);
             hash = mix(hash, p.color, COLOR_WIDTH * COLOR_HEIGHT * 3);
             hash = mix(hash, p.depth, WIDTH * HEIGHT * 2);
             hash = mix(hash, p.mask, WIDTH * HEIGHT);
@@ -326,8 +327,8 @@ static void test_wrong_bytes_anywhere(void **state)
 static void test_wrong_byte_in_table_name(void **state)
 {
     (void)state;
-    static const char *const name[] = {"place",   "place_view",  "take",      "frame",
-                                       "picture", "point_error", "tag_error", "point_side"};
+    static const char *const name[] = {"place",       "place_view", "take",       "frame",      "picture",
+                                       "point_error", "tag_error",  "point_side", "joint_error"};
     uint8_t *bytes;
     size_t count;
     EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);

@@ -145,6 +145,9 @@ static inline void sample_frame_make(struct sample_frame *m, int index)
     for (int j = 0; j < JOINT_COUNT; j++) {
         m->frame.skeleton.joint[j] = v3(sample_number(&rng), sample_number(&rng), sample_number(&rng));
         m->frame.skeleton.confidence[j] = (float)(j % 3) / 2;
+        const struct covariance3 c = covariance3_outer(m->frame.skeleton.joint[j]);
+        if (index % 4) // in every fourth frame they are not known
+            joint_set_covariance(&m->frame.skeleton, (enum joint)j, &c);
     }
 }
 

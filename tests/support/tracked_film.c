@@ -1,5 +1,6 @@
 #include "tests/support/tracked_film.h"
 
+#include "base/linear_algebra.h"
 #include "tests/support/test.h"
 
 #include <string.h>
@@ -57,4 +58,17 @@ double error_of(const struct skeleton *got, const struct skeleton *truth)
         }
     }
     return count ? sum / count : -1;
+}
+
+double joint_mahalanobis_squared(const struct skeleton *got, const struct skeleton *truth, enum joint j)
+{
+    const struct covariance3 c = joint_covariance(got, j);
+    const double m[9] = {c.xx, c.xy, c.xz, c.xy, c.yy, c.yz, c.xz, c.yz, c.zz};
+    const struct vec3 off = v3_sub(got->joint[j], truth->joint[j]);
+    const double d[3] = {off.x, off.y, off.z};
+    double inverse[9], square = 0;
+    EXPECT_TRUE(invert_symmetric(m, 3, inverse));
+    for (int i = 0; i < 9; i++)
+        square += d[i / 3] * inverse[i] * d[i % 3];
+    return square;
 }

@@ -29,6 +29,9 @@ void tracked_film_shoot(struct tracked_film *f, struct pose world_from_camera, d
 
 // Mean distance over the known joints; -1 when none is known.
 double error_of(const struct skeleton *got, const struct skeleton *truth);
+// Squared Mahalanobis distance of a joint's error by its covariance; on average 3 where that is right. Checks that the
+// covariance is one.
+double joint_mahalanobis_squared(const struct skeleton *got, const struct skeleton *truth, enum joint j);
 int64_t nanoseconds(double seconds);
 // A pose translated along its own axes.
 struct pose moved(struct pose world_from_camera, struct vec3 by);
