@@ -54,6 +54,10 @@ double body_floor_energy(const struct fit_task *task, const struct body_build *b
 #define CONTACT_SIGMA_M     0.015
 #define CONTACT_DEEP_MAX_M2 0.01 // deeper does not cost more
 
+// Knees are seldom on each other's side, and an image shows crossed legs nearly as it shows the same ones uncrossed.
+#define CROSSED_LOG_ODDS 5.0
+#define CROSSED_M        0.06 // knees over each other by this much cost half of that
+
 // Penetration depth of a sphere in a solid; *out is the direction of the shortest way out. <= 0: it is outside.
 static double penetration_depth(const struct body_solid *s, struct vec3 c, double radius, struct vec3 *out)
 {
@@ -102,9 +106,13 @@ static double collision_cost(const struct body_build *build, const struct collis
     {                                                                                                                  \
         arm + 3, SOLID_RIGHT_LEG, SOLID_RIGHT_LEG, 0.5                                                                 \
     }
-// Of a leg: shin and foot against the other leg.
+// Of a leg: thigh, shin and foot against the other leg.
 #define LEG_PROBES(leg, other)                                                                                         \
-    {leg + 1, other, other + 1, 0.1}, {leg + 1, other + 1, other + 2, 0.6}, { leg + 2, other + 1, other + 2, 0.0 }
+    {leg, other, other, 0.4}, {leg, other, other, 0.75}, {leg + 1, other, other + 1, 0.1},                             \
+        {leg + 1, other + 1, other + 2, 0.6},                                                                          \
+    {                                                                                                                  \
+        leg + 2, other + 1, other + 2, 0.0                                                                             \
+    }
 
 static const struct collision_probe probes[] = {
     ARM_PROBES(SOLID_LEFT_ARM),
@@ -119,4 +127,12 @@ double body_collision_energy(const struct body_build *build, double limb_energy[
     for (size_t i = 0; i < COUNT_OF(probes); i++)
         energy += collision_cost(build, &probes[i], limb_energy, s);
     return energy;
+}
+
+double body_crossed_legs_energy(const struct body_build *build)
+{
+    struct vec3 left = body_axis(build, SEG_PELVIS, 0),
+                apart = v3_sub(build->joint[JOINT_LEFT_KNEE], build->joint[JOINT_RIGHT_KNEE]);
+    double over = fmax(0, -v3_dot(left, apart)) / CROSSED_M;
+    return CROSSED_LOG_ODDS * over * over / (1 + over * over);
 }

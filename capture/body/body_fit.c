@@ -322,7 +322,7 @@ static void evaluate(const struct fit_task *task, const struct body_pose *pose, 
     body_forward_kinematics(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, NULL, out, NULL) +
                   body_floor_energy(task, &out->build, NULL) +
-                  body_collision_energy(&out->build, out->limb_energy, NULL) +
+                  body_collision_energy(&out->build, out->limb_energy, NULL) + body_crossed_legs_energy(&out->build) +
                   body_prior_joint_limits(shape, pose, NULL, NULL);
 }
 

@@ -46,3 +46,5 @@ void normal_equations_shape_information(const struct normal_equations *s, double
 double body_floor_energy(const struct fit_task *task, const struct body_build *build, struct normal_equations *s);
 // Arms do not enter the trunk, nor one leg the other. Adds each moving segment's share to limb_energy.
 double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT], struct normal_equations *s);
+// Against knees on each other's side. Without derivatives: it decides between poses and does not pull.
+double body_crossed_legs_energy(const struct body_build *build);

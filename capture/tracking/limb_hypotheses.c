@@ -8,6 +8,7 @@
 #define FLIP_SIGMA        4    // expected_sigma of fits about the flipped body,
 #define SWAP_SIGMA        2    // about exchanged legs,
 #define MOVE_SIGMA        1.5  // and about a moved limb
+#define REFIT_RATE        0.0  // of the energy: a fit that gains less than minus this is no candidate
 #define UNEXPLAINED_M     0.04 // a point is unexplained this far off the body, and one and a half standard deviations
 #define UNEXPLAINED_SHARE 0.008
 #define MISPLACED_ENERGY  6    // a limb's energy in free space above which it is misplaced
@@ -46,6 +47,21 @@ static double energy_gain(const struct fit_task *given, const struct body_pose *
     double energy = scratch->trial.energy;
     body_fit(&task, pose, &scratch->trial);
     return energy - scratch->trial.energy;
+}
+
+// The energy gained by a fit from `pose` against a fit from the pose in scratch->best: any new fit gains something. The
+// second fit is only made where the first is not much worse than no fit at all. scratch->trial is the fit from `pose`.
+static double fair_energy_gain(const struct fit_task *given, const struct body_pose *pose, double expected_sigma,
+                               struct fit_scratch *scratch)
+{
+    double gain = energy_gain(given, pose, expected_sigma, scratch);
+    if (gain < -REFIT_RATE * scratch->best.energy)
+        return gain;
+    struct body_pose now = scratch->best.pose;
+    scratch->other = scratch->trial;
+    gain -= energy_gain(given, &now, expected_sigma, scratch);
+    scratch->trial = scratch->other;
+    return gain;
 }
 
 double flipped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
@@ -190,12 +206,10 @@ double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *s
     struct vec3 ahead = body_axis(&best->build, SEG_PELVIS, 2), left = best->build.origin[SEG_LEFT_FOOT],
                 right = best->build.origin[SEG_RIGHT_FOOT];
     struct body_pose one = reach_target(best, &body_limbs[FIRST_LEG], right, ahead),
-                     other = reach_target(best, &body_limbs[FIRST_LEG + 1], left, ahead), pose = best->pose,
-                     now = best->pose;
+                     other = reach_target(best, &body_limbs[FIRST_LEG + 1], left, ahead), pose = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.rotation[s] = s <= SEG_LEFT_FOOT ? one.rotation[s] : other.rotation[s];
-    double refit = best->shape.hem_m > 0 ? energy_gain(given, &now, SWAP_SIGMA, scratch) : 0;
-    return energy_gain(given, &pose, SWAP_SIGMA, scratch) - refit;
+    return fair_energy_gain(given, &pose, SWAP_SIGMA, scratch);
 }
 
 double limb_moved_m(int k, const struct body_build *from, const struct body_build *to)

@@ -362,7 +362,8 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
     struct pose_candidates rough = no_candidates(true);
     enum posture posture = (enum posture)(turn % POSTURES);
     bool wins = false;
-    if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) && adapt_measures(task, &s, posture)) {
+    if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) &&
+        adapt_measures(task, &s, posture)) {
         task->kernel_m = ROUGH_KERNEL_M;
         task->point_stride = START_STRIDE;
         body_evaluate(task, &pose, &before.shape.mean, &scratch->best);

@@ -50,11 +50,10 @@ enum {
 #define ARM_COST            0.5 // log-odds against an alternative pose of an arm
 // A new fit of any pose gains about a tenth of the energy; badly explained legs gain more. Of legs in a skirt less is
 // visible, and both ways are fitted alike.
-#define FLIP_REFIT_SHARE  0.1
-#define SWAP_REFIT_SHARE  0.2
-#define SKIRT_REFIT_SHARE 0.02
-#define WALKING_LOG_ODDS  6.0 // for walking ahead at WALKING_M_S or faster
-#define WALKING_M_S       0.5
+#define FLIP_REFIT_SHARE 0.1
+#define SWAP_REFIT_SHARE 0.02
+#define WALKING_LOG_ODDS 6.0 // for walking ahead at WALKING_M_S or faster
+#define WALKING_M_S      0.5
 
 // How much is learned of the shape from a frame: a little always, more the more the pose differs from the last.
 #define LEARN_RATE_MIN      0.002
@@ -127,8 +126,7 @@ static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
     bool skirt = task->shape.mean.hem_m > 0;
     return t->frames % every == every / 2 &&
            accumulate_log_odds(&t->leg_swap_log_odds,
-                               legs_swapped_log_odds(task, t->scratch) -
-                                   (skirt ? SKIRT_REFIT_SHARE : SWAP_REFIT_SHARE) * energy,
+                               legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy,
                                skirt ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS);
 }
 
