@@ -32,7 +32,11 @@ int tracker_detection_count(const struct tracker *t) { return t->detection_count
 // With the wide kernel of the limb search: points that are left unexplained have to count.
 static struct fit_task evaluation_task(const struct tracker *t)
 {
-    struct fit_task task = {.point_stride = 1, .evidence = t->evidence, .shape = t->shape, .kernel_m = SEARCH_KERNEL_M};
+    struct fit_task task = {.point_stride = 1,
+                            .evidence = t->evidence,
+                            .points = t->points.count ? &t->points : NULL,
+                            .shape = t->shape,
+                            .kernel_m = SEARCH_KERNEL_M};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     return task;
 }

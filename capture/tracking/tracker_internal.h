@@ -2,6 +2,7 @@
 // observes and commits, tracker_decide.c decides what a frame shows, tracker_backward.c serves the smoother.
 #pragma once
 #include "capture/body/hem_detector.h"
+#include "capture/body/point_evidence.h"
 #include "capture/body/pose_filter.h"
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/limb_hypotheses.h"
@@ -37,6 +38,10 @@ struct tracker {
     double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     bool flipped;                     // this frame turned the body round
+    struct body_points next_points;   // of the next frame's colour image
+    bool has_next_points;
+    struct point_evidence points; // of this frame, and of the smoother's questions about it
+    bool has_points;              // this frame's image was looked at; points.count is 0 where nobody is in it
     bool seen_ever[JOINT_COUNT];
     float out_of_image_s[JOINT_COUNT];
     struct tracker_times times;

@@ -66,6 +66,13 @@ void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
     segmenter_set_floor(t->segmenter, up, height_m);
 }
 
+void tracker_set_body_points(struct tracker *t, const struct body_points *points)
+{
+    t->has_next_points = points && t->calibration.color.width > 0;
+    if (t->has_next_points)
+        t->next_points = *points;
+}
+
 struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
 
 void tracker_add_elapsed(struct tracker *t, int64_t *step)
