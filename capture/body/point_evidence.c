@@ -9,6 +9,12 @@
 #define VISIBILITY_FULL 0.9 // one more visible than this counts in full
 #define NEAR_PLANE_M    0.2
 
+// Places and standard deviations below were measured with POSE_NETWORK_LITE on eight rendered films (woman, man, child,
+// heavy; kata and pirouette; 240 images), against the body fitted to their depth where that is within 45 mm of the true
+// joints: the larger of what median and 95th percentile give, of a body 1.72 m tall. Rendered faces are flat, so that
+// the nose is put a third further ahead. Real images are harder: an actor 250 px tall had 7.7 px, 1.4 times as much.
+#define REAL_IMAGE_RATE 1.4
+
 // A point of the body: at t along a solid's axis, and `off` in that segment's axes and the solid's radii there.
 struct point_rule {
     enum segment segment;
@@ -37,17 +43,17 @@ struct point_rule {
 #define FOOT_SOLID(side)    SOLID_##side##_LEG + 2
 
 static const struct point_rule point_rule[BODY_POINT_COUNT] = {
-    [BODY_POINT_NOSE] = {SEG_HEAD, SOLID_SKULL, 0, {0, 0, 1.1}, 0.03},
-    EACH(EYE, HEAD_OF, SKULL, 0.4, 0.4, 0, 0.9, 0.03),
-    EACH(EAR, HEAD_OF, SKULL, 0.2, 0.9, 0, 0, 0.03),
-    EACH(SHOULDER, CLAVICLE_OF, ARM_SOLID, 0, 0, 0, 0, 0.04),
-    EACH(ELBOW, ARM_OF, ARM_SOLID, 1, 0, 0, 0, 0.05),
-    EACH(WRIST, FOREARM_OF, FOREARM_SOLID, 1, 0, 0, 0, 0.05),
-    EACH(HIP, PELVIS_OF, THIGH_SOLID, 0, 0, 0, 0, 0.05),
-    EACH(KNEE, THIGH_OF, THIGH_SOLID, 1, 0, 0, 0, 0.05),
-    EACH(ANKLE, SHIN_OF, SHIN_SOLID, 1, 0, 0, 0, 0.05),
-    EACH(HEEL, FOOT_OF, FOOT_SOLID, 0, 0, 0, -0.5, 0.06),
-    EACH(TOE, FOOT_OF, FOOT_SOLID, 1, 0, 0, 0, 0.06),
+    [BODY_POINT_NOSE] = {SEG_HEAD, SOLID_SKULL, 0, {0, 0.2, 0.9}, 0.020},
+    EACH(EYE, HEAD_OF, SKULL, 0.4, 0.3, 0.3, 0.7, 0.020),
+    EACH(EAR, HEAD_OF, SKULL, 0.2, 0.6, 0.2, 0.2, 0.020),
+    EACH(SHOULDER, CLAVICLE_OF, ARM_SOLID, 0, -0.1, 0.2, 0.15, 0.030),
+    EACH(ELBOW, ARM_OF, ARM_SOLID, 1, 0, 0, 0, 0.031),
+    EACH(WRIST, FOREARM_OF, FOREARM_SOLID, 1, 0, 0, 0, 0.035),
+    EACH(HIP, PELVIS_OF, THIGH_SOLID, 0, 0, -0.1, 0.15, 0.026),
+    EACH(KNEE, THIGH_OF, THIGH_SOLID, 1, 0, 0, 0, 0.025),
+    EACH(ANKLE, SHIN_OF, SHIN_SOLID, 1, 0, 0, 0, 0.033),
+    EACH(HEEL, FOOT_OF, FOOT_SOLID, 0, -0.4, -0.4, 0, 0.041),
+    EACH(TOE, FOOT_OF, FOOT_SOLID, 1, 0, -0.3, 0, 0.050),
 };
 
 struct vec3 body_point_on(const struct body_build *build, enum body_point_name name)
@@ -83,7 +89,8 @@ void point_evidence_read(struct point_evidence *out, const struct body_points *p
             continue;
         const struct vec3 along = v3_unit(quat_rotate(depth_from_color.rotation, lens_ray(lens, px)));
         const struct vec3 right = v3_perpendicular(along);
-        const double angle = point_rule[k].sigma_m / fmax(distance_m, NEAR_PLANE_M), pixel = SIGMA_FLOOR_PX / lens->fx;
+        const double angle = REAL_IMAGE_RATE * point_rule[k].sigma_m / fmax(distance_m, NEAR_PLANE_M),
+                     pixel = SIGMA_FLOOR_PX / lens->fx;
         out->index[k] = (int8_t)out->count;
         out->ray[out->count++] = (struct point_ray){.name = (enum body_point_name)k,
                                                     .along = along,
@@ -132,14 +139,26 @@ double point_evidence_energy(const struct point_evidence *e, const struct body_b
     return energy;
 }
 
+static bool is_on(const struct point_ray *ray, int first, int count)
+{
+    const int solid = point_rule[ray->name].solid;
+    return solid >= first && solid < first + count;
+}
+
 double point_evidence_solids_energy(const struct point_evidence *e, const struct body_build *build, int first,
                                     int count)
 {
     double energy = 0;
-    for (int i = 0; e && i < e->count; i++) {
-        const int solid = point_rule[e->ray[i].name].solid;
-        if (solid >= first && solid < first + count)
+    for (int i = 0; e && i < e->count; i++)
+        if (is_on(&e->ray[i], first, count))
             energy += ray_energy(e, &e->ray[i], build, NULL);
-    }
     return energy;
+}
+
+double point_evidence_dispute(const struct point_evidence *e, const struct body_build *build, int first, int count)
+{
+    double most = 0;
+    for (int i = 0; e && i < e->count; i++)
+        most += is_on(&e->ray[i], first, count) ? e->ray[i].weight * POINT_ENERGY_MAX : 0;
+    return most > 0 ? point_evidence_solids_energy(e, build, first, count) / most : 0;
 }

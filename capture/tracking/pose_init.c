@@ -10,6 +10,7 @@ enum { YAWS = 8, FACINGS = 4 };
 #define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
 #define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
 #define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor under them: little other evidence
+#define AWAY_LOG_ODDS_SEEN   3.0   // the same with points of the colour image, which tell the face and left from right
 #define EVALUATE_KERNEL_M    0.20  // wide, so that an unexplained toe counts
 #define REINIT_LOG_ODDS      20.0  // against the followed body having been wrong all along
 #define FEET_SEEN_LOG_ODDS   5.0   // the same when feet appear: proportions learned without them are uncertain
@@ -130,7 +131,7 @@ struct start_pose {
 
 struct pose_candidates {
     struct start_pose of[FACINGS];
-    bool unsure; // no feet are visible, or no floor is known
+    double away_log_odds; // against one that faces away
 };
 
 static struct vec3 ahead_of(const struct body_pose *pose)
@@ -139,16 +140,27 @@ static struct vec3 ahead_of(const struct body_pose *pose)
 }
 
 // Log-odds against a pose that faces away: most people face the sensor at the start.
-static double facing_log_odds(const struct body_pose *pose, bool unsure)
+static double facing_log_odds(const struct body_pose *pose, double away_log_odds)
 {
-    return (unsure ? AWAY_LOG_ODDS_UNSURE : AWAY_LOG_ODDS) * 0.5 * (1 + ahead_of(pose).z);
+    return away_log_odds * 0.5 * (1 + ahead_of(pose).z);
+}
+
+// unsure: no feet are visible, or no floor is known.
+static struct pose_candidates no_candidates(const struct fit_task *task, bool unsure)
+{
+    struct pose_candidates none = {.away_log_odds = task->points ? AWAY_LOG_ODDS_SEEN
+                                                    : unsure     ? AWAY_LOG_ODDS_UNSURE
+                                                                 : AWAY_LOG_ODDS};
+    for (int i = 0; i < FACINGS; i++)
+        none.of[i].energy = INFINITY;
+    return none;
 }
 
 static void keep_best(struct pose_candidates *c, const struct fit_result *r)
 {
     struct vec3 ahead = ahead_of(&r->pose);
     int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
-    double energy = r->energy + facing_log_odds(&r->pose, c->unsure);
+    double energy = r->energy + facing_log_odds(&r->pose, c->away_log_odds);
     if (energy < c->of[facing].energy)
         c->of[facing] = (struct start_pose){r->pose, r->shape, energy};
 }
@@ -218,7 +230,7 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
         struct start_pose fine = {scratch->best.pose, scratch->best.shape, 0};
         task->kernel_m = EVALUATE_KERNEL_M;
         body_evaluate(task, &fine.pose, &fine.shape, &scratch->best);
-        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure);
+        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->away_log_odds);
         if (fine.energy < best.energy)
             best = fine;
     }
@@ -229,11 +241,9 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
 // No standing pose fits well, whichever way it faces: tries a raised leg.
 static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_scratch *scratch)
 {
-    struct pose_candidates rough = {.unsure = !task->have_floor};
+    struct pose_candidates rough = no_candidates(task, !task->have_floor);
     struct start_pose standing = {scratch->best.pose, scratch->best.shape, scratch->best.energy};
-    standing.energy += facing_log_odds(&standing.pose, rough.unsure);
-    for (int i = 0; i < FACINGS; i++)
-        rough.of[i].energy = INFINITY;
+    standing.energy += facing_log_odds(&standing.pose, rough.away_log_odds);
     task->learn_shape = false;
     task->point_stride = START_STRIDE;
     for (int yaw = 0; yaw < YAWS; yaw++)
@@ -243,7 +253,7 @@ static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_scratc
             fit_start(task, &pose, scratch, &rough);
         }
     choose_best(task, &rough, scratch);
-    if (scratch->best.energy + facing_log_odds(&scratch->best.pose, rough.unsure) < standing.energy)
+    if (scratch->best.energy + facing_log_odds(&scratch->best.pose, rough.away_log_odds) < standing.energy)
         return;
     body_evaluate(task, &standing.pose, &standing.shape, &scratch->best);
     task->shape.mean = standing.shape;
@@ -291,9 +301,7 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     apply_skirt(task, s.height);
     task->learn_shape = false;
     struct vec3 root = standing_root(task, &s);
-    struct pose_candidates rough = {.unsure = s.legs_cropped || !task->have_floor};
-    for (int i = 0; i < FACINGS; i++)
-        rough.of[i].energy = INFINITY;
+    struct pose_candidates rough = no_candidates(task, s.legs_cropped || !task->have_floor);
     task->point_stride = START_STRIDE;
     try_standing(task, &s, root, scratch, &rough);
     choose_best(task, &rough, scratch);

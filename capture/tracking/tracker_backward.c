@@ -15,6 +15,8 @@ void tracker_begin_backward(struct tracker *t, const struct body_shape *shape)
     memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
 }
 
+const struct body_points *tracker_points(const struct tracker *t) { return t->has_points ? &t->next_points : NULL; }
+
 void tracker_add_prior(struct tracker *t, const struct body_pose *pose)
 {
     t->prior_pose = *pose;

@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,6 +41,7 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
         tracker_close(&t);
         return status;
     }
+    t->frames_since_image = t->frames_since_points = INT_MAX / 2; // no colour so far
     *out = t;
     return OK;
 }
@@ -98,6 +100,8 @@ void tracker_drop_person(struct tracker *t)
 void tracker_reset(struct tracker *t)
 {
     tracker_drop_person(t);
-    t->backward = false;
+    t->backward = t->has_next_points = false;
+    t->unconfirmed_images = 0;
+    t->frames_since_image = t->frames_since_points = INT_MAX / 2;
     segmenter_reset(t->segmenter);
 }
