@@ -84,11 +84,12 @@ void point_evidence_read(struct point_evidence *out, const struct body_points *p
     for (int k = 0; points->person && k < BODY_POINT_COUNT; k++) {
         const struct body_point *p = &points->at[k];
         const struct pixel px = {(double)p->x_px, (double)p->y_px};
-        const double seen = fmin(1, ((double)p->visibility - VISIBILITY_NONE) / (VISIBILITY_FULL - VISIBILITY_NONE));
-        if (!(seen > 0) || !in_image(lens, px))
+        const double beyond = (double)p->visibility - VISIBILITY_NONE, full = VISIBILITY_FULL - VISIBILITY_NONE;
+        if (!(beyond > 0) || !in_image(lens, px))
             continue;
         const struct vec3 along = v3_unit(quat_rotate(depth_from_color.rotation, lens_ray(lens, px)));
         const struct vec3 right = v3_perpendicular(along);
+        const double seen = fmin(1, beyond / full);
         const double angle = REAL_IMAGE_RATE * point_rule[k].sigma_m / fmax(distance_m, NEAR_PLANE_M),
                      pixel = SIGMA_FLOOR_PX / lens->fx;
         out->index[k] = (int8_t)out->count;

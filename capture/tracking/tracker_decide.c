@@ -40,6 +40,7 @@ enum {
 // while something is lost, any other pose fits better. Chosen by hand; docs/results.md measures the outcome.
 #define DECAY               0.9
 #define TRIAL_SHARE         0.4
+#define POINTED_TRIAL_SHARE 0.6 // the same where colour's points favour it as well: two images must agree
 #define FLIP_LOG_ODDS       20
 #define LEG_SWAP_LOG_ODDS   20
 #define SKIRT_SWAP_LOG_ODDS 10 // of legs in a skirt
@@ -93,9 +94,10 @@ static bool is_uncropped(const struct depth_evidence *e)
 }
 
 // Accumulates a pose's log-odds over the trials. True: they reached `enough`, and start from 0 again.
-static bool accumulate_log_odds(double *evidence, double gain, double enough)
+static bool accumulate_log_odds(double *evidence, double gain, double enough, bool pointed)
 {
-    *evidence = fmax(0, DECAY * *evidence + fmin(gain, TRIAL_SHARE * enough));
+    const double most = (pointed ? POINTED_TRIAL_SHARE : TRIAL_SHARE) * enough;
+    *evidence = fmax(0, DECAY * *evidence + fmin(gain, most));
     if (*evidence < enough)
         return false;
     *evidence = 0;
@@ -118,11 +120,14 @@ static double points_log_odds(const struct fit_task *task, const struct fit_resu
     return point_evidence_energy(task->points, &best->build, NULL) - point_evidence_energy(task->points, &build, NULL);
 }
 
-enum trial { TRIAL_NONE, TRIAL_FLIP, TRIAL_LEGS };
+struct trial {
+    bool flip, legs; // at most one
+    bool pointed;    // the points favour it
+};
 
 // Which of the two a frame tries. In frames with points that which they favour, else one after the other, and none in
 // the frames between them, in which the points' evidence is missing.
-static enum trial choose_trial(struct tracker *t, const struct fit_task *task)
+static struct trial choose_trial(struct tracker *t, const struct fit_task *task)
 {
     const int every = t->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
     if (task->points) {
@@ -132,13 +137,13 @@ static enum trial choose_trial(struct tracker *t, const struct fit_task *task)
         const double flip = points_log_odds(task, best, &flipped), legs = points_log_odds(task, best, &exchanged);
         t->pointed_frames++;
         if (fmax(flip, legs) > POINTS_FAVOUR)
-            return flip > legs ? TRIAL_FLIP : TRIAL_LEGS;
+            return (struct trial){flip > legs, flip <= legs, true};
         if (is_uncropped(t->evidence))
-            return t->pointed_frames % 2 ? TRIAL_FLIP : TRIAL_LEGS;
+            return (struct trial){t->pointed_frames % 2, t->pointed_frames % 2 == 0, false};
     }
     if (!is_uncropped(t->evidence) || tracker_points_decide(t)) // of depth, only feet tell
-        return TRIAL_NONE;
-    return t->frames % every == 0 ? TRIAL_FLIP : t->frames % every == every / 2 ? TRIAL_LEGS : TRIAL_NONE;
+        return (struct trial){false, false, false};
+    return (struct trial){t->frames % every == 0, t->frames % every == every / 2, false};
 }
 
 // Depth shows a person from the front and from behind alike, and legs that crossed. Periodically the flipped body and
@@ -146,16 +151,17 @@ static enum trial choose_trial(struct tracker *t, const struct fit_task *task)
 static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
 {
     const double energy = t->scratch->best.energy;
-    const enum trial trial = choose_trial(t, task);
-    if (trial == TRIAL_FLIP)
-        return t->flipped = accumulate_log_odds(
-                   &t->flip_log_odds,
-                   flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy + walking_log_odds(t), FLIP_LOG_ODDS);
+    const struct trial trial = choose_trial(t, task);
+    if (trial.flip)
+        return t->flipped = accumulate_log_odds(&t->flip_log_odds,
+                                                flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy +
+                                                    walking_log_odds(t),
+                                                FLIP_LOG_ODDS, trial.pointed);
     bool alike = task->shape.mean.hem_m > 0 || task->points; // both ways are fitted alike
-    return trial == TRIAL_LEGS && accumulate_log_odds(&t->leg_swap_log_odds,
-                                                      legs_swapped_log_odds(task, t->scratch) -
-                                                          (alike ? SKIRT_REFIT_SHARE : SWAP_REFIT_SHARE) * energy,
-                                                      alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS);
+    return trial.legs && accumulate_log_odds(&t->leg_swap_log_odds,
+                                             legs_swapped_log_odds(task, t->scratch) -
+                                                 (alike ? SKIRT_REFIT_SHARE : SWAP_REFIT_SHARE) * energy,
+                                             alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS, trial.pointed);
 }
 
 // An arm fitted in front of the trunk may leave nothing unexplained although it is elsewhere: one arm a frame is tried,
@@ -167,7 +173,7 @@ static void try_limb_alternative(struct tracker *t, struct fit_task *task)
     if (!task->points && tracker_points_decide(t) && t->limb_log_odds[arm] > 0)
         return;
     if (!accumulate_log_odds(&t->limb_log_odds[arm], limb_alternative_log_odds(task, arm, t->scratch) - ARM_COST,
-                             ARM_LOG_ODDS))
+                             ARM_LOG_ODDS, disputed >= 0))
         return;
     task->expected = t->scratch->best.pose;
     limb_copy(arm, &t->scratch->trial.pose, &task->expected);
