@@ -77,3 +77,11 @@ void queue_stop(struct queue *q)
     pthread_cond_broadcast(&q->changed);
     pthread_mutex_unlock(&q->lock);
 }
+
+int queue_count(struct queue *q)
+{
+    pthread_mutex_lock(&q->lock);
+    const int count = q->count;
+    pthread_mutex_unlock(&q->lock);
+    return count;
+}

@@ -17,5 +17,8 @@ bool queue_try_put(struct queue *q, void *item);
 // Waits for an item. NULL: stopped and empty.
 void *queue_take(struct queue *q);
 
+// How many items are in it now.
+int queue_count(struct queue *q);
+
 // From either thread: puts fail from now on; takes continue until the queue is empty.
 void queue_stop(struct queue *q);

@@ -1,7 +1,8 @@
-// The recorder's three threads and the smoothing after them.
+// The recorder's threads and the smoothing after them.
 #include "capture/recorder.h"
 
 #include "capture/segmentation/background_depth.h"
+#include "capture/body_points.h"
 #include "capture/body_radii.h"
 #include "capture/sensor_pose.h"
 #include "capture/tracking/skeleton_smoother.h"
@@ -19,6 +20,10 @@
 // sensor can wait before a frame is dropped.
 enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
 
+// Body points are looked for in every third image, 10 a second: errors of neighbouring images are alike, and a network
+// takes 10 to 30 ms. A live source's image is left out where so many frames wait behind it already.
+enum { LOOK_EVERY = 3, LOOK_WAITING_MAX = 15, WAITING_LOOKED = 4 };
+
 static const int JPEG_QUALITY = 92; // for sensors that deliver raw images. Chosen by hand
 
 // One frame on its way through the threads. Owns copies of its images.
@@ -28,7 +33,8 @@ struct item {
     uint16_t *depth;
     size_t jpeg_bytes;
     struct pose world_from_camera;
-    bool located, has_skeleton, body_changed;
+    bool located, has_skeleton, body_changed, has_points;
+    struct body_points points;
     struct skeleton skeleton;
     struct body body;
 };
@@ -37,7 +43,12 @@ struct recorder {
     const struct calibration *calibration;
     const struct place *place; // may be NULL
     struct recording_writer *writer;
-    struct queue *to_process, *to_write;
+    struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
+
+    // used by the looking thread only, until it is joined
+    struct pose_network *network;
+    int64_t seen, looked;
+    bool live;
 
     // used by the processing thread only, until it is joined
     struct tracker *tracker;
@@ -55,7 +66,7 @@ struct recorder {
     int64_t written, tracked;
 
     // how each worker ended, with its sentence, which is kept per thread
-    struct failure process_failure, write_failure;
+    struct failure look_failure, process_failure, write_failure;
 };
 
 static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -103,6 +114,41 @@ static struct item *item_from_frame(const struct frame *frame, const struct cali
     return item;
 }
 
+// ------------------------------------------------------------- looking for body points
+
+// The points of image k belong to frame k and travel with it, so that the same images give the same joints. A recorded
+// source waits for them. A live one's frames queue up meanwhile, and only where the network does not keep up with the
+// sensor are images left out.
+static enum status look_at(struct recorder *r, struct item *item)
+{
+    const bool due = r->seen++ % LOOK_EVERY == 0 && !(r->live && queue_count(r->to_look) > LOOK_WAITING_MAX);
+    if (!due || !item->color)
+        return OK;
+    const struct lens *lens = &r->calibration->color;
+    enum status status = body_points_of_image(r->network, item->color, lens->width, lens->height, &item->points);
+    item->has_points = status == OK;
+    r->looked++;
+    return status < 0 ? status : OK;
+}
+
+static void *look_at_all(void *context)
+{
+    struct recorder *r = context;
+    enum status status = OK;
+    struct item *item;
+    while (status == OK && (item = queue_take(r->to_look))) {
+        status = look_at(r, item);
+        if (status != OK || !queue_put(r->to_process, item)) {
+            item_free(item);
+            break;
+        }
+    }
+    failure_keep(&r->look_failure, status);
+    queue_stop(r->to_look);
+    queue_stop(r->to_process);
+    return NULL;
+}
+
 // ------------------------------------------------------------- processing
 
 // Gives the tracker the background depth and the floor of the place, once the sensor is located and again when it was
@@ -146,6 +192,8 @@ static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const s
 static enum status track_item(struct recorder *r, struct item *item)
 {
     enum status status = NOTHING;
+    if (item->has_points)
+        tracker_set_body_points(r->tracker, &item->points);
     if (item->depth)
         status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
     if (status < 0)
@@ -280,10 +328,11 @@ static enum status read_all(struct recorder *r, struct source *source, const str
         struct item *item = item_from_frame(&frame, r->calibration);
         if (!item)
             return fail(ERR_MEMORY, "no memory for another frame");
-        bool taken = source_is_live(source) ? queue_try_put(r->to_process, item) : queue_put(r->to_process, item);
+        struct queue *first = r->to_look ? r->to_look : r->to_process;
+        bool taken = r->live ? queue_try_put(first, item) : queue_put(first, item);
         if (!taken) {
             item_free(item);
-            if (!source_is_live(source)) // a worker failed; its own status says why
+            if (!r->live) // a worker failed; its own status says why
                 return OK;
             result->dropped++;
         }
@@ -304,32 +353,52 @@ static void drain(struct queue *queue)
 
 static void recorder_free(struct recorder *r)
 {
+    if (r->to_look)
+        drain(r->to_look);
     if (r->to_process)
         drain(r->to_process);
     if (r->to_write)
         drain(r->to_write);
+    queue_close(&r->to_look);
     queue_close(&r->to_process);
     queue_close(&r->to_write);
     sensor_pose_close(&r->sensor_pose);
     tracker_close(&r->tracker);
     smoother_close(&r->smoother);
+    pose_network_close(&r->network);
     free(r->background);
 }
 
-static enum status recorder_prepare(struct recorder *r, size_t smoother_bytes_max)
+// Without the networks everything works from depth alone; the result says so.
+static enum status prepare_points(struct recorder *r, struct recorder_result *result)
+{
+    if (r->calibration->color.width <= 0)
+        return OK;
+    enum status status = pose_network_open(&r->network, NULL, POSE_NETWORK_LITE);
+    if (status == ERR_MISSING) {
+        snprintf(result->no_body_points, sizeof result->no_body_points, "%.255s", status_message());
+        return OK;
+    }
+    return status == OK ? queue_open(&r->to_look, WAITING_FRAMES) : status;
+}
+
+static enum status recorder_prepare(struct recorder *r, const struct recorder_options *given,
+                                    struct recorder_result *result)
 {
     struct tracker_options options = tracker_default_options();
     body_radii_start(&r->radii);
-    enum status status = tracker_open(&r->tracker, r->calibration, &options);
+    enum status status = given->body_points ? prepare_points(r, result) : OK;
+    if (status == OK)
+        status = tracker_open(&r->tracker, r->calibration, &options);
     if (status == OK)
         status = smoother_open(&r->smoother, r->calibration);
     if (status == OK)
-        smoother_limit_memory(r->smoother, smoother_bytes_max);
+        smoother_limit_memory(r->smoother, given->smoother_bytes_max);
     if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) &&
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
-        status = queue_open(&r->to_process, WAITING_FRAMES);
+        status = queue_open(&r->to_process, r->to_look ? WAITING_LOOKED : WAITING_FRAMES);
     if (status == OK)
         status = queue_open(&r->to_write, WAITING_WRITES);
     if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
@@ -342,6 +411,7 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     struct pose pose;
     result->frames = r->written;
     result->tracked = r->tracked;
+    result->looked = r->looked;
     result->dropped += source_dropped(source);
     result->located = r->sensor_pose && sensor_pose_get(r->sensor_pose, &pose);
     result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
@@ -419,12 +489,12 @@ static enum status smooth_take(struct recorder *r, const char *name, const struc
     return status == NOTHING ? OK : status;
 }
 
-// Runs the two workers beside read_all. Of several failures the likeliest cause is returned: writing, then processing,
-// then the sensor.
+// Runs the workers beside read_all. Of several failures the likeliest cause is returned: writing, then processing, then
+// looking, then the sensor.
 static enum status run_threads(struct recorder *r, struct source *source, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    pthread_t processing, writing;
+    pthread_t looking, processing, writing;
     if (pthread_create(&processing, NULL, process_all, r))
         return fail(ERR_MEMORY, "no thread to track the person on");
     if (pthread_create(&writing, NULL, write_all, r)) {
@@ -433,7 +503,13 @@ static enum status run_threads(struct recorder *r, struct source *source, const 
         pthread_join(processing, NULL);
         return fail(ERR_MEMORY, "no thread to write the recording on");
     }
-    enum status read_status = read_all(r, source, options, result);
+    const bool looks = r->to_look && !pthread_create(&looking, NULL, look_at_all, r);
+    enum status read_status = r->to_look && !looks ? fail(ERR_MEMORY, "no thread to look for body points on")
+                                                   : read_all(r, source, options, result);
+    if (looks) {
+        queue_stop(r->to_look);
+        pthread_join(looking, NULL);
+    }
     queue_stop(r->to_process);
     pthread_join(processing, NULL);
     pthread_join(writing, NULL);
@@ -441,6 +517,8 @@ static enum status run_threads(struct recorder *r, struct source *source, const 
         return failure_restore(&r->write_failure);
     if (r->process_failure.status != OK)
         return failure_restore(&r->process_failure);
+    if (r->look_failure.status != OK)
+        return failure_restore(&r->look_failure);
     return read_status;
 }
 
@@ -449,10 +527,11 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
                          struct recorder_result *result)
 {
     *result = (struct recorder_result){0};
-    struct recorder r = {.calibration = source_calibration(source), .place = place, .writer = writer};
+    struct recorder r = {
+        .calibration = source_calibration(source), .place = place, .writer = writer, .live = source_is_live(source)};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
-        status = recorder_prepare(&r, options->smoother_bytes_max);
+        status = recorder_prepare(&r, options, result);
         if (status == OK)
             status = run_threads(&r, source, options, result);
         fill_result(&r, source, result);

@@ -1,8 +1,10 @@
 // Records one take: frames from a source, the actor segmented and tracked in them, everything into a recording.
 //
 // Three threads pass frames along in bounded queues: the caller's reads the source; one locates the sensor, segments
-// and tracks; one encodes and writes. A live source that is faster than they are loses frames, which are counted; a
-// recorded one waits. What is written depends on the frames alone, never on timing.
+// and tracks; one encodes and writes. With body points a fourth looks for them in every third colour image, between
+// reading and tracking. A live source that is faster than they are loses frames, which are counted; a
+// recorded one waits. What is written depends on the frames alone, never on timing; of a live source, also on whether
+// the network keeps up: where 15 frames wait, images are left out rather than frames lost.
 //
 // When the take has ended and is complete, its depth is read again from the end to the beginning, and the online joints
 // are replaced by smoothed ones (skeleton_smoother.h); not if the sensor was moved by 5 cm, a degree or more. That
@@ -22,12 +24,15 @@ struct recorder_options {
     void (*on_smoothing_begin)(void *context, int64_t frames); // `frames` will now be smoothed; may be NULL
     void (*on_smoothed)(void *context);                        // called for each of them; may be NULL
     void *context;
+    bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)
     size_t smoother_bytes_max; // for the frames to be smoothed; a longer take is not smoothed. 0 = no limit
 };
 
 struct recorder_result {
     int64_t frames;               // written
     int64_t tracked;              // of them with a person
+    int64_t looked;               // of them looked at for body points
+    char no_body_points[256];     // why none were looked for although wanted: the networks are missing; "" else
     int64_t dropped;              // lost by the sensor or by the recorder
     int64_t damaged;              // images that could not be read
     char first_damage[256];       // the error sentence of the first of them; "" when none

@@ -9,7 +9,7 @@
 
 struct record_arguments {
     const char *sensor, *into, *out, *take;
-    bool json;
+    bool json, no_body_points;
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
@@ -21,6 +21,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case COMMAND_KEY + 2: given->out = value; return 0;
     case COMMAND_KEY + 3: given->take = value; return 0;
     case COMMAND_KEY + 4: given->json = true; return 0;
+    case COMMAND_KEY + 5: given->no_body_points = true; return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
         command_require(state, given->sensor, "--sensor URI");
@@ -48,6 +49,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_string(root, "take", given->take);
         json_add_number(root, "frames", (double)r->frames);
         json_add_number(root, "tracked", (double)r->tracked);
+        json_add_number(root, "body_points_looked", (double)r->looked);
         json_add_number(root, "dropped", (double)r->dropped);
         json_add_number(root, "damaged", (double)r->damaged);
         json_add_bool(root, "located", r->located);
@@ -77,6 +79,9 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
     if (r->damaged)
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
                 (long long)r->damaged, r->first_damage);
+    if (*r->no_body_points)
+        fprintf(stderr, "%s: tracked from depth alone, without body points from colour: %s\n", program,
+                r->no_body_points);
     if (has_place && !r->located)
         fprintf(stderr, "%s: the sensor recognised nothing of the place, so it is unknown where the actor stood\n",
                 program);
@@ -102,7 +107,8 @@ static enum status record(const struct record_arguments *given, struct place *pl
                                            .on_frame = step,
                                            .on_smoothing_begin = start_smoothing,
                                            .on_smoothed = step,
-                                           .context = &progress};
+                                           .context = &progress,
+                                           .body_points = !given->no_body_points};
         command_catch_signals();
         progress_bar_start(&progress, "filming", source_remaining(source));
         status = recorder_run(source, writer, given->take, place, &options, result);
@@ -120,6 +126,8 @@ int capture_record(int argc, char **argv)
         {"into", COMMAND_KEY + 1, "FILE", 0, "add the take to this recording, whose place the sensor is located in", 0},
         {"out", COMMAND_KEY + 2, "FILE", 0, "make a new recording without a place", 0},
         {"take", COMMAND_KEY + 3, "NAME", 0, "the take's name", 0},
+        {"no-body-points", COMMAND_KEY + 5, NULL, 0,
+         "track from depth alone, even where the networks that find body points in colour images are there", 0},
         COMMAND_OPTION_JSON(COMMAND_KEY + 4),
         {0},
     };

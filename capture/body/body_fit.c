@@ -324,6 +324,8 @@ static void evaluate(const struct fit_task *task, const struct body_pose *pose, 
                   body_floor_energy(task, &out->build, NULL) +
                   body_collision_energy(&out->build, out->limb_energy, NULL) + body_crossed_legs_energy(&out->build) +
                   body_prior_joint_limits(shape, pose, NULL, NULL);
+    if (task->points)
+        out->energy += point_evidence_energy(task->points, &out->build, NULL);
 }
 
 void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
@@ -352,6 +354,8 @@ double body_evaluate_limb(const struct fit_task *task, const struct body_build *
     energy *= point_share(task->evidence);
     for (int k = first; k < first + count; k++)
         energy += add_free_solid(task, build, k, NULL, NULL);
+    if (task->points)
+        energy += point_evidence_solids_energy(task->points, build, first, count);
     return energy;
 }
 
@@ -373,6 +377,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         add_free_space(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
         body_floor_energy(task, &out->build, &system);
         body_collision_energy(&out->build, out->limb_energy, &system);
+        point_evidence_energy(task->points, &out->build, &system); // the shape is not learned from them
         normal_equations_assemble(&system, &out->build);
         body_prior_joint_limits(&shape, &pose, &system.h[0][0], system.g);
         body_prior_motion(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);

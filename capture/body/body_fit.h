@@ -3,16 +3,18 @@
 // (point-to-plane residuals, as in Chen and Medioni 1992), and samples of the model must lie inside the mask's
 // silhouette and not in front of the measured depth (free space).
 //
-// The energy is dimensionless: the sum of what points, silhouette, joint limits, floor, collisions and motion have
-// against a pose, each squared and in units of its own variance, halved. It is a negative log-likelihood but for a
-// constant, so that differences of energies are log-odds. Points have the robust kernel of Geman and McClure (1985),
-// 0.5 w e^2 c^2 / (c^2 + e^2) with c = kernel_m; silhouette samples have the same with c = 25 cm. Gauss-Newton uses its
-// weight w (c^2 / (c^2 + e^2))^2 (iteratively reweighted least squares).
+// The energy is dimensionless: the sum of what points, silhouette, joint limits, floor, collisions, motion and, where
+// there are any, points of the colour image (point_evidence.h) have against a pose, each squared and in units of its
+// own variance, halved. It is a negative log-likelihood but for a constant, so that differences of energies are
+// log-odds. Points have the robust kernel of Geman and McClure (1985), 0.5 w e^2 c^2 / (c^2 + e^2) with c = kernel_m;
+// silhouette samples have the same with c = 25 cm. Gauss-Newton uses its weight w (c^2 / (c^2 + e^2))^2 (iteratively
+// reweighted least squares).
 //
 // Camera axes (x right, y down, z forward), metres and radians. Pure: no allocation, any thread with its own result.
 #pragma once
 #include "capture/body/depth_evidence.h"
 #include "capture/body/body_model.h"
+#include "capture/body/point_evidence.h"
 
 enum {
     FIT_POSE_COUNT = 3 + 3 * SEG_COUNT, // root, then each segment's rotation vector in its parent's axes
@@ -31,6 +33,7 @@ double shape_log_odds(const struct body_shape *shape);
 
 struct fit_task {
     const struct depth_evidence *evidence;
+    const struct point_evidence *points; // of the colour image; NULL: there is none
     bool have_floor;
     struct vec3 up;
     double floor_m;            // the camera's height over the floor
@@ -85,6 +88,6 @@ struct limb_evidence {
     int point_count;
 };
 
-// The energy of these points and of the silhouette for a limb's solids where `build` has them.
+// The energy of these points, of the colour image's and of the silhouette for a limb's solids where `build` has them.
 double body_evaluate_limb(const struct fit_task *task, const struct body_build *build,
                           const struct limb_evidence *limb);

@@ -2,6 +2,7 @@
 
 #include "capture/body/solid_distance.h"
 #include "capture/body/two_bone_ik.h"
+#include "capture/tracking/point_hypotheses.h"
 
 // Chosen by hand; docs/results.md measures the outcome.
 #define LIMB_MOVE_ENERGY  20   // energy that a limb must gain for each metre that a search moves it
@@ -152,6 +153,19 @@ static int find_poles(const struct fit_task *task, const struct fit_result *r, i
     return 3;
 }
 
+// Where the colour image's points have a limb, if they dispute where it is.
+static void try_points(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
+{
+    struct limb_target target[LIMB_TARGETS_MAX];
+    if (!task->points || !point_limb_is_disputed(task->points, &scratch->best.build, k))
+        return;
+    const int count = point_limb_targets(task->points, &scratch->best.build, k, target);
+    for (int i = 0; i < count; i++) {
+        const struct body_pose pose = reach_target(&scratch->best, &body_limbs[k], target[i].end, target[i].pole);
+        try_pose(task, &pose, scratch, least);
+    }
+}
+
 static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
 {
     const struct body_limb *l = &body_limbs[k];
@@ -160,6 +174,7 @@ static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scr
     double misplaced_energy = best->limb_energy[l->upper] + best->limb_energy[l->lower] + best->limb_energy[l->end];
     struct vec3 pole[POLES], down = v3_scale(task->up, -1);
     int pole_count = find_poles(task, best, k, pole);
+    try_points(task, k, scratch, least);
     if (unexplained.count > UNEXPLAINED_SHARE * task->evidence->count && unexplained.count >= UNEXPLAINED_MIN) {
         struct body_pose pose = reach_target(best, l, unexplained.far, pole[0]);
         try_pose(task, &pose, scratch, least);
@@ -200,15 +215,20 @@ int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
     return moved;
 }
 
-double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
+struct body_pose legs_swapped_pose(const struct fit_result *best)
 {
-    struct fit_result *best = &scratch->best;
     struct vec3 ahead = body_axis(&best->build, SEG_PELVIS, 2), left = best->build.origin[SEG_LEFT_FOOT],
                 right = best->build.origin[SEG_RIGHT_FOOT];
     struct body_pose one = reach_target(best, &body_limbs[FIRST_LEG], right, ahead),
                      other = reach_target(best, &body_limbs[FIRST_LEG + 1], left, ahead), pose = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.rotation[s] = s <= SEG_LEFT_FOOT ? one.rotation[s] : other.rotation[s];
+    return pose;
+}
+
+double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
+{
+    struct body_pose pose = legs_swapped_pose(&scratch->best);
     return fair_energy_gain(given, &pose, SWAP_SIGMA, scratch);
 }
 
@@ -375,6 +395,10 @@ static void find_candidates(struct limb_task *t, int k)
         struct vec3 elbow = best->build.origin[t->limb->lower], hand = best->build.origin[t->limb->end];
         keep_candidate(t, elbow, v3_sub(hand, base));
     }
+    struct limb_target target[LIMB_TARGETS_MAX];
+    const int pointed = point_limb_targets(t->task->points, &best->build, k, target);
+    for (int i = 0; i < pointed; i++)
+        keep_candidate(t, target[i].end, target[i].pole);
 }
 
 double limb_alternative_log_odds(const struct fit_task *given, int k, struct fit_scratch *scratch)

@@ -25,8 +25,10 @@ double limb_alternative_log_odds(const struct fit_task *task, int limb, struct f
 // Fits the body that faces the other way into scratch->trial. Returns the energy gained, negative where it has more.
 double flipped_log_odds(const struct fit_task *task, struct fit_scratch *scratch);
 
-// The same for the body with its feet exchanged.
+// The same for the body with its feet exchanged, as in legs_swapped_pose.
 double legs_swapped_log_odds(const struct fit_task *task, struct fit_scratch *scratch);
+
+struct body_pose legs_swapped_pose(const struct fit_result *best);
 
 // Distance that a limb's middle joint or its end moved, whichever is more.
 double limb_moved_m(int limb, const struct body_build *from, const struct body_build *to);

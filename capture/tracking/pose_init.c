@@ -10,6 +10,7 @@ enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
 #define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
 #define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
 #define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor under them: little other evidence
+#define AWAY_LOG_ODDS_SEEN   3.0   // the same with points of the colour image, which tell the face and left from right
 #define EVALUATE_KERNEL_M    0.20  // wide, so that an unexplained toe counts
 #define REINIT_LOG_ODDS      20.0  // against the followed body having been wrong all along
 #define FEET_SEEN_LOG_ODDS   5.0   // the same when feet appear: proportions learned without them are uncertain
@@ -167,16 +168,8 @@ struct start_pose {
 // of people as tall as their points, and of others.
 struct pose_candidates {
     struct start_pose of[FACINGS * SIZES];
-    bool unsure; // no feet are visible, or no floor is known
+    double away_log_odds; // against one that faces away
 };
-
-static struct pose_candidates no_candidates(bool unsure)
-{
-    struct pose_candidates c = {.unsure = unsure};
-    for (int i = 0; i < FACINGS * SIZES; i++)
-        c.of[i].energy = INFINITY;
-    return c;
-}
 
 static struct vec3 ahead_of(const struct body_pose *pose)
 {
@@ -184,16 +177,27 @@ static struct vec3 ahead_of(const struct body_pose *pose)
 }
 
 // Log-odds against a pose that faces away: most people face the sensor at the start.
-static double facing_log_odds(const struct body_pose *pose, bool unsure)
+static double facing_log_odds(const struct body_pose *pose, double away_log_odds)
 {
-    return (unsure ? AWAY_LOG_ODDS_UNSURE : AWAY_LOG_ODDS) * 0.5 * (1 + ahead_of(pose).z);
+    return away_log_odds * 0.5 * (1 + ahead_of(pose).z);
+}
+
+// unsure: no feet are visible, or no floor is known.
+static struct pose_candidates no_candidates(const struct fit_task *task, bool unsure)
+{
+    struct pose_candidates none = {.away_log_odds = task->points ? AWAY_LOG_ODDS_SEEN
+                                                    : unsure     ? AWAY_LOG_ODDS_UNSURE
+                                                                 : AWAY_LOG_ODDS};
+    for (int i = 0; i < FACINGS * SIZES; i++)
+        none.of[i].energy = INFINITY;
+    return none;
 }
 
 static void keep_best(struct pose_candidates *c, const struct fit_result *r, enum posture posture)
 {
     struct vec3 ahead = ahead_of(&r->pose);
     int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
-    double energy = r->energy + facing_log_odds(&r->pose, c->unsure) + shape_log_odds(&r->shape);
+    double energy = r->energy + facing_log_odds(&r->pose, c->away_log_odds) + shape_log_odds(&r->shape);
     struct start_pose *best = &c->of[facing + (height_rate[posture] == 1 ? 0 : FACINGS)];
     if (energy < best->energy)
         *best = (struct start_pose){r->pose, r->shape, energy};
@@ -262,7 +266,8 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
         struct start_pose fine = {scratch->best.pose, scratch->best.shape, 0};
         task->kernel_m = EVALUATE_KERNEL_M;
         body_evaluate(task, &fine.pose, &fine.shape, &scratch->best);
-        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure) + shape_log_odds(&fine.shape);
+        fine.energy =
+            scratch->best.energy + facing_log_odds(&fine.pose, rough->away_log_odds) + shape_log_odds(&fine.shape);
         if (fine.energy < best.energy)
             best = fine;
     }
@@ -334,7 +339,7 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     struct person_measures s;
     if (task->evidence->count < POINTS_MIN || !measure(task, &s))
         return false;
-    struct pose_candidates rough = no_candidates(s.legs_cropped || !task->have_floor);
+    struct pose_candidates rough = no_candidates(task, s.legs_cropped || !task->have_floor);
     for (enum posture p = ARMS_DOWN; p <= ARMS_RAISED; p++)
         try_posture(task, &s, p, scratch, &rough);
     choose_best(task, &rough, scratch);
@@ -359,7 +364,7 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
     const struct fit_task before = *task;
     const struct body_pose pose = *followed; // `followed` may point into scratch
     struct person_measures s;
-    struct pose_candidates rough = no_candidates(true);
+    struct pose_candidates rough = no_candidates(task, true);
     enum posture posture = (enum posture)(turn % POSTURES);
     bool wins = false;
     if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) &&

@@ -31,22 +31,25 @@ enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
 
 struct smoother_frame {
     int64_t time_ns;
-    int person; // number of the detection; -1: none
-    bool has_backward;
+    int person;                          // number of the detection; -1: none
+    int points;                          // which of the smoother's; -1: none
     struct body_pose pose;               // forward, online estimate
     struct skeleton estimate[ESTIMATES]; // depth camera's axes
     struct pose_log_odds odds;           // against the forward estimate
     double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
     enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
-    double facing_doubt;                 // the probability of the other one
-    struct skeleton result;              // in the end in the colour camera's axes
+    bool has_backward;
+    double facing_doubt;    // the probability of the other one
+    struct skeleton result; // in the end in the colour camera's axes
 };
 
 struct smoother {
     struct calibration calibration;
     struct smoother_frame *frame;
     int64_t count, capacity;
-    size_t bytes_max;         // of `frame`; 0: no limit
+    struct body_points *points; // of the frames that have some
+    int points_count, points_capacity;
+    size_t bytes_max;         // of `frame` and `points`; 0: no limit
     struct body_shape *shape; // of each person, as learned in the end
     int people;
     bool in_backward_pass;
@@ -66,6 +69,7 @@ void smoother_close(struct smoother **s)
     if (!*s)
         return;
     free((*s)->frame);
+    free((*s)->points);
     free((*s)->shape);
     free(*s);
     *s = NULL;
@@ -75,12 +79,37 @@ void smoother_limit_memory(struct smoother *s, size_t bytes_max) { s->bytes_max 
 
 // ------------------------------------------------------------- forward and backward pass
 
+static enum status check_limit(const struct smoother *s, int64_t frames, int points)
+{
+    const size_t bytes = (size_t)frames * sizeof *s->frame + (size_t)points * sizeof *s->points;
+    if (s->bytes_max && bytes > s->bytes_max)
+        return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", s->bytes_max);
+    return OK;
+}
+
+static enum status reserve_points(struct smoother *s)
+{
+    if (s->points_count < s->points_capacity)
+        return OK;
+    const int capacity = s->points_capacity ? 2 * s->points_capacity : 64;
+    enum status status = check_limit(s, s->capacity, capacity);
+    if (status != OK)
+        return status;
+    struct body_points *grown = realloc(s->points, (size_t)capacity * sizeof *grown);
+    if (!grown)
+        return fail(ERR_MEMORY, "not enough memory to smooth a take");
+    s->points = grown;
+    s->points_capacity = capacity;
+    return OK;
+}
+
 static enum status reserve(struct smoother *s, int people)
 {
     if (s->count == s->capacity) {
         int64_t capacity = s->capacity ? 2 * s->capacity : 256;
-        if (s->bytes_max && (size_t)capacity * sizeof *s->frame > s->bytes_max)
-            return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", s->bytes_max);
+        enum status status = check_limit(s, capacity, s->points_capacity);
+        if (status != OK)
+            return status;
         struct smoother_frame *grown = realloc(s->frame, (size_t)capacity * sizeof *grown);
         if (!grown)
             return fail(ERR_MEMORY, "not enough memory to smooth a take");
@@ -98,18 +127,37 @@ static enum status reserve(struct smoother *s, int people)
     return OK;
 }
 
+enum status smoother_set_points(struct smoother *s, int64_t index, const struct body_points *points)
+{
+    assert(index >= 0 && index < s->count);
+    struct smoother_frame *m = &s->frame[index];
+    if (m->points < 0) {
+        enum status status = reserve_points(s);
+        if (status != OK)
+            return status;
+        m->points = s->points_count++;
+    }
+    s->points[m->points] = *points;
+    return OK;
+}
+
 enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns, const struct skeleton *online)
 {
     assert(!s->count || time_ns > s->frame[s->count - 1].time_ns);
+    const struct body_points *points = tracker_points(t);
     enum status status = reserve(s, tracker_detection_count(t));
+    if (status == OK && points)
+        status = reserve_points(s);
     if (status != OK)
         return status;
     for (int k = 1; k <= tracker_static_object_frames(t) && k <= s->count; k++)
         s->frame[s->count - k].person = -1;
     struct smoother_frame *m = &s->frame[s->count++];
-    *m = (struct smoother_frame){.time_ns = time_ns, .person = -1};
+    *m = (struct smoother_frame){.time_ns = time_ns, .person = -1, .points = -1};
+    if (points)
+        status = smoother_set_points(s, s->count - 1, points);
     if (!online)
-        return OK;
+        return status;
     m->person = tracker_detection_count(t) - 1;
     m->pose = *tracker_pose(t);
     m->estimate[FORWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), online);
@@ -145,6 +193,7 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
     s->in_backward_pass = true;
     if (m->person >= 0)
         tracker_add_prior(t, &m->pose);
+    tracker_set_body_points(t, m->points < 0 ? NULL : &s->points[m->points]);
     enum status status = tracker_next(t, m->time_ns, depth, &backward, NULL);
     if (status < 0)
         return status;

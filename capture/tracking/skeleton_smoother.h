@@ -14,8 +14,9 @@
 // restored.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
-// Memory: 3296 bytes a frame in an array that doubles when full: an hour at 30 Hz uses 356 MB of 432 MB allocated.
-// smoother_solve takes another 120 bytes a frame while it runs.
+// Memory: 3296 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
+// hour at 30 Hz uses 356 MB of 432 MB allocated, with points of every third image 365 of 449 MB. smoother_solve takes
+// another 120 bytes a frame while it runs.
 #pragma once
 #include "capture/tracking/tracker.h"
 
@@ -34,6 +35,10 @@ void smoother_limit_memory(struct smoother *s, size_t bytes_max);
 // here only, or not at all.
 MUST_CHECK enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns,
                                      const struct skeleton *online);
+
+// The points of a pushed frame's colour image, for the backward pass; replaces those that it was tracked with, which
+// smoother_push has kept. For results that came too late for the online estimate. ERR_MEMORY: the frame is without.
+MUST_CHECK enum status smoother_set_points(struct smoother *s, int64_t index, const struct body_points *points);
 
 // After the last push: every frame that has depth, from the last to the first, with the same tracker. ERR_MEMORY: the
 // frame has no backward estimate; the next one may come.

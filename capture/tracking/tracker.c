@@ -136,12 +136,15 @@ static enum status observe(struct tracker *t, struct tracked_frame *frame)
 {
     struct bounding_sphere spheres[SPHERES_MAX];
     int sphere_count = predict_spheres(t, &frame->task.expected, spheres);
-    enum status status = segmenter_next(t->segmenter, frame->depth, spheres, sphere_count, t->mask);
+    enum status status = t->following ? segmenter_next(t->segmenter, frame->depth, spheres, sphere_count, t->mask)
+                                      : tracker_segment_new_person(t, frame->depth);
     tracker_add_elapsed(t, &t->times.segment);
     if (status < 0)
         return status;
     frame->task.have_floor = segmenter_floor(t->segmenter, &frame->task.up, &frame->task.floor_m);
     frame->has_evidence = status == OK && evidence_read(t->evidence, frame->depth, t->mask, t->options.points);
+    if (frame->has_evidence)
+        tracker_take_points(t, &frame->task);
     tracker_add_elapsed(t, &t->times.evidence);
     return OK;
 }
@@ -185,6 +188,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     memset(out, 0, sizeof *out);
     if (mask)
         memset(mask, 0, pixels);
+    tracker_begin_points(t);
     t->times = (struct tracker_times){0};
     t->mark_ns = clock_cpu_ns();
     predict(t, &frame);

@@ -19,6 +19,8 @@
 #include "capture/tracking/joint_covariance.h"
 #include "base/lens.h"
 
+struct body_points;
+
 struct tracker;
 
 struct tracker_options {
@@ -43,6 +45,11 @@ void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m);
 
 // Forgets the person and the learned background; keeps what was set.
 void tracker_reset(struct tracker *t);
+
+// The points that were found in the next frame's colour image (body/point_evidence.h); copied, and used by the next
+// tracker_next only. Frames without points are as if there were no colour. NULL takes back what was set. The
+// calibration's colour lens must be known.
+void tracker_set_body_points(struct tracker *t, const struct body_points *points);
 
 // One frame. time_ns: rising; if it does not rise, the motion is estimated from scratch.
 // depth: of the calibration's depth lens. mask: one byte a depth pixel, 255 = the person; may be NULL.

@@ -15,6 +15,8 @@ void tracker_begin_backward(struct tracker *t, const struct body_shape *shape)
     memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
 }
 
+const struct body_points *tracker_points(const struct tracker *t) { return t->has_points ? &t->next_points : NULL; }
+
 void tracker_add_prior(struct tracker *t, const struct body_pose *pose)
 {
     t->prior_pose = *pose;
@@ -32,7 +34,11 @@ int tracker_detection_count(const struct tracker *t) { return t->detection_count
 // With the wide kernel of the limb search: points that are left unexplained have to count.
 static struct fit_task evaluation_task(const struct tracker *t)
 {
-    struct fit_task task = {.point_stride = 1, .evidence = t->evidence, .shape = t->shape, .kernel_m = SEARCH_KERNEL_M};
+    struct fit_task task = {.point_stride = 1,
+                            .evidence = t->evidence,
+                            .points = t->points.count ? &t->points : NULL,
+                            .shape = t->shape,
+                            .kernel_m = SEARCH_KERNEL_M};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     return task;
 }

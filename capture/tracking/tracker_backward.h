@@ -4,6 +4,9 @@
 #include "capture/tracking/tracker.h"
 #include "capture/tracking/pose_likelihood.h"
 
+// The points that were set for the last frame; NULL: none. Valid until the next frame's are set.
+const struct body_points *tracker_points(const struct tracker *t);
+
 // From here on frames come in falling order of time, the last one first, with their own times, and show a person of
 // this shape, which is no longer learned; the learned background stays. May be called again where an earlier person
 // comes. Until tracker_reset.

@@ -3,6 +3,7 @@
 #include "capture/tracking/tracker_internal.h"
 #include "base/portable_math.h"
 
+#include "capture/tracking/point_hypotheses.h"
 #include "capture/tracking/pose_init.h"
 
 #include <string.h>
@@ -43,11 +44,13 @@ enum {
 // while something is lost, any other pose fits better. Chosen by hand; docs/results.md measures the outcome.
 #define DECAY               0.9
 #define TRIAL_SHARE         0.4
+#define POINTED_TRIAL_SHARE 0.6 // the same where colour's points favour it as well: two images must agree
 #define FLIP_LOG_ODDS       20
 #define LEG_SWAP_LOG_ODDS   20
 #define SKIRT_SWAP_LOG_ODDS 10 // of legs in a skirt
 #define ARM_LOG_ODDS        3
 #define ARM_COST            0.5 // log-odds against an alternative pose of an arm
+#define POINTS_FAVOUR       3   // log-odds of the colour image's points for another pose: it is tried right away
 // A new fit of any pose gains about a tenth of the energy; badly explained legs gain more. Of legs in a skirt less is
 // visible, and both ways are fitted alike.
 #define FLIP_REFIT_SHARE 0.1
@@ -94,9 +97,10 @@ static bool is_uncropped(const struct depth_evidence *e)
 }
 
 // Accumulates a pose's log-odds over the trials. True: they reached `enough`, and start from 0 again.
-static bool accumulate_log_odds(double *evidence, double gain, double enough)
+static bool accumulate_log_odds(double *evidence, double gain, double enough, bool pointed)
 {
-    *evidence = fmax(0, DECAY * *evidence + fmin(gain, TRIAL_SHARE * enough));
+    const double most = (pointed ? POINTED_TRIAL_SHARE : TRIAL_SHARE) * enough;
+    *evidence = fmax(0, DECAY * *evidence + fmin(gain, most));
     if (*evidence < enough)
         return false;
     *evidence = 0;
@@ -111,30 +115,67 @@ static double walking_log_odds(const struct tracker *t)
            fmax(-1, fmin(1, -v3_dot(t->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S));
 }
 
+// Log-odds of the colour image's points alone for a pose against the fitted one.
+static double points_log_odds(const struct fit_task *task, const struct fit_result *best, const struct body_pose *pose)
+{
+    struct body_build build;
+    body_forward_kinematics(&best->shape, pose, &build);
+    return point_evidence_energy(task->points, &best->build, NULL) - point_evidence_energy(task->points, &build, NULL);
+}
+
+struct trial {
+    bool flip, legs; // at most one
+    bool pointed;    // the points favour it
+};
+
+// Which of the two a frame tries. In frames with points that which they favour, else one after the other, and none in
+// the frames between them, in which the points' evidence is missing.
+static struct trial choose_trial(struct tracker *t, const struct fit_task *task)
+{
+    const int every = t->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
+    if (task->points) {
+        const struct fit_result *best = &t->scratch->best;
+        const struct body_pose flipped = body_pose_flip_facing(&best->shape, &best->pose),
+                               exchanged = legs_swapped_pose(best);
+        const double flip = points_log_odds(task, best, &flipped), legs = points_log_odds(task, best, &exchanged);
+        t->pointed_frames++;
+        if (fmax(flip, legs) > POINTS_FAVOUR)
+            return (struct trial){flip > legs, flip <= legs, true};
+        if (is_uncropped(t->evidence))
+            return (struct trial){t->pointed_frames % 2, t->pointed_frames % 2 == 0, false};
+    }
+    if (!is_uncropped(t->evidence) || tracker_points_decide(t)) // of depth, only feet tell
+        return (struct trial){false, false, false};
+    return (struct trial){t->frames % every == 0, t->frames % every == every / 2, false};
+}
+
 // Depth shows a person from the front and from behind alike, and legs that crossed. Periodically the flipped body and
 // the exchanged legs are tried: true when one of them has become likelier; it is then in scratch->trial.
 static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
 {
-    double energy = t->scratch->best.energy;
-    int every = t->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
-    if (!is_uncropped(t->evidence)) // only feet tell
-        return false;
-    if (t->frames % every == 0)
-        return t->flipped = accumulate_log_odds(
-                   &t->flip_log_odds,
-                   flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy + walking_log_odds(t), FLIP_LOG_ODDS);
-    bool skirt = task->shape.mean.hem_m > 0;
-    return t->frames % every == every / 2 &&
-           accumulate_log_odds(&t->leg_swap_log_odds,
-                               legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy,
-                               skirt ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS);
+    const double energy = t->scratch->best.energy;
+    const struct trial trial = choose_trial(t, task);
+    if (trial.flip)
+        return t->flipped = accumulate_log_odds(&t->flip_log_odds,
+                                                flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy +
+                                                    walking_log_odds(t),
+                                                FLIP_LOG_ODDS, trial.pointed);
+    bool alike = task->shape.mean.hem_m > 0 || task->points; // both ways are fitted alike
+    return trial.legs && accumulate_log_odds(&t->leg_swap_log_odds,
+                                             legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy,
+                                             alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS, trial.pointed);
 }
 
-// An arm fitted in front of the trunk may leave nothing unexplained although it is elsewhere: one arm a frame is tried.
-static void try_arm_alternative(struct tracker *t, struct fit_task *task, int arm)
+// An arm fitted in front of the trunk may leave nothing unexplained although it is elsewhere: one arm a frame is tried,
+// or the limb that points dispute. What they favour is not tried in the frames between them, where they are missing.
+static void try_limb_alternative(struct tracker *t, struct fit_task *task)
 {
+    const int disputed = point_disputed_limb(task->points, &t->scratch->best.build),
+              arm = disputed >= 0 ? disputed : t->frames % 2;
+    if (!task->points && tracker_points_decide(t) && t->limb_log_odds[arm] > 0)
+        return;
     if (!accumulate_log_odds(&t->limb_log_odds[arm], limb_alternative_log_odds(task, arm, t->scratch) - ARM_COST,
-                             ARM_LOG_ODDS))
+                             ARM_LOG_ODDS, disputed >= 0))
         return;
     task->expected = t->scratch->best.pose;
     limb_copy(arm, &t->scratch->trial.pose, &task->expected);
@@ -205,7 +246,7 @@ static void try_alternatives(struct tracker *t, struct fit_task *task)
         body_fit(task, &start, &t->scratch->trial);
         *best = t->scratch->trial;
     }
-    try_arm_alternative(t, task, t->frames % 2);
+    try_limb_alternative(t, task);
     t->frames++;
     t->flipped = false;
     if (is_flipped_likelier(t, task)) {
@@ -278,6 +319,8 @@ static void replace_fit(struct tracker *t, const struct fit_task *task)
 static void challenge(struct tracker *t, struct fit_task *task)
 {
     bool doubtful = t->frames < CHALLENGE_START_FRAMES || t->scratch->best.energy > DOUBTFUL_ENERGY;
+    if (!task->points && tracker_points_decide(t)) // their evidence would be missing
+        return;
     if (t->backward || ++t->challenge_wait < (doubtful ? CHALLENGE_EVERY_DOUBTFUL : CHALLENGE_EVERY))
         return;
     t->challenge_wait = 0;
@@ -304,12 +347,17 @@ static void reinitialise(struct tracker *t, struct fit_task *task)
 static bool is_static_object(struct tracker *t, struct fit_task *task, const uint16_t *depth)
 {
     struct fit_result *best = &t->scratch->best;
-    if (t->backward || t->frames % SECOND_PERSON_EVERY || segmenter_static_frames(t->segmenter) < STATIC_FRAMES_MIN ||
+    if (t->backward || segmenter_static_frames(t->segmenter) < STATIC_FRAMES_MIN)
+        return false;
+    if (tracker_points_deny_person(t))
+        return true;
+    if (t->frames % SECOND_PERSON_EVERY ||
         (explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN && best->energy < FIT_ENERGY_MAX))
         return false;
     struct body_pose pose = best->pose;
     struct body_shape shape = best->shape;
     struct fit_task other = *task;
+    other.points = NULL; // they are the followed person's
     if (segmenter_second_person(t->segmenter, depth, t->second_mask) == OK &&
         evidence_read(t->evidence, depth, t->second_mask, t->options.points) && pose_init_search(&other, t->scratch) &&
         explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN)
@@ -321,11 +369,13 @@ static bool is_static_object(struct tracker *t, struct fit_task *task, const uin
 }
 
 // Drops the followed person, who is lost or a static object, and segments again. False: there is no other person.
-static bool find_other_person(struct tracker *t, const uint16_t *depth)
+static bool find_other_person(struct tracker *t, struct fit_task *task, const uint16_t *depth)
 {
     tracker_drop_person(t);
-    bool there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
-                 evidence_read(t->evidence, depth, t->mask, t->options.points);
+    bool there =
+        tracker_segment_new_person(t, depth) == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
+    if (there)
+        tracker_take_points(t, task);
     tracker_add_elapsed(t, &t->times.segment);
     return there;
 }
@@ -334,17 +384,24 @@ bool tracker_decide(struct tracker *t, struct tracked_frame *frame)
 {
     struct fit_task *task = &frame->task;
     t->static_object_frames = 0;
+    if (frame->has_evidence)
+        tracker_count_unconfirmed(t);
     bool followed = frame->has_evidence && t->following && track_frame(t, task, frame->dt_s);
     if (followed && is_static_object(t, task, frame->depth)) {
         t->static_object_frames = LEARN_EVERY * segmenter_static_frames(t->segmenter);
         segmenter_absorb_static(t->segmenter);
+        t->unconfirmed_images = 0;
         followed = false;
     }
     if (frame->has_evidence && t->following && !followed)
-        frame->has_evidence = find_other_person(t, frame->depth);
+        frame->has_evidence = find_other_person(t, task, frame->depth);
     frame->detected = !t->following;
     if (!frame->has_evidence)
         return false;
+    if (frame->detected && tracker_is_person_refused(t)) {
+        segmenter_drop_person(t->segmenter);
+        return false;
+    }
     if (frame->detected)
         return t->following = detect_person(t, task);
     reinitialise(t, task);

@@ -1,7 +1,9 @@
 // State and steps that the source files of the tracker share: tracker_state.c opens and closes it, tracker.c predicts,
-// observes and commits, tracker_decide.c decides what a frame shows, tracker_backward.c serves the smoother.
+// observes and commits, tracker_decide.c decides what a frame shows, tracker_points.c what colour has to say about it,
+// tracker_backward.c serves the smoother.
 #pragma once
 #include "capture/body/hem_detector.h"
+#include "capture/body/point_evidence.h"
 #include "capture/body/pose_filter.h"
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/limb_hypotheses.h"
@@ -39,6 +41,14 @@ struct tracker {
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     bool flipped;                     // this frame turned the body round
     int challenge_wait, challenge_turn; // frames since another start was tried; which is next
+    struct body_points next_points;     // of the next frame's colour image
+    bool has_next_points;
+    struct point_evidence points;                // of this frame, and of the smoother's questions about it
+    bool has_points;                             // this frame's image was looked at
+    bool confirmed, elsewhere;                   // by the last image: a person is where depth has one; only elsewhere
+    int unconfirmed_images;                      // in a row
+    int frames_since_image, frames_since_points; // bounded; points: of the followed person
+    int pointed_frames;
     bool seen_ever[JOINT_COUNT];
     float out_of_image_s[JOINT_COUNT];
     struct joint_sight sight[JOINT_COUNT];
@@ -63,6 +73,23 @@ void tracker_add_elapsed(struct tracker *t, int64_t *step);
 
 // Forgets the person, not the learned background.
 void tracker_drop_person(struct tracker *t);
+
+// ---- points of the colour image (tracker_points.c)
+// First in a frame: takes what was set for it.
+void tracker_begin_points(struct tracker *t);
+// Segments a person who is not followed yet: the component that the points are on, else the likeliest. As
+// segmenter_next.
+enum status tracker_segment_new_person(struct tracker *t, const uint16_t *depth);
+// After the evidence was read: the points become evidence if they are on this person.
+void tracker_take_points(struct tracker *t, struct fit_task *task);
+// Frames with points come in now: alternatives on which depth says little are left to those.
+bool tracker_points_decide(const struct tracker *t);
+// Once a frame that shows something.
+void tracker_count_unconfirmed(struct tracker *t);
+// A new person is not to be detected: colour shows none here, or will soon tell.
+bool tracker_is_person_refused(const struct tracker *t);
+// Colour has shown no person here for so long that what is static is furniture.
+bool tracker_points_deny_person(const struct tracker *t);
 
 // Fits the body to the frame, or detects a person. True: scratch->best is the person's fit, and t->following holds.
 bool tracker_decide(struct tracker *t, struct tracked_frame *frame);

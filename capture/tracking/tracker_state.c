@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,6 +41,7 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
         tracker_close(&t);
         return status;
     }
+    t->frames_since_image = t->frames_since_points = INT_MAX / 2; // no colour so far
     *out = t;
     return OK;
 }
@@ -68,6 +70,13 @@ void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
 
 const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t) { return t->terms; }
 
+void tracker_set_body_points(struct tracker *t, const struct body_points *points)
+{
+    t->has_next_points = points && t->calibration.color.width > 0;
+    if (t->has_next_points)
+        t->next_points = *points;
+}
+
 struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
 
 void tracker_add_elapsed(struct tracker *t, int64_t *step)
@@ -92,6 +101,8 @@ void tracker_drop_person(struct tracker *t)
 void tracker_reset(struct tracker *t)
 {
     tracker_drop_person(t);
-    t->backward = false;
+    t->backward = t->has_next_points = false;
+    t->unconfirmed_images = 0;
+    t->frames_since_image = t->frames_since_points = INT_MAX / 2;
     segmenter_reset(t->segmenter);
 }

@@ -45,6 +45,8 @@ static void on_progress(void *context, int64_t frames)
 
 static void count(void *context) { ((struct reader *)context)->steps++; }
 
+static bool with_body_points; // of the next recordings
+
 static struct recorder_result record(const char *file, const struct place *in, enum status wanted)
 {
     struct source *source;
@@ -53,6 +55,7 @@ static struct recorder_result record(const char *file, const struct place *in, e
     snprintf(path, sizeof path, "%s", scratch_file(&scratch, file));
     struct reader reader = {.path = path};
     struct recorder_options options = {.on_smoothing_begin = on_progress, .on_smoothed = count, .context = &reader};
+    options.body_points = with_body_points;
     struct recorder_result result;
     char uri[300];
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
@@ -107,13 +110,12 @@ static void test_take_matches_truth(void **state)
     recording_free(&recording);
 }
 
-static void test_two_runs_give_the_same_joints(void **state)
+// Both takes, frame by frame; false: their joints differ somewhere.
+static bool have_same_joints(const char *const files[2])
 {
-    (void)state;
     struct recording *recording[2];
     struct take *take[2];
-    const char *const files[2] = {"a.reenact", "b.reenact"};
-    record(files[1], &place, OK); // the first is there already
+    bool same = true;
     for (int k = 0; k < 2; k++) {
         EXPECT_STATUS(recording_open(&recording[k], scratch_file(&scratch, files[k])), OK);
         EXPECT_STATUS(take_open(&take[k], recording[k], "turn"), OK);
@@ -121,15 +123,46 @@ static void test_two_runs_give_the_same_joints(void **state)
     EXPECT_INT(take_frame_count(take[0]), take_frame_count(take[1]));
     for (int i = 0; i < FRAMES; i++) {
         const struct take_entry *a = take_entry(take[0], i), *b = take_entry(take[1], i);
-        assert_memory_equal(&a->skeleton, &b->skeleton, sizeof a->skeleton);
+        same &= !memcmp(&a->skeleton, &b->skeleton, sizeof a->skeleton);
         assert_memory_equal(&a->world_from_camera, &b->world_from_camera, sizeof a->world_from_camera);
     }
-    assert_memory_equal(take_body(take[0])->radius_rate, take_body(take[1])->radius_rate,
-                        sizeof take_body(take[0])->radius_rate);
+    if (same)
+        assert_memory_equal(take_body(take[0])->radius_rate, take_body(take[1])->radius_rate,
+                            sizeof take_body(take[0])->radius_rate);
     for (int k = 0; k < 2; k++) {
         take_close(&take[k]);
         recording_free(&recording[k]);
     }
+    return same;
+}
+
+static void test_two_runs_give_the_same_joints(void **state)
+{
+    (void)state;
+    record("b.reenact", &place, OK);
+    EXPECT_TRUE(have_same_joints((const char *const[2]){"a.reenact", "b.reenact"})); // the first is there already
+}
+
+// With the networks: every third image is looked at, twice the same, and the joints stay near the truth. Without them:
+// as without body points, and it is said.
+static void test_body_points_from_colour(void **state)
+{
+    (void)state;
+    with_body_points = true;
+    struct recorder_result result = record("p.reenact", &place, OK);
+    EXPECT_INT(result.frames, FRAMES);
+    EXPECT_INT(result.tracked, FRAMES);
+    if (*result.no_body_points) {
+        print_message("%s\n", result.no_body_points);
+        EXPECT_INT(result.looked, 0);
+        EXPECT_TRUE(have_same_joints((const char *const[2]){"a.reenact", "p.reenact"}));
+    } else {
+        EXPECT_INT(result.looked, (FRAMES + 2) / 3);
+        record("q.reenact", &place, OK);
+        EXPECT_TRUE(have_same_joints((const char *const[2]){"p.reenact", "q.reenact"}));
+        EXPECT_TRUE(!have_same_joints((const char *const[2]){"a.reenact", "p.reenact"}));
+    }
+    with_body_points = false;
 }
 
 static void test_nothing_is_located_without_place(void **state)
@@ -262,6 +295,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_take_matches_truth),
         cmocka_unit_test(test_two_runs_give_the_same_joints),
+        cmocka_unit_test(test_body_points_from_colour),
         cmocka_unit_test(test_nothing_is_located_without_place),
         cmocka_unit_test(test_stopped_take_is_complete),
         cmocka_unit_test(test_smoothing_can_be_stopped),
