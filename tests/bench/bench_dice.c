@@ -265,7 +265,7 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
     enum status status = t.films ? dice_motions_open(&t.motions, motions) : fail(ERR_MEMORY, "no memory for the films");
     if (status == OK) {
         const struct dice_request request = {
-            .wish = {dice->seed, dice->seconds, &t.motions},
+            .wish = {dice->seed, dice->seconds, &t.motions, false},
             .first = dice->only >= 0 ? dice->only : 0,
             .count = t.count,
             .threads = dice->threads,

@@ -15,18 +15,50 @@ struct canvas {
     int stride, height;
 };
 
+// The part of the image that is shown, pixels; its sides are as a cell's.
+struct window {
+    double x0, y0, scale; // scale: cell's pixels to one of the image
+};
+
 struct cell { // of the canvas, and the image that it shows
     struct canvas *canvas;
     int x0, y0;
     const struct lens *lens;
+    struct window window;
 };
+
+static int instant_frame(const struct dice_film *film, int i) { return (film->plan.frames - 1) * i / (INSTANTS - 1); }
+
+// Around the true joints in the image at all instants, and a little more.
+static struct window window_of(const struct dice_film *film, const struct lens *l)
+{
+    double x0 = l->width, x1 = 0, y0 = l->height, y1 = 0;
+    for (int i = 0; i < INSTANTS; i++)
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const struct dice_frame *f = &film->frame[instant_frame(film, i)];
+            if (f->sight[j] == DICE_OUTSIDE)
+                continue;
+            const struct pixel px = lens_project(l, f->truth.joint[j]);
+            x0 = fmin(x0, px.x), x1 = fmax(x1, px.x);
+            y0 = fmin(y0, px.y), y1 = fmax(y1, px.y);
+        }
+    const double margin = 0.06 * l->width;
+    if (x1 < x0)
+        x0 = y0 = 0, x1 = l->width, y1 = l->height;
+    const double width = fmin(l->width, fmax(x1 - x0 + 2 * margin, (y1 - y0 + 2 * margin) * CELL_WIDTH / CELL_HEIGHT));
+    const double height = width * CELL_HEIGHT / CELL_WIDTH;
+    x0 = fmin(fmax(0, (x0 + x1 - width) / 2), l->width - width);
+    y0 = fmin(fmax(0, (y0 + y1 - height) / 2), l->height - height);
+    return (struct window){x0, y0, CELL_WIDTH / width};
+}
 
 static void paint_image(struct cell *c, const struct dice_camera *camera, bool color)
 {
     for (int y = 0; y < CELL_HEIGHT; y++)
         for (int x = 0; x < CELL_WIDTH; x++) {
-            const size_t at = (size_t)(y * c->lens->height / CELL_HEIGHT) * (size_t)c->lens->width +
-                              (size_t)(x * c->lens->width / CELL_WIDTH);
+            const int column = (int)fmin(c->lens->width - 1, c->window.x0 + x / c->window.scale);
+            const int row = (int)fmin(c->lens->height - 1, c->window.y0 + y / c->window.scale);
+            const size_t at = (size_t)row * (size_t)c->lens->width + (size_t)column;
             uint8_t *to = c->canvas->rgb + 3 * ((size_t)(c->y0 + y) * (size_t)c->canvas->stride + (size_t)(c->x0 + x));
             const int mm = camera->depth[at];
             const uint8_t grey = (uint8_t)(mm ? fmax(30, 230 - 0.035 * mm) : 0);
@@ -59,8 +91,8 @@ static bool place_joint(const struct cell *c, const struct skeleton *s, enum joi
     if (!(s->confidence[j] > 0) || !(s->joint[j].z > 0.1))
         return false;
     *out = lens_project(c->lens, s->joint[j]);
-    out->x = (out->x + 0.5) * CELL_WIDTH / c->lens->width - 0.5;
-    out->y = (out->y + 0.5) * CELL_HEIGHT / c->lens->height - 0.5;
+    out->x = (out->x + 0.5 - c->window.x0) * c->window.scale - 0.5;
+    out->y = (out->y + 0.5 - c->window.y0) * c->window.scale - 0.5;
     return fabs(out->x) < 10 * CELL_WIDTH && fabs(out->y) < 10 * CELL_HEIGHT;
 }
 
@@ -104,12 +136,14 @@ static void paint_skeleton(struct cell *c, const struct skeleton *s, bool truth)
 
 static enum status draw(struct canvas *canvas, const struct dice_film *film, struct dice_camera *camera)
 {
+    const struct lens *l = &camera->calibration.depth;
+    const struct window window = window_of(film, l);
     enum status status = OK;
     for (int i = 0; i < INSTANTS && status == OK; i++) {
-        const int k = (film->plan.frames - 1) * i / (INSTANTS - 1);
+        const int k = instant_frame(film, i);
         status = dice_camera_shoot(camera, k, true);
         for (int mode = 0; mode < DICE_MODES && status == OK; mode++) {
-            struct cell cell = {canvas, i * (CELL_WIDTH + GAP), mode * (CELL_HEIGHT + GAP), &camera->calibration.depth};
+            struct cell cell = {canvas, i * (CELL_WIDTH + GAP), mode * (CELL_HEIGHT + GAP), l, window};
             paint_image(&cell, camera, mode == DICE_ONLINE);
             paint_skeleton(&cell, &film->frame[k].track[mode], false);
             paint_skeleton(&cell, &film->frame[k].truth, true);

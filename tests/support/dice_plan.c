@@ -178,7 +178,7 @@ enum status dice_plan_draw(struct dice_plan *out, const struct dice_wish *wish, 
     // Of entering people most motions are none: five tries of a hundred find one.
     enum { TRIES = 1000 };
     struct rng rng = rng_of(wish->seed, index);
-    *out = (struct dice_plan){.seed = wish->seed, .noise_seed = rng.state, .index = index};
+    *out = (struct dice_plan){.seed = wish->seed, .noise_seed = rng.state, .index = index, .plain = wish->plain};
     out->situation = draw_situation(&rng);
     out->scale = rng_uniform(&rng) < 0.25 ? 1 : 0.5;
     out->swept = rng_uniform(&rng) < 0.5;
@@ -204,6 +204,7 @@ struct world_options dice_world_options(const struct dice_plan *plan, const stru
         options.motion = actor->motion;
     options.stand = plan->stand;
     options.spot = actor->spot;
+    options.plain = plan->plain;
     options.boxes = plan->boxes;
     memcpy(options.box, plan->box, sizeof options.box);
     return options;

@@ -50,13 +50,14 @@ struct dice_plan {
     struct world_box box[WORLD_BOXES];
     int boxes;
     double scale; // of 640 x 480
-    bool swept;
+    bool swept, plain;
 };
 
 struct dice_wish {
     uint64_t seed;
     double seconds; // a film is as long, or as its motion where that is shorter
     const struct dice_motions *motions;
+    bool plain; // as world_options.plain: films that cost less, for tests
 };
 
 // ERR_INPUT, ERR_IO, ERR_MEMORY: as world_open, a bad BVH file for example.
