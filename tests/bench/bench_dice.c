@@ -59,6 +59,11 @@ static bool has_situation(const struct dice_film *film, const struct dice_frame 
     return (int)film->plan.situation == value;
 }
 
+static bool is_later(const struct dice_film *film, const struct dice_frame *frame, int value)
+{
+    return (frame - film->frame >= DICE_HZ) == value;
+}
+
 static bool has_size(const struct dice_film *film, const struct dice_frame *frame, int value)
 {
     (void)frame;
@@ -167,6 +172,8 @@ static enum status add_causes(struct dice_trial *t)
     for (int i = 0; i < DICE_SITUATIONS && status == OK; i++)
         status = add_rows(t, dice_situation_name((enum dice_situation)i), (struct dice_group){has_situation, i});
     for (int i = 0; i < 2 && status == OK; i++)
+        status = add_rows(t, i ? "later" : "first second", (struct dice_group){is_later, i});
+    for (int i = 0; i < 2 && status == OK; i++)
         status = add_rows(t, i ? "640x480" : "320x240", (struct dice_group){has_size, i});
     for (int i = 0; i < 2 && status == OK; i++)
         status = add_rows(t, i ? "swept" : "unswept", (struct dice_group){is_swept, i});
@@ -222,8 +229,8 @@ static enum status show_worst(const struct dice_trial *t)
     if (!rank)
         return fail(ERR_MEMORY, "no memory for the bench");
     for (int i = 0; i < t->count; i++) {
-        const double e = of_film(t, i, DICE_SMOOTHED).mean_mm;
-        rank[i] = (struct ranked){i, isnan(e) ? 0 : e};
+        const struct dice_measure m = of_film(t, i, DICE_SMOOTHED);
+        rank[i] = (struct ranked){i, !m.frames ? 0 : isnan(m.mean_mm) ? 1e6 : m.mean_mm}; // NaN: lost throughout
     }
     qsort(rank, (size_t)t->count, sizeof *rank, worse_first);
     enum status status = OK;

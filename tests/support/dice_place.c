@@ -121,8 +121,8 @@ static bool comes_true(const struct view *v, const struct dice_plan *plan, const
     switch (plan->situation) {
     case DICE_ENTERS: return first_in < 0.2 && last_in > 0.9;
     case DICE_LEAVES: return first_in > 0.9 && last_in < 0.2;
-    case DICE_CUT_SIDE: return mean > 0.35 && mean < 0.8;
-    case DICE_CUT_BELOW: return mean > 0.35 && mean < 0.85;
+    case DICE_CUT_SIDE: return mean > 0.5 && mean < 0.8;
+    case DICE_CUT_BELOW: return mean > 0.5 && mean < 0.85;
     default: return mean > 0.98 && least > 0.8;
     }
 }
@@ -245,7 +245,7 @@ enum status dice_place_furniture(struct rng *rng, struct dice_plan *plan, struct
 
 // ---------------------------------------------------------------- a second person
 
-// Whether the passer-by crosses the line of sight to the actor, in front of or behind, and keeps off.
+// Whether the passer-by crosses the line of sight to the actor, in front of or behind, and keeps off from both.
 static bool crosses(const struct view *v, const struct dice_plan *plan, const struct dice_scene *scene,
                     struct pose move, bool front)
 {
@@ -254,7 +254,7 @@ static bool crosses(const struct view *v, const struct dice_plan *plan, const st
     for (int k = 0; k < plan->frames; k += EACH) {
         const struct vec3 other = pose_apply(move, scene->passerby[k].joint[JOINT_WAIST]);
         const struct vec3 own = scene->actor[k].joint[JOINT_WAIST];
-        if (hypot(other.x - own.x, other.y - own.y) < 0.65)
+        if (hypot(other.x - own.x, other.y - own.y) < 0.65 || hypot(other.x - v->eye.x, other.y - v->eye.y) < 1.2)
             return false;
         const struct vec3 a = pose_apply(v->camera_from_world, own), b = pose_apply(v->camera_from_world, other);
         if (!dice_in_image(&v->lens, a) || !dice_in_image(&v->lens, b))
@@ -272,15 +272,14 @@ enum status dice_place_passerby(struct rng *rng, struct dice_plan *plan, struct 
 {
     const struct view v = view_of(plan);
     const double edge = 0.5 * v.lens.width / v.lens.fx;
-    const bool front = rng_uniform(rng) < 0.5, arrives = rng_uniform(rng) < 0.6;
+    const bool front = rng_uniform(rng) < 0.5;
     for (int i = 0; i < TRIES; i++) {
-        const double distance_m = rng_between(rng, 1, 5), bearing = rng_between(rng, -1, 1) * edge;
+        const double distance_m = rng_between(rng, 1.2, 5), bearing = rng_between(rng, -1, 1) * edge;
         const double facing = rng_between(rng, -PI, PI);
         const struct world_spot spot = spot_at(&v, &scene->passerby[plan->frames / 2], distance_m, bearing, facing);
         const struct pose move = room_from_motion(&spot);
         if (is_allowed(&spot) && stays_in_room(scene->passerby, plan->frames, move, 3.1) &&
-            (!arrives || share_in_image(&v, &scene->passerby[0], move) < 0.2) &&
-            crosses(&v, plan, scene, move, front)) {
+            share_in_image(&v, &scene->passerby[0], move) < 0.2 && crosses(&v, plan, scene, move, front)) {
             plan->passerby.spot = spot;
             move_joints(scene->passerby, plan->frames, move);
             return OK;

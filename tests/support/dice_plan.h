@@ -16,7 +16,7 @@ enum dice_situation {
     DICE_CUT_SIDE,  // half out of the picture, by its left or right edge
     DICE_CUT_BELOW, // close: by the lower edge, most often
     DICE_FURNITURE, // behind a table, a chest or a post
-    DICE_PASSERBY,  // a second person walks by, in front or behind
+    DICE_PASSERBY,  // a second person comes from outside and walks by, in front or behind
     DICE_SITUATIONS
 };
 extern const double dice_situation_share[DICE_SITUATIONS]; // sum 1
