@@ -18,21 +18,25 @@ struct dump_row {
     struct dice_joint is;
 };
 
+static void print_vector(FILE *file, struct vec3 v) { fprintf(file, ",%.4f,%.4f,%.4f", v.x, v.y, v.z); }
+
 static void print_row(FILE *file, const struct dump_row *r)
 {
     const struct dice_plan *plan = &r->film->plan;
     const struct dice_frame *frame = &r->film->frame[r->frame];
     const char *slash = strrchr(plan->actor.motion, '/');
     fprintf(file, "%d,%d,%s,%s", plan->index, r->frame, joint_name(r->joint), dice_mode_name(r->mode));
-    fprintf(file, ",%g,%.4f,%.4f,%.4f,%.4f", (double)r->is.confidence, r->is.off_m.x, r->is.off_m.y, r->is.off_m.z,
-            r->is.less_m);
+    fprintf(file, ",%g", (double)r->is.confidence);
+    print_vector(file, r->is.off_m);
+    print_vector(file, r->is.less_off_m);
     fprintf(file, ",%s,%.1f,%.2f", sight_name(frame->sight[r->joint]), frame->facing_degrees, frame->distance_m);
     fprintf(file, ",%s,%s,%s,%d,%d\n", plan->actor.figure, slash ? slash + 1 : plan->actor.motion,
             dice_situation_name(plan->situation), plan->swept, plan->scale > 0.75 ? 640 : 320);
 }
 
-static const char header[] = "film,frame,joint,mode,confidence,error_x_m,error_y_m,error_z_m,error_less_rig_m,sight,"
-                             "facing_degrees,distance_m,figure,motion,situation,swept,width\n";
+static const char header[] =
+    "film,frame,joint,mode,confidence,error_x_m,error_y_m,error_z_m,less_rig_x_m,less_rig_y_m,less_rig_z_m,sight,"
+    "facing_degrees,distance_m,figure,motion,situation,swept,width\n";
 
 enum status dice_dump_write(const struct dice_film *films, int count, const char *path)
 {

@@ -40,7 +40,8 @@ struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode m
         return out;
     out.off_m = v3_sub(got->joint[j], frame->truth.joint[j]);
     out.error_m = v3_length(out.off_m);
-    out.less_m = v3_distance(in_body_axes(&frame->truth, j, out.off_m), rig->constant[j]);
+    out.less_off_m = v3_sub(out.off_m, from_body_axes(&frame->truth, j, rig->constant[j]));
+    out.less_m = v3_length(out.less_off_m);
     return out;
 }
 

@@ -32,9 +32,9 @@ bool dice_is_swapped(const struct skeleton *got, const struct skeleton *truth, e
 
 // Of one joint in one frame.
 struct dice_joint {
-    struct vec3 off_m;      // tracked minus true, camera axes
-    double error_m, less_m; // its length; the same without the rig's constant
-    float confidence;       // 0: unknown, the rest is 0
+    struct vec3 off_m, less_off_m; // tracked minus true, camera axes; the same without the rig's constant
+    double error_m, less_m;        // their lengths
+    float confidence;              // 0: unknown, the rest is 0
 };
 struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode mode, enum joint j,
                                 const struct dice_rig *rig);
