@@ -152,7 +152,20 @@ enum status bench_add_row(struct bench *b, const char *name, const double *value
 
 // ------------------------------------------------------------- the program
 
-enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES, KEY_JOINTS, KEY_PLOT };
+enum {
+    KEY_MOTIONS = 256,
+    KEY_SEQUENCES,
+    KEY_BODIES,
+    KEY_JOINTS,
+    KEY_PLOT,
+    KEY_DICE,
+    KEY_SEED,
+    KEY_ONLY,
+    KEY_SECONDS,
+    KEY_THREADS,
+    KEY_STRIP,
+    KEY_DUMP,
+};
 
 struct bench_arguments {
     const char *stage, *html;
@@ -161,12 +174,51 @@ struct bench_arguments {
     int rounds;
 };
 
+static double number_from(const char *argument, struct argp_state *state, double low, double high)
+{
+    char *end;
+    double value = strtod(argument, &end);
+    if (*end || end == argument || !(value >= low && value <= high))
+        argp_error(state, "'%s' is not a number from %g to %g", argument, low, high);
+    return value;
+}
+
+static error_t parse_dice(int key, char *argument, struct argp_state *state, struct bench_dice *dice)
+{
+    switch (key) {
+    case KEY_DICE: dice->films = (int)number_from(argument, state, 1, 100000); return 0;
+    case KEY_SEED: dice->seed = (uint64_t)number_from(argument, state, 0, 1e15); return 0;
+    case KEY_ONLY: dice->only = (int)number_from(argument, state, 0, 1e9); return 0;
+    case KEY_SECONDS: dice->seconds = number_from(argument, state, 0.1, 20); return 0;
+    case KEY_THREADS: dice->threads = (int)number_from(argument, state, 1, 16); return 0;
+    case KEY_STRIP: dice->strip = argument; return 0;
+    case KEY_DUMP: dice->dump = argument; return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static void check_together(const struct bench_arguments *a, struct argp_state *state)
+{
+    const struct bench_inputs *in = &a->inputs;
+    const bool dice = in->dice.films > 0;
+    const int skeleton = (in->motions || dice) + !!in->joints + !!in->sequences + in->bodies;
+    if (!!in->data + skeleton > 1)
+        argp_error(state, "one of --data, --motions, --dice, --bodies, --joints and --sequences at a time; but --dice "
+                          "with --motions");
+    if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
+        argp_error(state, "--motions, --dice, --bodies, --joints and --sequences are the skeleton stage's");
+    if (!dice && (in->dice.only >= 0 || in->dice.strip || in->dice.dump))
+        argp_error(state, "--only, --strip and --dump go with --dice");
+    if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
+        argp_error(state, "--plot is the levels stage's");
+}
+
 static error_t parse(int key, char *argument, struct argp_state *state)
 {
     struct bench_arguments *a = state->input;
     char *end;
     switch (key) {
-    case 'j': a->json = true; return 0;
+    case 'j': a->json = a->inputs.json = true; return 0;
     case 'h': a->html = argument; return 0;
     case 'd': a->inputs.data = argument; return 0;
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
@@ -184,17 +236,8 @@ static error_t parse(int key, char *argument, struct argp_state *state)
             argp_error(state, "one STAGE at a time, or none for all");
         a->stage = argument;
         return 0;
-    case ARGP_KEY_END: {
-        const int skeleton = !!a->inputs.motions + !!a->inputs.joints + !!a->inputs.sequences + a->inputs.bodies;
-        if (!!a->inputs.data + skeleton > 1)
-            argp_error(state, "one of --data, --motions, --bodies, --joints and --sequences at a time");
-        if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
-            argp_error(state, "--motions, --bodies, --joints and --sequences are the skeleton stage's");
-        if (a->inputs.plot && (!a->stage || strcmp(a->stage, "levels")))
-            argp_error(state, "--plot is the levels stage's");
-        return 0;
-    }
-    default: return ARGP_ERR_UNKNOWN;
+    case ARGP_KEY_END: check_together(a, state); return 0;
+    default: return parse_dice(key, argument, state, &a->inputs.dice);
     }
 }
 
@@ -257,6 +300,14 @@ int main(int argc, char **argv)
         {"joints", KEY_JOINTS, "DIR", 0, "skeleton: joint by joint, next to this folder's truth", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
          "skeleton: track the people in this folder's folders, next to the Kinect SDK's joints", 0},
+        {"dice", KEY_DICE, "N", 0, "skeleton: track the actors of N random films, with --motions of its BVH files too",
+         0},
+        {"seed", KEY_SEED, "S", 0, "dice: of the films (1)", 0},
+        {"only", KEY_ONLY, "I", 0, "dice: film I of this seed alone", 0},
+        {"seconds", KEY_SECONDS, "T", 0, "dice: of a film, at most (5)", 0},
+        {"threads", KEY_THREADS, "N", 0, "dice: films made at a time (2)", 0},
+        {"strip", KEY_STRIP, "DIR", 0, "dice: draw images of the worst films, or of the only one, into this folder", 0},
+        {"dump", KEY_DUMP, "FILE", 0, "dice: write each joint's error in each frame, as CSV", 0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},
         {"rounds", 'r', "N", 0, "Number of rounds; the median counts (5)", 0},
         {0},
@@ -267,7 +318,10 @@ int main(int argc, char **argv)
                                      .doc = "Measures error against time, next to what a user would take instead.\v ",
                                      .help_filter = list_stages};
     argp_err_exit_status = 2;
-    struct bench_arguments a = {.rounds = 5};
+    struct bench_arguments a = {
+        .rounds = 5,
+        .inputs.dice = {.seed = 1, .only = -1, .seconds = 5, .threads = 2},
+    };
     if (argp_parse(&argp, argc, argv, 0, NULL, &a))
         return 2;
     bool known = !a.stage;

@@ -57,14 +57,28 @@ double bench_all_threads_ms(void);
 // Sorts `values`. Linear interpolation between neighbours; NaN for none.
 double bench_percentile(double *values, int count, double share);
 
-// A stage's input from the command line, of which at most one is set; and a file to write.
+// skeleton: random short films.
+struct bench_dice {
+    int films; // 0: none
+    uint64_t seed;
+    int only; // the film with this index alone; -1: all
+    double seconds;
+    int threads;
+    const char *strip; // a folder for strips of images of the worst films, or of the only one; NULL: none
+    const char *dump;  // a CSV file of all joints; NULL: none
+};
+
+// A stage's input from the command line, of which at most one is set, but `motions` together with `dice`; and a file to
+// write.
 struct bench_inputs {
     const char *data;      // a folder (TUM layout); NULL: the stage makes its own items
     const char *motions;   // skeleton: a folder of BVH files, to be rendered in the small world
     const char *joints;    // skeleton: a folder as for `data`, evaluated joint by joint
     const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
     bool bodies;           // skeleton: figures of all sizes and clothes in the small world
-    const char *plot;      // levels: an SVG file to write; NULL: none
+    struct bench_dice dice;
+    bool json;        // the output is read by a program: stages print nothing themselves
+    const char *plot; // levels: an SVG file to write; NULL: none
 };
 const struct bench_inputs *bench_inputs(const struct bench *b);
 
@@ -84,7 +98,7 @@ MUST_CHECK enum status bench_run_grouped(struct bench *b, const struct bench_con
 
 // Instead of bench_run, where there is nothing to compare with: a plain table, its columns first. The column names must
 // live until the program ends; `name` is copied.
-enum { BENCH_COLUMNS = 16 };
+enum { BENCH_COLUMNS = 24 };
 void bench_columns(struct bench *b, const char *const *names, size_t count);
 // values: one a column, NaN for none. ERR_MEMORY.
 MUST_CHECK enum status bench_add_row(struct bench *b, const char *name, const double *values);

@@ -1,7 +1,7 @@
 // Stage "skeleton" on figures rendered in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "tests/bench/bench_smoother.h"
+#include "tests/support/smoothed_film.h"
 #include "tests/world/world.h"
 
 #include <glob.h>

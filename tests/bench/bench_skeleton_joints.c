@@ -1,7 +1,8 @@
 // Stage "skeleton" joint by joint on one person, next to truth from another body model: each joint's error, and the
 // same with its constant part removed. Where a model places the knee within the leg is its author's choice, which no
 // depth image shows; how it moves is not.
-#include "tests/bench/bench_smoother.h"
+#include "tests/support/body_axes.h"
+#include "tests/support/smoothed_film.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
@@ -17,26 +18,6 @@ struct joint_errors {
     struct vec3 *off;
     int count;
 };
-
-static bool hangs_on_pelvis(int j)
-{
-    return j == JOINT_WAIST || j == JOINT_LEFT_HIP || j == JOINT_RIGHT_HIP || j == JOINT_LEFT_KNEE ||
-           j == JOINT_RIGHT_KNEE || j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
-}
-
-// v in the axes of the true trunk or pelvis.
-static struct vec3 in_body(const struct skeleton *truth, int j, struct vec3 v)
-{
-    const bool pelvis = hangs_on_pelvis(j);
-    const struct vec3 *at = truth->joint;
-    struct vec3 x = pelvis ? v3_sub(at[JOINT_LEFT_HIP], at[JOINT_RIGHT_HIP])
-                           : v3_sub(at[JOINT_LEFT_SHOULDER], at[JOINT_RIGHT_SHOULDER]);
-    const struct vec3 down =
-        pelvis ? v3_sub(at[JOINT_WAIST], at[JOINT_TORSO]) : v3_sub(at[JOINT_TORSO], at[JOINT_NECK]);
-    const struct vec3 forward = v3_unit(v3_cross(down, x));
-    x = v3_unit(x);
-    return v3(v3_dot(x, v), v3_dot(v3_cross(x, forward), v), v3_dot(forward, v));
-}
 
 static struct vec3 constant_of(const struct joint_errors *of)
 {
@@ -94,7 +75,8 @@ static enum status compare(struct bench *b, const struct skeleton_data *data, co
         for (int f = 0; f < data->count; f++)
             if (film->found[f]) {
                 const struct skeleton *truth = &data->frame[f].truth;
-                of[j].off[of[j].count++] = in_body(truth, j, v3_sub(film->smoothed[f].joint[j], truth->joint[j]));
+                of[j].off[of[j].count++] =
+                    in_body_axes(truth, (enum joint)j, v3_sub(film->smoothed[f].joint[j], truth->joint[j]));
             }
     }
     if (status == OK && !of[0].count)

@@ -1,5 +1,5 @@
 // Stage "skeleton" on real people, next to the result of the Kinect SDK's tracker on the same images.
-#include "tests/bench/bench_smoother.h"
+#include "tests/support/smoothed_film.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
 #include "platform/source.h"

@@ -1,5 +1,5 @@
-// The skeleton stage's trials: tables of error alone, by motion, by body, by sequence. Errors: as the stage, and
-// ERR_MISSING where said.
+// The skeleton stage's trials: tables of error alone, by motion, by body, by chance, by sequence. Errors: as the stage,
+// and ERR_MISSING where said.
 #pragma once
 #include "tests/bench/bench.h"
 
@@ -9,6 +9,11 @@ MUST_CHECK enum status trial_motions(struct bench *b, const char *folder);
 
 // The same with figures of all sizes and clothes, in the world's own motions.
 MUST_CHECK enum status trial_bodies(struct bench *b);
+
+// Random short films (tests/support/dice_plan.h) in the world's own motions and, where `motions` is not NULL, those of
+// its BVH files: how often the skeleton is wrong, by cause, and the command that makes each of the worst films anew.
+// ERR_MISSING: no such file there. ERR_IO: what the films could not be written to.
+MUST_CHECK enum status trial_dice(struct bench *b, const struct bench_dice *dice, const char *motions);
 
 // Real people in the folders of `folder` (TUM layout), next to the Kinect SDK's tracker: a reference, not truth.
 // ERR_MISSING: no such folder there.

@@ -227,6 +227,8 @@ enum status scene_build(struct world_scene *s, const struct world_options *optio
         status = add_furniture(s, mixed);
     if (!status && options->table)
         add_box(s, v3(1.0, -0.7, 0), v3(1.6, 0.7, 0.75), MATERIAL_WOOD, 0xc79a63);
+    for (int i = 0; i < options->boxes && !status; i++)
+        add_box(s, options->box[i].low, options->box[i].high, MATERIAL_WOOD, 0xa9855a);
     if (!status)
         status = add_tags(s, options->tags, &options->moved);
     if (!status && !plain)

@@ -404,6 +404,61 @@ static void test_shadow_and_flying_pixels_lie_at_edges(void **state)
     free(out);
 }
 
+// A box before the legs hides them, and only them.
+static void test_a_box_hides_what_is_behind(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    struct world *w;
+    o.motion = "still";
+    o.plain = true;
+    o.box[o.boxes++] = (struct world_box){{-1, -0.9, 0}, {1, -0.7, 0.8}};
+    EXPECT_STATUS(world_open(&w, &o), OK);
+    struct lens lens = world_calibration(0.5).color;
+    struct shot_pixels p = shoot(w, lens, world_sensor_pose(w), 1, true, WANT_DEPTH);
+    const struct skeleton s = world_joints_in_camera(w, 1, world_sensor_pose(w));
+    static const enum joint seen[] = {JOINT_HEAD, JOINT_NECK, JOINT_TORSO},
+                            hidden[] = {JOINT_LEFT_KNEE, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(seen); i++) {
+        const struct pixel px = lens_project(&lens, s.joint[seen[i]]);
+        EXPECT_INT(p.mask[(int)lround(px.y) * p.width + (int)lround(px.x)], 1);
+    }
+    for (size_t i = 0; i < COUNT_OF(hidden); i++) {
+        const struct pixel px = lens_project(&lens, s.joint[hidden[i]]);
+        const int at = (int)lround(px.y) * p.width + (int)lround(px.x);
+        EXPECT_INT(p.mask[at], 0);
+        EXPECT_NEAR(p.depth[at] * 1e-3, 2.3, 0.2); // of the box, 2.2 m before the sensor
+    }
+    drop(&p);
+    world_close(&w);
+    o.box[0].high.z = 0;
+    EXPECT_STATUS(world_open(&w, &o), ERR_INPUT);
+}
+
+static void test_preview_gives_the_world_s_joints(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    struct world *w;
+    struct skeleton preview[3];
+    double seconds;
+    o.motion = "kata";
+    o.plain = true;
+    o.spot = (struct world_spot){0.3, 0.2, 1};
+    EXPECT_STATUS(world_open(&w, &o), OK);
+    EXPECT_STATUS(world_preview_seconds(&o, &seconds), OK);
+    EXPECT_NEAR(seconds, world_seconds(w), 0);
+    EXPECT_STATUS(world_preview_joints(&o, 1.5, 10, 3, preview), OK);
+    for (int k = 0; k < 3; k++) {
+        const struct skeleton s = world_joints(w, 1.5 + k / 10.0);
+        for (int j = 0; j < JOINT_COUNT; j++)
+            EXPECT_NEAR(v3_distance(preview[k].joint[j], s.joint[j]), 0, 0);
+    }
+    world_close(&w);
+    o.motion = "no such";
+    EXPECT_STATUS(world_preview_joints(&o, 0, 10, 3, preview), ERR_INPUT);
+}
+
 static void test_open_refuses_invalid(void **state)
 {
     (void)state;
@@ -445,6 +500,8 @@ int main(void)
         cmocka_unit_test(test_viewer_keeps_actor_in_view),
         cmocka_unit_test(test_depth_noise_grows_as_the_sensor_s_does),
         cmocka_unit_test(test_shadow_and_flying_pixels_lie_at_edges),
+        cmocka_unit_test(test_a_box_hides_what_is_behind),
+        cmocka_unit_test(test_preview_gives_the_world_s_joints),
         cmocka_unit_test(test_open_refuses_invalid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -26,6 +26,8 @@ bool world_figure_named(const char *name, struct world_figure *out)
 
 const char *world_figure_names(void) { return "woman man child heavy skirt coat tall"; }
 
+const char *world_motion_names(void) { return "pirouette kata still bend walk hide visit"; }
+
 struct world_options world_default_options(void)
 {
     return (struct world_options){
@@ -52,6 +54,14 @@ static enum status check_where(const struct world_options *o)
         return fail(ERR_INPUT, "the sensor would look straight up or down");
     if (!(o->walk.distance_m > 0.3 && o->walk.distance_m < 10) || !(fabs(o->walk.round) < 1000))
         return fail(ERR_INPUT, "the walk would be %g radians round, %g m away", o->walk.round, o->walk.distance_m);
+    if (o->boxes < 0 || o->boxes > WORLD_BOXES)
+        return fail(ERR_INPUT, "%d boxes; take 0 to %d", o->boxes, WORLD_BOXES);
+    for (int i = 0; i < o->boxes; i++) {
+        const struct vec3 a = o->box[i].low, b = o->box[i].high;
+        if (!is_in_room(a.x, a.y) || !is_in_room(b.x, b.y) || !(a.z >= 0 && b.z < ROOM_HEIGHT) ||
+            !(a.x < b.x && a.y < b.y && a.z < b.z))
+            return fail(ERR_INPUT, "box %d is outside the room or empty", i);
+    }
     return OK;
 }
 
@@ -109,12 +119,10 @@ void world_close(struct world **w)
 
 double world_seconds(const struct world *w) { return motion_seconds(w->motion); }
 
-struct stance world_stance(const struct world *w, double time_s)
+static struct stance positioned(struct stance s, const struct world_spot *spot)
 {
-    const struct world_spot *spot = &w->options.spot;
     const struct quat rotation = quat_from_rotation_vector(v3(0, 0, spot->turned));
     const struct pose room_from_motion = {rotation, v3(spot->x, spot->y, 0)};
-    struct stance s = world_motion_at(w->motion, &w->physique, time_s);
     s.waist = pose_apply(room_from_motion, s.waist);
     s.pelvis = quat_multiply(rotation, s.pelvis);
     s.chest = quat_multiply(rotation, s.chest);
@@ -127,6 +135,44 @@ struct stance world_stance(const struct world *w, double time_s)
         s.knee[side] = quat_rotate(rotation, s.knee[side]);
     }
     return s;
+}
+
+struct stance world_stance(const struct world *w, double time_s)
+{
+    return positioned(world_motion_at(w->motion, &w->physique, time_s), &w->options.spot);
+}
+
+enum status world_preview_seconds(const struct world_options *options, double *seconds)
+{
+    *seconds = 0;
+    enum status status = check(options);
+    struct figure_motion *motion = NULL;
+    const struct physique physique = physique_of(&options->figure);
+    if (status == OK)
+        status = world_motion_open(&motion, options->motion, &physique);
+    if (status == OK)
+        *seconds = motion_seconds(motion);
+    world_motion_close(&motion);
+    return status;
+}
+
+enum status world_preview_joints(const struct world_options *options, double start_s, double rate_hz, int count,
+                                 struct skeleton *out)
+{
+    enum status status = check(options);
+    struct figure_motion *motion = NULL;
+    const struct physique physique = physique_of(&options->figure);
+    if (status == OK)
+        status = world_motion_open(&motion, options->motion, &physique);
+    for (int k = 0; k < count && status == OK; k++) {
+        const struct stance stance =
+            positioned(world_motion_at(motion, &physique, start_s + k / rate_hz), &options->spot);
+        struct posed posed;
+        physique_pose(&physique, &stance, &posed);
+        out[k] = posed.joints;
+    }
+    world_motion_close(&motion);
+    return status;
 }
 
 struct skeleton world_joints(const struct world *w, double time_s)
@@ -203,11 +249,9 @@ static uint32_t seed_of(const struct world *w, uint32_t what)
     return hash_of((uint32_t)w->options.seed, (uint32_t)(w->options.seed >> 32), what);
 }
 
-struct pose world_sensor_pose(const struct world *w)
-{
-    const struct world_stand *s = &w->options.stand;
-    return look_at(s->eye, s->target, s->roll);
-}
+struct pose world_stand_pose(const struct world_stand *s) { return look_at(s->eye, s->target, s->roll); }
+
+struct pose world_sensor_pose(const struct world *w) { return world_stand_pose(&w->options.stand); }
 
 struct pose world_sweep_pose(const struct world *w, double time_s)
 {

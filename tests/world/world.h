@@ -50,6 +50,8 @@ const char *world_figure_names(void);
 
 // ---------------------------------------------------------------- opening
 
+enum { WORLD_BOXES = 6 };
+
 struct world_options {
     struct world_figure figure; // default "woman"
     // "pirouette" (default): steps 1.5 m towards the sensor and turns all the way round, arms moving. "kata": punches,
@@ -62,8 +64,13 @@ struct world_options {
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
     bool table; // a table at arm's length to the right of the actor's path, as the sensor sees it: 1 m to 1.6 m, 0.75 m
                 // high
-    bool plain; // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
-    bool bare;  // no posters on the walls and no rug: only the tags and the furniture can be recognised
+    // Furniture to hide an actor behind: wooden boxes along the room's axes, metres; the first `boxes` of them.
+    struct world_box {
+        struct vec3 low, high;
+    } box[WORLD_BOXES];
+    int boxes;
+    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
+    bool bare;     // no posters on the walls and no rug: only the tags and the furniture can be recognised
     uint32_t tags; // bit i: tag i is present; default all 15
     // Tags that were moved to the right and up on their wall, metres.
     struct world_moved {
@@ -91,6 +98,15 @@ struct world_options world_default_options(void);
 // file. ERR_MEMORY. On error *out is NULL.
 MUST_CHECK enum status world_open(struct world **out, const struct world_options *options);
 void world_close(struct world **w); // NULL is fine; sets *w = NULL
+
+// The names of the world's own motions, separated by spaces.
+const char *world_motion_names(void);
+
+// Without opening a world, which takes a hundred times as long: how long the motion lasts; and its joints in world
+// axes, `count` of them from `start_s` on at `rate_hz`. Errors: as world_open.
+MUST_CHECK enum status world_preview_seconds(const struct world_options *options, double *seconds);
+MUST_CHECK enum status world_preview_joints(const struct world_options *options, double start_s, double rate_hz,
+                                            int count, struct skeleton *out);
 
 // ---------------------------------------------------------------- truth
 
@@ -122,6 +138,7 @@ struct calibration world_viewer_calibration(double scale);
 
 // The sensor's pose on its stand: world_from_camera.
 struct pose world_sensor_pose(const struct world *w);
+struct pose world_stand_pose(const struct world_stand *stand);
 
 // The hand-held sensor on a sweep of the empty room; sees every tag several times.
 enum { WORLD_SWEEP_S = 12 };

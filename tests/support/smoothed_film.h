@@ -1,7 +1,11 @@
 // Tracks a film as `record` does: the online estimate, and the smoothed estimate once the end is known.
 #pragma once
-#include "capture/recording/skeleton.h"
-#include "base/lens.h"
+#include "capture/tracking/tracker.h"
+
+struct smoothed_floor {
+    struct vec3 up;
+    double height_m;
+};
 
 struct smoothed_film {
     struct calibration calibration;
@@ -10,6 +14,9 @@ struct smoothed_film {
     uint16_t **depth;
     struct skeleton *online, *smoothed; // all confidence 0: no person
     bool *found;
+    // What is known of the room beforehand; left 0: nothing.
+    const uint16_t *background;         // as for tracker_set_background
+    const struct smoothed_floor *floor; // as for tracker_set_floor
 };
 
 // Zero the struct with {0} and set its calibration first. Copies the image. ERR_MEMORY.

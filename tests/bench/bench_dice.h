@@ -1,0 +1,11 @@
+// What the trial of random films writes beside its table.
+#pragma once
+#include "tests/support/dice_score.h"
+
+// Writes FOLDER/film_INDEX.png: instants of the film side by side, above in colour with the online skeleton, below in
+// depth with the smoothed one. The true skeleton is thin and white, the tracked one orange on the person's left and
+// blue on the right; inferred joints are small. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status dice_strip_write(const struct dice_film *film, const char *folder);
+
+// One row a joint, frame and mode. ERR_IO.
+MUST_CHECK enum status dice_dump_write(const struct dice_film *films, int count, const char *path);

@@ -1,0 +1,59 @@
+// The random films' joints as CSV, for calibration.
+#include "tests/bench/bench_dice.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const char *sight_name(enum dice_sight s)
+{
+    static const char *const names[] = {"visible", "hidden", "blocked", "outside"};
+    return names[s];
+}
+
+struct dump_row {
+    const struct dice_film *film;
+    int frame;
+    enum dice_mode mode;
+    enum joint joint;
+    struct dice_joint is;
+};
+
+static void print_vector(FILE *file, struct vec3 v) { fprintf(file, ",%.4f,%.4f,%.4f", v.x, v.y, v.z); }
+
+static void print_row(FILE *file, const struct dump_row *r)
+{
+    const struct dice_plan *plan = &r->film->plan;
+    const struct dice_frame *frame = &r->film->frame[r->frame];
+    const char *slash = strrchr(plan->actor.motion, '/');
+    fprintf(file, "%d,%d,%s,%s", plan->index, r->frame, joint_name(r->joint), dice_mode_name(r->mode));
+    fprintf(file, ",%g", (double)r->is.confidence);
+    print_vector(file, r->is.off_m);
+    print_vector(file, r->is.less_off_m);
+    fprintf(file, ",%s,%.1f,%.2f", sight_name(frame->sight[r->joint]), frame->facing_degrees, frame->distance_m);
+    fprintf(file, ",%s,%s,%s,%d,%d\n", plan->actor.figure, slash ? slash + 1 : plan->actor.motion,
+            dice_situation_name(plan->situation), plan->swept, plan->scale > 0.75 ? 640 : 320);
+}
+
+static const char header[] =
+    "film,frame,joint,mode,confidence,error_x_m,error_y_m,error_z_m,less_rig_x_m,less_rig_y_m,less_rig_z_m,sight,"
+    "facing_degrees,distance_m,figure,motion,situation,swept,width\n";
+
+enum status dice_dump_write(const struct dice_film *films, int count, const char *path)
+{
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return fail(ERR_IO, "%s cannot be written", path);
+    struct dice_rig rig[DICE_MODES];
+    for (int mode = 0; mode < DICE_MODES; mode++)
+        rig[mode] = dice_rig_of(films, count, (enum dice_mode)mode);
+    fputs(header, file);
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < films[i].plan.frames; k++)
+            for (int mode = 0; mode < DICE_MODES; mode++)
+                for (int j = 0; j < JOINT_COUNT; j++) {
+                    const struct dice_joint is =
+                        dice_joint_of(&films[i].frame[k], (enum dice_mode)mode, (enum joint)j, &rig[mode]);
+                    print_row(file, &(struct dump_row){&films[i], k, (enum dice_mode)mode, (enum joint)j, is});
+                }
+    return fclose(file) ? fail(ERR_IO, "%s could not be written", path) : OK;
+}

@@ -1,0 +1,132 @@
+#include "tests/support/dice_film.h"
+
+#include "base/clock.h"
+#include "base/parallel.h"
+#include "tests/support/smoothed_film.h"
+
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+const char *dice_mode_name(enum dice_mode m) { return m == DICE_ONLINE ? "online" : "smoothed"; }
+
+void dice_film_free(struct dice_film *f)
+{
+    free(f->frame);
+    *f = (struct dice_film){0};
+}
+
+// ---------------------------------------------------------------- the truth of a frame
+
+static enum dice_sight sight_of(const struct dice_camera *c, struct vec3 p, enum joint j)
+{
+    const struct lens *l = &c->calibration.depth;
+    if (!dice_in_image(l, p))
+        return DICE_OUTSIDE;
+    const struct pixel px = lens_project(l, p);
+    const size_t at = (size_t)lround(px.y) * (size_t)l->width + (size_t)lround(px.x);
+    const double over_m = p.z - c->exact[at] * 1e-3; // the surface seen there is this much nearer
+    // Beside the actor: an arm is narrower than its joint is deep, and a hand's pixel may miss it.
+    if (c->mask[at] != 1)
+        return over_m > 0.05 ? DICE_BLOCKED : DICE_VISIBLE;
+    return over_m > 1.5 * world_joint_radius(c->world, j) + 0.05 ? DICE_HIDDEN : DICE_VISIBLE;
+}
+
+static void describe(const struct dice_camera *c, int k, struct dice_frame *f)
+{
+    const double t = (double)k / DICE_HZ;
+    f->truth = world_joints_in_camera(c->world, c->plan.actor.start_s + t, c->world_from_camera);
+    if (c->passerby)
+        f->passerby = world_joints_in_camera(c->passerby, c->plan.passerby.start_s + t, c->world_from_camera);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        f->sight[j] = sight_of(c, f->truth.joint[j], (enum joint)j);
+    f->facing_degrees = dice_facing_degrees(&f->truth);
+    f->distance_m = hypot(f->truth.joint[JOINT_WAIST].x, f->truth.joint[JOINT_WAIST].z);
+}
+
+// ---------------------------------------------------------------- filming and tracking
+
+static enum status film(struct dice_film *f, struct dice_camera *c, struct smoothed_film *images)
+{
+    enum status status = OK;
+    for (int k = 0; k < f->plan.frames && status == OK; k++) {
+        status = dice_camera_shoot(c, k, false);
+        if (status != OK)
+            break;
+        describe(c, k, &f->frame[k]);
+        status = smoothed_film_add(images, (int64_t)llround(k * 1e9 / DICE_HZ), c->depth);
+    }
+    return status;
+}
+
+static enum status track(struct dice_film *f, const struct dice_camera *c, struct smoothed_film *images)
+{
+    const struct lens *l = &c->calibration.depth;
+    uint16_t *background = calloc((size_t)l->width * (size_t)l->height, sizeof *background);
+    const struct vec3 up = quat_rotate(quat_conjugate(c->world_from_camera.rotation), v3(0, 0, 1));
+    const struct smoothed_floor floor_is = {up, c->world_from_camera.translation.z};
+    enum status status = background ? OK : fail(ERR_MEMORY, "no memory for the empty room");
+    if (status == OK && f->plan.swept) {
+        status = dice_camera_background(c, background);
+        images->background = background;
+        images->floor = &floor_is;
+    }
+    if (status == OK)
+        status = smoothed_film_track(images);
+    for (int k = 0; k < f->plan.frames && status == OK; k++) {
+        f->frame[k].track[DICE_ONLINE] = images->online[k];
+        f->frame[k].track[DICE_SMOOTHED] = images->smoothed[k];
+    }
+    free(background);
+    return status;
+}
+
+static enum status make_film(struct dice_film *f, const struct dice_wish *wish, int index)
+{
+    struct dice_camera camera = {0};
+    struct smoothed_film images = {0};
+    const int64_t start_ns = clock_cpu_ns();
+    enum status status = dice_plan_draw(&f->plan, wish, index);
+    if (status == OK)
+        status = dice_camera_open(&camera, &f->plan);
+    images.calibration = camera.calibration;
+    if (status == OK && !(f->frame = calloc((size_t)f->plan.frames, sizeof *f->frame)))
+        status = fail(ERR_MEMORY, "no memory for a film's joints");
+    if (status == OK)
+        status = film(f, &camera, &images);
+    const int64_t filmed_ns = clock_cpu_ns();
+    if (status == OK)
+        status = track(f, &camera, &images);
+    f->filmed_s = (double)(filmed_ns - start_ns) * 1e-9;
+    f->tracked_s = (double)(clock_cpu_ns() - filmed_ns) * 1e-9;
+    smoothed_film_free(&images);
+    dice_camera_close(&camera);
+    return status;
+}
+
+struct making {
+    struct dice_film *films;
+    const struct dice_request *request;
+    atomic_int done;
+};
+
+static void make_one(void *context, int i)
+{
+    struct making *m = context;
+    struct dice_film *f = &m->films[i];
+    *f = (struct dice_film){0};
+    failure_keep(&f->failure, make_film(f, &m->request->wish, m->request->first + i));
+    const int done = atomic_fetch_add(&m->done, 1) + 1;
+    if (m->request->shown)
+        fprintf(stderr, "\r%d of %d films ", done, m->request->count);
+}
+
+void dice_films_make(struct dice_film *out, const struct dice_request *request)
+{
+    struct making making = {.films = out, .request = request};
+    parallel_for(request->threads, request->count, make_one, &making);
+    if (request->shown)
+        fprintf(stderr, "\r\033[K");
+}
