@@ -175,8 +175,8 @@ static enum status draw_place(struct rng *rng, const struct dice_wish *wish, str
 
 enum status dice_plan_draw(struct dice_plan *out, const struct dice_wish *wish, int index)
 {
-    // Of entering people most motions are none: five tries of a hundred find one.
-    enum { TRIES = 1000 };
+    enum { TRIES = 1000 }; // few stretches of motions walk far enough to enter or to leave
+
     struct rng rng = rng_of(wish->seed, index);
     *out = (struct dice_plan){.seed = wish->seed, .noise_seed = rng.state, .index = index, .plain = wish->plain};
     out->situation = draw_situation(&rng);

@@ -21,7 +21,7 @@ struct dice_group {
 
 // Exchanged sides, by frame. A pair's error is the sum over its joints with each side at its own, or at the other's
 // true position; the sides are swapped where the second sum is less than half the first, all joints are claimed, and
-// the pair is told apart: the mean distance between the true left and right joints is above 15 cm.
+// its sides lie apart: the mean distance between the true left and right joints is above 15 cm.
 enum dice_swap {
     DICE_SWAP_ARMS, // elbows and hands
     DICE_SWAP_LEGS, // knees and feet

@@ -119,6 +119,7 @@ void world_close(struct world **w)
 
 double world_seconds(const struct world *w) { return motion_seconds(w->motion); }
 
+// Moved to the spot, and rotated there.
 static struct stance positioned(struct stance s, const struct world_spot *spot)
 {
     const struct quat rotation = quat_from_rotation_vector(v3(0, 0, spot->turned));
