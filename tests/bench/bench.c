@@ -165,6 +165,7 @@ enum {
     KEY_THREADS,
     KEY_STRIP,
     KEY_DUMP,
+    KEY_COLOR,
 };
 
 struct bench_arguments {
@@ -193,6 +194,7 @@ static error_t parse_dice(int key, char *argument, struct argp_state *state, str
     case KEY_THREADS: dice->threads = (int)number_from(argument, state, 1, 16); return 0;
     case KEY_STRIP: dice->strip = argument; return 0;
     case KEY_DUMP: dice->dump = argument; return 0;
+    case KEY_COLOR: dice->color = true; return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -207,8 +209,8 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
                           "with --motions");
     if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
         argp_error(state, "--motions, --dice, --bodies, --joints and --sequences are the skeleton stage's");
-    if (!dice && (in->dice.only >= 0 || in->dice.strip || in->dice.dump))
-        argp_error(state, "--only, --strip and --dump go with --dice");
+    if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump))
+        argp_error(state, "--only, --color, --strip and --dump go with --dice");
     if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
         argp_error(state, "--plot is the levels stage's");
 }
@@ -306,6 +308,7 @@ int main(int argc, char **argv)
         {"only", KEY_ONLY, "I", 0, "dice: film I of this seed alone", 0},
         {"seconds", KEY_SECONDS, "T", 0, "dice: of a film, at most (5)", 0},
         {"threads", KEY_THREADS, "N", 0, "dice: films made at a time (2)", 0},
+        {"color", KEY_COLOR, NULL, 0, "dice: also with points of the colour images (networks of tools/models)", 0},
         {"strip", KEY_STRIP, "DIR", 0, "dice: draw images of the worst films, or of the only one, into this folder", 0},
         {"dump", KEY_DUMP, "FILE", 0, "dice: write each joint's error in each frame, as CSV", 0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},

@@ -84,7 +84,8 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
     if (!m.films)
         return OK;
     char label[64];
-    snprintf(label, sizeof label, "%.28s%s", name, mode == DICE_ONLINE ? ", online" : "");
+    static const char *const suffix[DICE_MODES] = {", online", "", ", c. online", ", colour"};
+    snprintf(label, sizeof label, "%.28s%s", name, suffix[mode]);
     const double value[COUNT_OF(columns)] = {
         m.films,
         m.frames,
@@ -113,7 +114,7 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
 static enum status add_rows(struct dice_trial *t, const char *name, struct dice_group group)
 {
     enum status status = OK;
-    for (int mode = 0; mode < DICE_MODES && status == OK; mode++)
+    for (int mode = 0; mode < t->films[0].modes && status == OK; mode++)
         status = add_row(t, name, (enum dice_mode)mode, group);
     return status;
 }
@@ -195,6 +196,8 @@ static void print_command(const struct dice_trial *t, int i)
         printf(" --seconds %g", t->dice->seconds);
     if (t->motions_folder)
         printf(" --motions %s", t->motions_folder);
+    if (t->dice->color)
+        printf(" --color");
     printf("\n");
 }
 
@@ -204,12 +207,18 @@ static void print_film(const struct dice_trial *t, int i)
     const struct dice_plan *p = &f->plan;
     const struct dice_frame *middle = &f->frame[p->frames / 2];
     const struct dice_measure online = of_film(t, i, DICE_ONLINE), smoothed = of_film(t, i, DICE_SMOOTHED);
+    char color[128] = "";
+    if (f->modes > DICE_COLOR_SMOOTHED) {
+        const struct dice_measure o = of_film(t, i, DICE_COLOR_ONLINE), m = of_film(t, i, DICE_COLOR_SMOOTHED);
+        snprintf(color, sizeof color, "  colour online %4.0f mm %3.0f%%  smoothed %4.0f mm %3.0f%%", o.mean_mm,
+                 o.within_seen, m.mean_mm, m.within_seen);
+    }
     printf("  %5d %-6s %-14.14s %5.2f s  %-9s %-7s %s %5.2f m %5.0f deg  %3d frames  online %4.0f mm %3.0f%%  smoothed "
-           "%4.0f mm %3.0f%%  %4.1f + %4.1f s\n",
+           "%4.0f mm %3.0f%%%s  %4.1f + %4.1f s\n",
            p->index, p->actor.figure, last_part(p->actor.motion), p->actor.start_s, dice_situation_name(p->situation),
            p->swept ? "swept" : "unswept", p->scale > 0.75 ? "640" : "320", middle->distance_m, middle->facing_degrees,
-           smoothed.frames, online.mean_mm, online.within_seen, smoothed.mean_mm, smoothed.within_seen, f->filmed_s,
-           f->tracked_s);
+           smoothed.frames, online.mean_mm, online.within_seen, smoothed.mean_mm, smoothed.within_seen, color,
+           f->filmed_s, f->tracked_s);
 }
 
 struct ranked {
@@ -272,7 +281,7 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
     enum status status = t.films ? dice_motions_open(&t.motions, motions) : fail(ERR_MEMORY, "no memory for the films");
     if (status == OK) {
         const struct dice_request request = {
-            .wish = {dice->seed, dice->seconds, &t.motions, false},
+            .wish = {dice->seed, dice->seconds, &t.motions, dice->color, false},
             .first = dice->only >= 0 ? dice->only : 0,
             .count = t.count,
             .threads = dice->threads,
@@ -283,7 +292,7 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
     for (int i = 0; i < t.count && status == OK; i++)
         if (t.films[i].failure.status != OK)
             status = fail(t.films[i].failure.status, "%s", t.films[i].failure.sentence);
-    for (int mode = 0; mode < DICE_MODES && status == OK; mode++)
+    for (int mode = 0; mode < t.films[0].modes && status == OK; mode++)
         t.rig[mode] = dice_rig_of(t.films, t.count, (enum dice_mode)mode);
     if (status == OK)
         status = show(&t);

@@ -3,8 +3,8 @@
 #include "tests/support/dice_score.h"
 
 // Writes FOLDER/film_INDEX.png: instants of the film side by side, above in colour with the online skeleton, below in
-// depth with the smoothed one. The true skeleton is thin and white, the tracked one orange on the person's left and
-// blue on the right; inferred joints are small. ERR_IO, ERR_MEMORY.
+// depth with the smoothed one; below these the same of the modes with colour. The true skeleton is thin and white, the
+// tracked one orange on the person's left and blue on the right; inferred joints are small. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status dice_strip_write(const struct dice_film *film, const char *folder);
 
 // One row a joint, frame and mode. ERR_IO.

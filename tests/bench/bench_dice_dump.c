@@ -49,7 +49,7 @@ enum status dice_dump_write(const struct dice_film *films, int count, const char
     fputs(header, file);
     for (int i = 0; i < count; i++)
         for (int k = 0; k < films[i].plan.frames; k++)
-            for (int mode = 0; mode < DICE_MODES; mode++)
+            for (int mode = 0; mode < films[i].modes; mode++)
                 for (int j = 0; j < JOINT_COUNT; j++) {
                     const struct dice_joint is =
                         dice_joint_of(&films[i].frame[k], (enum dice_mode)mode, (enum joint)j, &rig[mode]);

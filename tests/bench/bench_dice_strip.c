@@ -142,9 +142,9 @@ static enum status draw(struct canvas *canvas, const struct dice_film *film, str
     for (int i = 0; i < INSTANTS && status == OK; i++) {
         const int k = instant_frame(film, i);
         status = dice_camera_shoot(camera, k, true);
-        for (int mode = 0; mode < DICE_MODES && status == OK; mode++) {
+        for (int mode = 0; mode < film->modes && status == OK; mode++) {
             struct cell cell = {canvas, i * (CELL_WIDTH + GAP), mode * (CELL_HEIGHT + GAP), l, window};
-            paint_image(&cell, camera, mode == DICE_ONLINE);
+            paint_image(&cell, camera, mode % 2 == 0);
             paint_skeleton(&cell, &film->frame[k].track[mode], false);
             paint_skeleton(&cell, &film->frame[k].truth, true);
         }
@@ -155,7 +155,8 @@ static enum status draw(struct canvas *canvas, const struct dice_film *film, str
 enum status dice_strip_write(const struct dice_film *film, const char *folder)
 {
     struct dice_camera camera = {0};
-    struct canvas canvas = {.stride = INSTANTS * (CELL_WIDTH + GAP) - GAP, .height = 2 * CELL_HEIGHT + GAP};
+    struct canvas canvas = {.stride = INSTANTS * (CELL_WIDTH + GAP) - GAP,
+                            .height = film->modes * (CELL_HEIGHT + GAP) - GAP};
     char path[4096];
     snprintf(path, sizeof path, "%s/film_%d.png", folder, film->plan.index);
     canvas.rgb = calloc((size_t)canvas.stride * (size_t)canvas.height, 3);

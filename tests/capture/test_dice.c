@@ -11,7 +11,7 @@ static const double SECONDS = 2;
 
 static void make(struct dice_film *films, const struct dice_motions *motions, int first, int count, int threads)
 {
-    const struct dice_request request = {{SEED, SECONDS, motions, true}, first, count, threads, false};
+    const struct dice_request request = {{SEED, SECONDS, motions, false, true}, first, count, threads, false};
     dice_films_make(films, &request);
     for (int i = 0; i < count; i++) {
         if (films[i].failure.status != OK)
@@ -26,7 +26,7 @@ static void expect_same(const struct dice_film *a, const struct dice_film *b)
     EXPECT_INT(a->plan.situation, b->plan.situation);
     assert_string_equal(a->plan.actor.figure, b->plan.actor.figure);
     for (int k = 0; k < a->plan.frames; k++)
-        for (int mode = 0; mode < DICE_MODES; mode++)
+        for (int mode = 0; mode < DICE_DEPTH_MODES; mode++)
             for (int j = 0; j < JOINT_COUNT; j++) {
                 const struct skeleton *p = &a->frame[k].track[mode], *q = &b->frame[k].track[mode];
                 EXPECT_NEAR((double)p->confidence[j], (double)q->confidence[j], 0);
@@ -49,7 +49,7 @@ static void test_few_joints_are_wrong(void **state)
     struct dice_film films[FILMS], again;
     EXPECT_STATUS(dice_motions_open(&motions, NULL), OK);
     make(films, &motions, 0, FILMS, 2);
-    for (int mode = 0; mode < DICE_MODES; mode++) {
+    for (int mode = 0; mode < DICE_DEPTH_MODES; mode++) {
         const struct dice_rig rig = dice_rig_of(films, FILMS, (enum dice_mode)mode);
         const struct dice_measure m = dice_measure_of(films, FILMS, (enum dice_mode)mode, &rig, (struct dice_group){0});
         print_message("seed %d, %d films, %d frames, %s: mean %.0f mm, within 10 cm %.1f %%, swapped %.1f %%, seen and "
@@ -104,7 +104,7 @@ static void test_plans_follow_their_shares(void **state)
     struct dice_plan plan, again;
     int count[DICE_SITUATIONS] = {0}, swept = 0;
     EXPECT_STATUS(dice_motions_open(&motions, NULL), OK);
-    const struct dice_wish wish = {SEED, SECONDS, &motions, true};
+    const struct dice_wish wish = {SEED, SECONDS, &motions, false, true};
     for (int i = 0; i < PLANS; i++) {
         EXPECT_STATUS(dice_plan_draw(&plan, &wish, i), OK);
         count[plan.situation]++;

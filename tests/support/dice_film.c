@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/parallel.h"
+#include "capture/body_points.h"
 #include "tests/support/smoothed_film.h"
 
 #include <stdatomic.h>
@@ -10,7 +11,14 @@
 #include <string.h>
 #include <unistd.h>
 
-const char *dice_mode_name(enum dice_mode m) { return m == DICE_ONLINE ? "online" : "smoothed"; }
+// Body points are looked for in every third image, as recorder.c does.
+enum { LOOK_EVERY = 3 };
+
+const char *dice_mode_name(enum dice_mode m)
+{
+    static const char *const names[DICE_MODES] = {"online", "smoothed", "color_online", "color_smoothed"};
+    return names[m];
+}
 
 void dice_film_free(struct dice_film *f)
 {
@@ -48,11 +56,46 @@ static void describe(const struct dice_camera *c, int k, struct dice_frame *f)
 
 // ---------------------------------------------------------------- filming and tracking
 
-static enum status film(struct dice_film *f, struct dice_camera *c, struct smoothed_film *images)
+// What is looked at in the colour images, with the network; all NULL: nothing is.
+struct looking {
+    struct pose_network *network;
+    struct body_points *points; // plan.frames of each
+    bool *looked;
+};
+
+static enum status looking_open(struct looking *l, int frames)
+{
+    l->points = calloc((size_t)frames, sizeof *l->points);
+    l->looked = calloc((size_t)frames, sizeof *l->looked);
+    return l->points && l->looked ? pose_network_open(&l->network, NULL, POSE_NETWORK_LITE)
+                                  : fail(ERR_MEMORY, "no memory for a film's body points");
+}
+
+static void looking_close(struct looking *l)
+{
+    pose_network_close(&l->network);
+    free(l->points);
+    free(l->looked);
+}
+
+static enum status shoot(struct dice_camera *c, struct looking *l, int k)
+{
+    const bool look = l->network && k % LOOK_EVERY == 0;
+    const struct lens *lens = &c->calibration.color;
+    enum status status = dice_camera_shoot(c, k, look);
+    if (status != OK || !look)
+        return status;
+    status = body_points_of_image(l->network, c->color, lens->width, lens->height, &l->points[k]);
+    l->looked[k] = status == OK;
+    return status < 0 ? status : OK;
+}
+
+static enum status film(struct dice_film *f, struct dice_camera *c, struct looking *looking,
+                        struct smoothed_film *images)
 {
     enum status status = OK;
     for (int k = 0; k < f->plan.frames && status == OK; k++) {
-        status = dice_camera_shoot(c, k, false);
+        status = shoot(c, looking, k);
         if (status != OK)
             break;
         describe(c, k, &f->frame[k]);
@@ -61,7 +104,19 @@ static enum status film(struct dice_film *f, struct dice_camera *c, struct smoot
     return status;
 }
 
-static enum status track(struct dice_film *f, const struct dice_camera *c, struct smoothed_film *images)
+// Tracks into two modes from `first` on.
+static enum status track_modes(struct dice_film *f, struct smoothed_film *images, enum dice_mode first)
+{
+    enum status status = smoothed_film_track(images);
+    for (int k = 0; k < f->plan.frames && status == OK; k++) {
+        f->frame[k].track[first] = images->online[k];
+        f->frame[k].track[first + 1] = images->smoothed[k];
+    }
+    return status;
+}
+
+static enum status track(struct dice_film *f, const struct dice_camera *c, const struct looking *looking,
+                         struct smoothed_film *images)
 {
     const struct lens *l = &c->calibration.depth;
     uint16_t *background = calloc((size_t)l->width * (size_t)l->height, sizeof *background);
@@ -74,10 +129,11 @@ static enum status track(struct dice_film *f, const struct dice_camera *c, struc
         images->floor = &floor_is;
     }
     if (status == OK)
-        status = smoothed_film_track(images);
-    for (int k = 0; k < f->plan.frames && status == OK; k++) {
-        f->frame[k].track[DICE_ONLINE] = images->online[k];
-        f->frame[k].track[DICE_SMOOTHED] = images->smoothed[k];
+        status = track_modes(f, images, DICE_ONLINE);
+    if (status == OK && looking->network) {
+        images->points = looking->points;
+        images->looked = looking->looked;
+        status = track_modes(f, images, DICE_COLOR_ONLINE);
     }
     free(background);
     return status;
@@ -87,21 +143,26 @@ static enum status make_film(struct dice_film *f, const struct dice_wish *wish, 
 {
     struct dice_camera camera = {0};
     struct smoothed_film images = {0};
+    struct looking looking = {0};
     const int64_t start_ns = clock_cpu_ns();
     enum status status = dice_plan_draw(&f->plan, wish, index);
     if (status == OK)
         status = dice_camera_open(&camera, &f->plan);
     images.calibration = camera.calibration;
+    f->modes = wish->color ? DICE_MODES : DICE_DEPTH_MODES;
+    if (status == OK && wish->color)
+        status = looking_open(&looking, f->plan.frames);
     if (status == OK && !(f->frame = calloc((size_t)f->plan.frames, sizeof *f->frame)))
         status = fail(ERR_MEMORY, "no memory for a film's joints");
     if (status == OK)
-        status = film(f, &camera, &images);
+        status = film(f, &camera, &looking, &images);
     const int64_t filmed_ns = clock_cpu_ns();
     if (status == OK)
-        status = track(f, &camera, &images);
+        status = track(f, &camera, &looking, &images);
     f->filmed_s = (double)(filmed_ns - start_ns) * 1e-9;
     f->tracked_s = (double)(clock_cpu_ns() - filmed_ns) * 1e-9;
     smoothed_film_free(&images);
+    looking_close(&looking);
     dice_camera_close(&camera);
     return status;
 }

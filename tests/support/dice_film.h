@@ -12,7 +12,15 @@ enum dice_sight {
 // A joint can be seen at all: visible, or hidden by the own body only.
 static inline bool dice_can_be_seen(enum dice_sight s) { return s == DICE_VISIBLE || s == DICE_HIDDEN; }
 
-enum dice_mode { DICE_ONLINE, DICE_SMOOTHED, DICE_MODES };
+// From depth alone, and with body points of every third colour image, as `record` has them.
+enum dice_mode {
+    DICE_ONLINE,
+    DICE_SMOOTHED,
+    DICE_DEPTH_MODES,
+    DICE_COLOR_ONLINE = DICE_DEPTH_MODES,
+    DICE_COLOR_SMOOTHED,
+    DICE_MODES
+};
 const char *dice_mode_name(enum dice_mode m);
 
 struct dice_frame {
@@ -26,6 +34,7 @@ struct dice_frame {
 struct dice_film {
     struct dice_plan plan;
     struct dice_frame *frame;   // plan.frames
+    int modes;                  // DICE_DEPTH_MODES or DICE_MODES: that many are in the frames
     double filmed_s, tracked_s; // processor time
     struct failure failure;     // of this film alone; then there are no frames
 };

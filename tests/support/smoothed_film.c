@@ -30,15 +30,6 @@ enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const ui
     return OK;
 }
 
-// Before each frame, forward and backward: where body points from frame k's colour image go to the tracker. Until it
-// takes any, depth is all there is.
-static void pass_points(const struct smoothed_film *f, struct tracker *tracker, int k)
-{
-    (void)f;
-    (void)tracker;
-    (void)k;
-}
-
 static enum status forward_backward(struct smoothed_film *f, struct tracker *tracker, struct smoother *smoother)
 {
     enum status status = OK;
@@ -47,16 +38,15 @@ static enum status forward_backward(struct smoothed_film *f, struct tracker *tra
     if (f->floor)
         tracker_set_floor(tracker, f->floor->up, f->floor->height_m);
     for (int k = 0; k < f->count && status >= 0; k++) {
-        pass_points(f, tracker, k);
+        if (f->looked && f->looked[k])
+            tracker_set_body_points(tracker, &f->points[k]);
         status = tracker_next(tracker, f->time_ns[k], f->depth[k], &f->online[k], NULL);
         f->found[k] = status == OK;
         if (status >= 0)
             status = smoother_push(smoother, tracker, f->time_ns[k], f->found[k] ? &f->online[k] : NULL);
     }
-    for (int k = f->count - 1; k >= 0 && status >= 0; k--) {
-        pass_points(f, tracker, k);
+    for (int k = f->count - 1; k >= 0 && status >= 0; k--)
         status = smoother_backward(smoother, tracker, k, f->depth[k]);
-    }
     if (status >= 0)
         status = smoother_solve(smoother);
     for (int k = 0; k < f->count && status == OK; k++) {
@@ -73,6 +63,9 @@ enum status smoothed_film_track(struct smoothed_film *f)
     struct tracker *tracker = NULL;
     struct smoother *smoother = NULL;
     size_t n = (size_t)f->count + 1;
+    free(f->online);
+    free(f->smoothed);
+    free(f->found);
     f->online = calloc(n, sizeof *f->online);
     f->smoothed = calloc(n, sizeof *f->smoothed);
     f->found = calloc(n, sizeof *f->found);
