@@ -2,6 +2,7 @@
 #include "base/portable_math.h"
 
 #include "capture/body/hem_detector.h"
+#include "capture/tracking/point_pose.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -286,6 +287,10 @@ static void try_standing(struct fit_task *task, const struct person_measures *s,
                 raise_arms(&pose, arms[a], arms[a]);
                 fit_start(task, &pose, scratch, rough);
             }
+    struct body_pose pointed[POINT_POSES]; // a body in mid-motion may be far from standing
+    const int count = point_poses(task, pointed);
+    for (int i = 0; i < count; i++)
+        fit_start(task, &pointed[i], scratch, rough);
 }
 
 bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
