@@ -20,7 +20,8 @@ enum { YAWS = 8, FACINGS = 4 };
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
 #define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
 #define HEIGHT_SIGMA         0.06  // of an uncropped person's height: raised arms, bent knees, shoes
-#define FOUND_SHARE          0.6   // of the points within FOUND_M of the body: a person was found
+#define BENT_SHARE           0.12 // of the height by the points' distances: a body this much less or more tall does not stand
+#define FOUND_SHARE          0.6 // of the points within FOUND_M of the body: a person was found
 #define FOUND_M              0.10
 #define PI                   3.14159265358979323846
 
@@ -66,6 +67,7 @@ struct person_measures {
     struct vec3 trunk;          // median of the trunk's surface; y is unused
     bool legs_cropped;          // by the image's lower edge or by something in front of the legs
     bool head_cropped;          // by the upper edge
+    bool height_from_points;    // the body is not upright, or cropped
     int side_cropped;           // by the left (-1) or right (1) edge
 };
 
@@ -94,6 +96,11 @@ static bool measure(const struct fit_task *task, struct person_measures *out)
         out->height = out->top; // most people stand
     if (!out->legs_cropped && out->head_cropped)
         out->top = out->bottom + fmax(tall, out->height);
+    const double by_points = task->points ? point_height_m(task) : 0;
+    out->height_from_points =
+        by_points > TALL_MIN_M && by_points < TALL_MAX_M && fabs(by_points - out->height) > BENT_SHARE * by_points;
+    if (out->height_from_points)
+        out->height = by_points;
     int count = 0;
     double low = out->top - TRUNK_LOW * out->height, high = out->top - TRUNK_HIGH * out->height;
     for (int i = 0; i < e->count; i++) {
@@ -301,7 +308,7 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     double scale_log = portable_log(s.height / BODY_AVERAGE_HEIGHT_M);
     task->shape = shape_prior_default();
     task->shape.mean.log[SHAPE_SCALE] = scale_log;
-    if (!s.legs_cropped && !s.head_cropped)
+    if (s.height_from_points || (!s.legs_cropped && !s.head_cropped))
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (HEIGHT_SIGMA * HEIGHT_SIGMA);
     apply_skirt(task, s.height);
     task->learn_shape = false;
