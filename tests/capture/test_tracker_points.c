@@ -88,6 +88,33 @@ static void test_person_seen_from_behind(void **state)
     EXPECT_INT(both, FRAMES);
 }
 
+// First frames in mid-motion: depth alone has them far off, or takes them for no person.
+static void test_first_frame_in_mid_motion(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *figure, *motion;
+        double degrees, time_s;
+    } starts[] = {{"man", "pirouette", -45, 4.94}, {"coat", "kata", -40, 6.36}, {"skirt", "kata", 43, 4.71}};
+    for (size_t i = 0; i < COUNT_OF(starts); i++) {
+        double error_m[2];
+        for (int both = 0; both < 2; both++) {
+            struct tracked_film f;
+            tracked_film_open(&f, starts[i].figure, starts[i].motion);
+            const struct pose from = turned_to(f.world, starts[i].degrees);
+            struct skeleton got, truth = world_joints_in_camera(f.world, starts[i].time_s, from);
+            tracked_film_shoot(&f, from, starts[i].time_s, i);
+            set_points(&f, both ? TRUE_POINTS : NO_POINTS, from, starts[i].time_s);
+            const enum status status = tracker_next(f.tracker, 1, f.depth, &got, NULL);
+            error_m[both] = status == OK ? error_of(&got, &truth) : 1;
+            tracked_film_close(&f);
+        }
+        print_message("%s, %s: %.0f mm from depth alone, %.0f with points\n", starts[i].figure, starts[i].motion,
+                      1000 * error_m[0], 1000 * error_m[1]);
+        EXPECT_AT_MOST(error_m[1], 0.08);
+    }
+}
+
 // Puts the followed body into another pose, as a mistake in earlier frames would have.
 static void follow_instead(struct tracker *t, struct body_pose pose)
 {
@@ -274,6 +301,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_person_seen_from_behind),
+        cmocka_unit_test(test_first_frame_in_mid_motion),
         cmocka_unit_test(test_facing_is_corrected),
         cmocka_unit_test(test_exchanged_legs_are_corrected),
         cmocka_unit_test(test_wrong_points_do_little_harm),
