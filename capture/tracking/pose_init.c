@@ -20,8 +20,8 @@ enum { YAWS = 8, FACINGS = 4 };
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
 #define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
 #define HEIGHT_SIGMA         0.06  // of an uncropped person's height: raised arms, bent knees, shoes
-#define BENT_SHARE           0.12 // of the height by the points' distances: a body this much less or more tall does not stand
-#define FOUND_SHARE          0.6 // of the points within FOUND_M of the body: a person was found
+#define BENT_SHARE           0.12  // of the height by the points: a body that much less or more tall does not stand
+#define FOUND_SHARE          0.6   // of the points within FOUND_M of the body: a person was found
 #define FOUND_M              0.10
 #define PI                   3.14159265358979323846
 
