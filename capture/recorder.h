@@ -10,7 +10,7 @@
 // are replaced by smoothed ones (skeleton_smoother.h); not if the sensor was moved by 5 cm, a degree or more. That
 // takes about as long as tracking did. If it is stopped or killed meanwhile, the take keeps the online joints.
 //
-// Memory: 1.9 MB for each of up to 80 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
+// Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.
 #pragma once
 #include "capture/recording/recording.h"

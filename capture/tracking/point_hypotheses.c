@@ -81,7 +81,8 @@ int point_disputed_limb(const struct point_evidence *points, const struct body_b
 }
 
 // The distance along a ray of the first surface that depth shows; 0: none.
-static double first_surface_m(struct vec3 eye, struct vec3 along, const struct lens *lens, const uint16_t *depth)
+static double first_surface_m(struct vec3 eye, struct vec3 along, const struct lens *lens, const uint16_t *depth,
+                              const uint8_t *mask)
 {
     for (double m = MARCH_FIRST_M; m < MARCH_LAST_M; m += MARCH_STEP_M) {
         const struct vec3 p = v3_add(eye, v3_scale(along, m));
@@ -90,11 +91,22 @@ static double first_surface_m(struct vec3 eye, struct vec3 along, const struct l
         const struct pixel px = lens_project(lens, p);
         if (!(px.x >= 0 && px.y >= 0 && px.x < lens->width - 1 && px.y < lens->height - 1))
             continue;
-        const double there = depth[(int)(px.y + 0.5) * lens->width + (int)(px.x + 0.5)] * 0.001;
+        const int at = (int)(px.y + 0.5) * lens->width + (int)(px.x + 0.5);
+        const double there = mask && !mask[at] ? 0 : depth[at] * 0.001;
         if (there > 0 && p.z >= there)
             return p.z < there + BEHIND_M ? m : 0;
     }
     return 0;
+}
+
+enum body_point_name point_of_limb(int k, int which) { return limb_point[k][which]; }
+
+double point_surface_m(const struct point_evidence *points, enum body_point_name name, const struct lens *lens,
+                       const uint16_t *depth, const uint8_t *mask)
+{
+    return points->index[name] < 0
+               ? 0
+               : first_surface_m(points->eye, points->ray[points->index[name]].along, lens, depth, mask);
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -109,7 +121,7 @@ int point_spheres(const struct point_evidence *points, const struct lens *lens, 
     double far[BODY_POINT_COUNT], sorted[BODY_POINT_COUNT];
     int count = 0, hits = 0;
     for (int i = 0; i < points->count; i++) {
-        far[i] = first_surface_m(points->eye, points->ray[i].along, lens, depth);
+        far[i] = first_surface_m(points->eye, points->ray[i].along, lens, depth, NULL);
         if (far[i] > 0)
             sorted[hits++] = far[i];
     }

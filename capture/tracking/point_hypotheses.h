@@ -20,6 +20,14 @@ int point_limb_targets(const struct point_evidence *points, const struct body_bu
 int point_disputed_limb(const struct point_evidence *points, const struct body_build *build);
 bool point_limb_is_disputed(const struct point_evidence *points, const struct body_build *build, int k);
 
+// The middle joint's point of limb k (0), or its end's (1).
+enum body_point_name point_of_limb(int k, int which);
+
+// The distance along a point's ray of the surface that depth shows there, within the mask where there is one (may be
+// NULL); 0: none, or no ray.
+double point_surface_m(const struct point_evidence *points, enum body_point_name name, const struct lens *lens,
+                       const uint16_t *depth, const uint8_t *mask);
+
 // Spheres about the surface that depth shows behind the points; returns their number, 0 where the points are not on one
 // body. depth: of this lens, millimetres.
 enum { POINT_SPHERES_MAX = 2 * BODY_POINT_COUNT };

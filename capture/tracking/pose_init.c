@@ -2,6 +2,7 @@
 #include "base/portable_math.h"
 
 #include "capture/body/hem_detector.h"
+#include "capture/tracking/point_pose.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,6 +24,7 @@ enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
 #define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
 #define HEIGHT_SIGMA         0.06  // of an uncropped person's height: raised arms, bent knees, shoes
+#define BENT_SHARE           0.12  // of the height by the points: a body that much less or more tall does not stand
 #define FOUND_SHARE          0.6   // of the points within FOUND_M of the body: a person was found
 #define FOUND_M              0.10
 #define PI                   3.14159265358979323846
@@ -69,6 +71,7 @@ struct person_measures {
     struct vec3 trunk;          // median of the trunk's surface; y is unused
     bool legs_cropped;          // by the image's lower edge or by something in front of the legs
     bool head_cropped;          // by the upper edge
+    bool height_from_points;    // the body is not upright, or cropped
     int side_cropped;           // by the left (-1) or right (1) edge
 };
 
@@ -118,6 +121,11 @@ static bool measure(const struct fit_task *task, struct person_measures *out)
         out->height = out->top; // most people stand
     if (!out->legs_cropped && out->head_cropped)
         out->top = out->bottom + fmax(tall, out->height);
+    const double by_points = task->points ? point_height_m(task) : 0;
+    out->height_from_points =
+        by_points > TALL_MIN_M && by_points < TALL_MAX_M && fabs(by_points - out->height) > BENT_SHARE * by_points;
+    if (out->height_from_points)
+        out->height = by_points;
     return measure_trunk(task, out);
 }
 
@@ -290,7 +298,7 @@ static bool adapt_measures(const struct fit_task *task, struct person_measures *
 {
     if (height_rate[posture] == 1)
         return true;
-    if (s->head_cropped || s->side_cropped || (s->legs_cropped && !task->have_floor))
+    if (s->head_cropped || s->side_cropped || s->height_from_points || (s->legs_cropped && !task->have_floor))
         return false;
     s->height *= height_rate[posture];
     if (posture == ARMS_RAISED)
@@ -303,7 +311,7 @@ static void start_shape(struct fit_task *task, const struct person_measures *s)
 {
     task->shape = shape_prior_default();
     task->shape.mean.log[SHAPE_SCALE] = portable_log(s->height / BODY_AVERAGE_HEIGHT_M);
-    if (!s->legs_cropped && !s->head_cropped)
+    if (s->height_from_points || (!s->legs_cropped && !s->head_cropped))
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (HEIGHT_SIGMA * HEIGHT_SIGMA);
     apply_skirt(task, s->height);
 }
@@ -334,6 +342,22 @@ static void try_posture(struct fit_task *task, const struct person_measures *mea
         }
 }
 
+// Fits what the colour image's points suggest: a body in mid-motion may be far from any posture.
+static void try_pointed(struct fit_task *task, const struct person_measures *s, struct fit_scratch *scratch,
+                        struct pose_candidates *rough)
+{
+    struct body_pose pointed[POINT_POSES];
+    const int count = point_poses(task, pointed);
+    if (count)
+        start_shape(task, s);
+    task->learn_shape = false;
+    task->point_stride = START_STRIDE;
+    for (int i = 0; i < count; i++) {
+        fit_start(task, &pointed[i], scratch);
+        keep_best(rough, &scratch->trial, ARMS_DOWN);
+    }
+}
+
 bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
 {
     struct person_measures s;
@@ -342,6 +366,7 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     struct pose_candidates rough = no_candidates(task, s.legs_cropped || !task->have_floor);
     for (enum posture p = ARMS_DOWN; p <= ARMS_RAISED; p++)
         try_posture(task, &s, p, scratch, &rough);
+    try_pointed(task, &s, scratch, &rough);
     choose_best(task, &rough, scratch);
     if (scratch->best.energy > POOR_FIT_ENERGY && !s.side_cropped && !s.legs_cropped) {
         for (enum posture p = CROUCHED; p < POSTURES; p++)

@@ -1,6 +1,7 @@
 // Initialises a person's pose from a single frame. Rough measures of the points give height and place; standing poses
 // of eight directions are fitted roughly (and with a raised leg where none fits), the best of each direction is
-// refined, and the one with the least energy and prior wins. Pure; camera axes, metres.
+// refined, and the one with the least energy and prior wins. With points of the colour image, the pose that they show
+// is tried as well (point_pose.h). Pure; camera axes, metres.
 #pragma once
 #include "capture/tracking/limb_hypotheses.h"
 

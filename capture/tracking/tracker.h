@@ -1,4 +1,6 @@
-// Tracks one person's 16 joints through depth images, from depth alone.
+// Tracks one person's 16 joints through depth images, and with points of the body that were found in colour images
+// where the caller has some (body/point_evidence.h): they tell front from back, left from right and a person from
+// furniture, all of which depth shows badly. Without them everything works from depth alone.
 //
 // Method: articulated ICP. The pose is predicted at constant velocity; the person is segmented near the predicted body;
 // the body model is fitted to the depth points and the silhouette by damped Gauss-Newton with a robust kernel
