@@ -40,6 +40,7 @@ struct tracker {
     double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     bool flipped;                     // this frame turned the body round
+    int refused_wait;                 // frames until a component that was no person is looked at again
     int challenge_wait, challenge_turn; // frames since another start was tried; which is next
     struct body_points next_points;     // of the next frame's colour image
     bool has_next_points;
