@@ -6,28 +6,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { YAWS = 8, FACINGS = 4, SIZES = 2 };
+enum { YAWS = 8, YAW_STEP = 3, FACINGS = 4, SIZES = 2 };
 // Chosen by hand; docs/results.md measures the outcome.
-#define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
-#define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
-#define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor under them: little other evidence
-#define AWAY_LOG_ODDS_SEEN   3.0   // the same with points of the colour image, which tell the face and left from right
-#define EVALUATE_KERNEL_M    0.20  // wide, so that an unexplained toe counts
-#define REINIT_LOG_ODDS      20.0  // against the followed body having been wrong all along
-#define FEET_SEEN_LOG_ODDS   5.0   // the same when feet appear: proportions learned without them are uncertain
-#define REFINE_RATE          1.6   // of the least energy: a rough fit above this is not refined
-#define CHALLENGE_RATE       1.2   // of the followed pose's energy: a rough fit above this is no challenge
-#define CHALLENGE_LOG_ODDS   15.0  // against the followed body having been wrong, of another start
-#define TURN_LOG_ODDS        35.0  // the same of a start that faces the other way
-#define SAME_POSE_M          0.06  // starts that converge to within this of the followed joints are the same pose
-#define WAIST_RATE           0.571 // the waist joint's height over the floor, of body height, in body_model.c
-#define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
-#define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
-#define HEIGHT_SIGMA         0.06  // of an uncropped person's height: raised arms, bent knees, shoes
-#define BENT_SHARE           0.12  // of the height by the points: a body that much less or more tall does not stand
-#define FOUND_SHARE          0.6   // of the points within FOUND_M of the body: a person was found
-#define FOUND_M              0.10
-#define PI                   3.14159265358979323846
+#define POOR_FIT_ENERGY         75.0 // a fit's energy if all its points, 150 independent ones, are off by their sigma
+#define AWAY_LOG_ODDS           10.0 // against a person who faces away from the sensor
+#define AWAY_LOG_ODDS_UNSURE    45.0 // the same without feet, or without a floor under them: little other evidence
+#define AWAY_LOG_ODDS_SEEN      3.0 // the same with points of the colour image, which tell the face and left from right
+#define EVALUATE_KERNEL_M       0.20  // wide, so that an unexplained toe counts
+#define REINIT_LOG_ODDS         20.0  // against the followed body having been wrong all along
+#define FEET_SEEN_LOG_ODDS      5.0   // the same when feet appear: proportions learned without them are uncertain
+#define REFINE_RATE             1.6   // of the least energy: a rough fit above this is not refined
+#define RESTART_RATE            1.2   // of the followed pose's energy: a rough fit above this is not refined
+#define RESTART_LOG_ODDS        15.0  // against the followed body having been wrong, of another start
+#define RESTART_TURNED_LOG_ODDS 35.0  // the same of a start that faces the other way
+#define SAME_POSE_M             0.06  // starts that converge to within this of the followed joints are the same pose
+#define WAIST_RATE              0.571 // the waist joint's height over the floor, of body height, in body_model.c
+#define CROWN_RATE              0.429 // of the crown over the waist joint: 1 - WAIST_RATE
+#define SPINE_DEPTH_RATE        0.085 // of the waist joint behind the trunk's surface, of body height
+#define HEIGHT_SIGMA            0.06  // of an uncropped person's height: raised arms, bent knees, shoes
+#define BENT_SHARE              0.12  // of the height by the points: a body that much less or more tall does not stand
+#define FOUND_SHARE             0.6   // of the points within FOUND_M of the body: a person was found
+#define FOUND_M                 0.10
+#define PI                      3.14159265358979323846
 
 // Fits: wide and rough from a standing pose, then fine with the shape learned. Sigmas are expected_sigma of body_fit.h.
 #define WIDE_KERNEL_M  0.25
@@ -384,40 +384,54 @@ static double largest_distance(const struct body_build *a, const struct body_bui
     return most;
 }
 
-bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch)
+// One of the starts, fitted roughly into scratch->trial: each turn another posture and direction. False: the points do
+// not allow for it.
+static bool fit_turn(struct fit_task *task, const struct person_measures *measured, int turn,
+                     struct fit_scratch *scratch)
+{
+    const enum posture posture = (enum posture)(turn % POSTURES);
+    struct person_measures s = *measured;
+    if (s.side_cropped || s.head_cropped || (s.legs_cropped && !task->have_floor) || !adapt_measures(task, &s, posture))
+        return false;
+    start_shape(task, &s);
+    task->learn_shape = false;
+    struct body_pose start =
+        body_standing_pose(start_root(task, &s, posture), task->up, turn * YAW_STEP % YAWS * 2 * PI / YAWS);
+    take_posture(&start, posture);
+    fit_start(task, &start, scratch);
+    return true;
+}
+
+static double energy_with_shape(const struct fit_result *r) { return r->energy + shape_log_odds(&r->shape); }
+
+// Refines the start in scratch->trial into scratch->best and compares it with the followed body.
+static bool is_start_likelier(struct fit_task *task, const struct body_pose *followed, const struct body_shape *shape,
+                              struct fit_scratch *scratch)
+{
+    struct pose_candidates rough = no_candidates(task, true);
+    keep_best(&rough, &scratch->trial, ARMS_DOWN);
+    choose_best(task, &rough, scratch);
+    body_evaluate(task, followed, shape, &scratch->trial);
+    bool turned = v3_dot(ahead_of(followed), ahead_of(&scratch->best.pose)) < 0;
+    return energy_with_shape(&scratch->trial) - energy_with_shape(&scratch->best) >
+           (turned ? RESTART_TURNED_LOG_ODDS : RESTART_LOG_ODDS);
+}
+
+bool pose_restart(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch)
 {
     const struct fit_task before = *task;
     const struct body_pose pose = *followed; // `followed` may point into scratch
     struct person_measures s;
-    struct pose_candidates rough = no_candidates(task, true);
-    enum posture posture = (enum posture)(turn % POSTURES);
-    bool wins = false;
-    if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) &&
-        adapt_measures(task, &s, posture)) {
+    if (measure(task, &s)) {
         task->kernel_m = ROUGH_KERNEL_M;
         task->point_stride = START_STRIDE;
         body_evaluate(task, &pose, &before.shape.mean, &scratch->best);
-        struct body_build own = scratch->best.build;
-        double energy = scratch->best.energy + shape_log_odds(&before.shape.mean);
-        start_shape(task, &s);
-        task->learn_shape = false;
-        struct body_pose start =
-            body_standing_pose(start_root(task, &s, posture), task->up, turn * 3 % YAWS * 2 * PI / YAWS);
-        take_posture(&start, posture);
-        fit_start(task, &start, scratch);
-        if (scratch->trial.energy + shape_log_odds(&scratch->trial.shape) < CHALLENGE_RATE * energy &&
-            largest_distance(&scratch->trial.build, &own) > SAME_POSE_M) {
-            keep_best(&rough, &scratch->trial, posture);
-            choose_best(task, &rough, scratch);
-            body_evaluate(task, &pose, &before.shape.mean, &scratch->trial);
-            bool turns = v3_dot(ahead_of(&pose), ahead_of(&scratch->best.pose)) < 0;
-            wins = scratch->trial.energy + shape_log_odds(&before.shape.mean) - scratch->best.energy -
-                       shape_log_odds(&scratch->best.shape) >
-                   (turns ? TURN_LOG_ODDS : CHALLENGE_LOG_ODDS);
-        }
+        if (fit_turn(task, &s, turn, scratch) &&
+            energy_with_shape(&scratch->trial) < RESTART_RATE * energy_with_shape(&scratch->best) &&
+            largest_distance(&scratch->trial.build, &scratch->best.build) > SAME_POSE_M &&
+            is_start_likelier(task, &pose, &before.shape.mean, scratch))
+            return true;
     }
-    if (wins)
-        return true;
     *task = before;
     body_evaluate(task, &pose, &task->shape.mean, &scratch->best);
     return false;

@@ -18,7 +18,7 @@ bool pose_reinit(struct fit_task *task, const struct body_pose *followed, bool f
 // Fits one of the starts, another for each `turn`, to a person who is followed already: true when it explains the frame
 // so much better that the followed pose and shape were wrong; scratch->best and task->shape are then the new ones. Else
 // as pose_reinit.
-bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch);
+bool pose_restart(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch);
 
 // The share of the points within `within_m` of the body.
 double explained_share(const struct depth_evidence *e, const struct fit_result *r, double within_m);

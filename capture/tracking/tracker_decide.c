@@ -16,11 +16,11 @@ enum {
     HEM_FRAMES_MIN = 8,      // measurements that decide whether there is one
     STATIC_FRAMES_MIN = 12,  // updates of the background model, 0.8 s; people in recordings reached 3
     SECOND_PERSON_EVERY = 5, // how often a second person is looked for
-    CHALLENGE_EVERY = 12,    // how often another start is tried,
-    CHALLENGE_EVERY_DOUBTFUL = 2,
-    CHALLENGE_START_FRAMES = 30, // at first, too
-    REFUSED_WAIT = 4,            // frames until a component that was no person is looked at again
-    POOR_FRAMES_MAX = 12,        // consecutive frames (0.4 s) with a poor fit, after which the person is lost
+    RESTART_EVERY = 12,      // how often another start is tried,
+    RESTART_EVERY_DOUBTFUL = 2,
+    RESTART_FIRST_FRAMES = 30, // at first, too
+    REFUSED_WAIT = 4,          // frames until a component that was no person is looked at again
+    POOR_FRAMES_MAX = 12,      // consecutive frames (0.4 s) with a poor fit, after which the person is lost
 };
 
 // Shares of the points within a distance of the body.
@@ -339,15 +339,15 @@ static void replace_fit(struct tracker *t, const struct fit_task *task)
 
 // A wrong start, or a wrong decision since, would be followed to the end: tries other starts, one at a time, more often
 // at first and while the fit is poor.
-static void challenge(struct tracker *t, struct fit_task *task)
+static void try_restart(struct tracker *t, struct fit_task *task)
 {
-    bool doubtful = t->frames < CHALLENGE_START_FRAMES || t->scratch->best.energy > DOUBTFUL_ENERGY;
+    bool doubtful = t->frames < RESTART_FIRST_FRAMES || t->scratch->best.energy > DOUBTFUL_ENERGY;
     if (!task->points && tracker_points_decide(t)) // their evidence would be missing
         return;
-    if (t->backward || ++t->challenge_wait < (doubtful ? CHALLENGE_EVERY_DOUBTFUL : CHALLENGE_EVERY))
+    if (t->backward || ++t->restart_wait < (doubtful ? RESTART_EVERY_DOUBTFUL : RESTART_EVERY))
         return;
-    t->challenge_wait = 0;
-    if (pose_challenge(task, &t->scratch->best.pose, t->challenge_turn++, t->scratch))
+    t->restart_wait = 0;
+    if (pose_restart(task, &t->scratch->best.pose, t->restart_turn++, t->scratch))
         replace_fit(t, task);
     tracker_add_elapsed(t, &t->times.search);
 }
@@ -429,6 +429,6 @@ bool tracker_decide(struct tracker *t, struct tracked_frame *frame)
     if (frame->detected)
         return t->following = detect_person(t, task);
     reinitialise(t, task);
-    challenge(t, task);
+    try_restart(t, task);
     return true;
 }

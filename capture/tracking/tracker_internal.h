@@ -41,8 +41,8 @@ struct tracker {
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     bool flipped;                     // this frame turned the body round
     int refused_wait;                 // frames until a component that was no person is looked at again
-    int challenge_wait, challenge_turn; // frames since another start was tried; which is next
-    struct body_points next_points;     // of the next frame's colour image
+    int restart_wait, restart_turn;   // frames since another start was tried; which is next
+    struct body_points next_points;   // of the next frame's colour image
     bool has_next_points;
     struct point_evidence points;                // of this frame, and of the smoother's questions about it
     bool has_points;                             // this frame's image was looked at
