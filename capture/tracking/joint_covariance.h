@@ -23,6 +23,7 @@ struct joint_sight {
 struct joint_uncertainty_terms {
     struct covariance3 fit, floor;
     double hidden_m2, absent_m2; // variances per axis
+    double scale;                // of their sum; 1: as they are
 };
 
 struct joint_uncertainty_terms joint_uncertainty(enum joint j, struct vec3 position, const struct covariance3 *fit,

@@ -19,6 +19,9 @@
 #define WINDOW_NS           500000000 // jitter is averaged over this time to both sides
 #define LINE_M              0.010     // off the line between two frames; more is motion
 #define SPEED_MAX_M_S       6.5       // of a thrown punch, as in pose_filter.c
+#define APART_M             0.03      // unit of distances as features (joint_error.h)
+#define ODDS_LEAST          12.0      // log-odds and scales of the passes are at least minus these, about
+#define SCALE_LEAST         4.0
 enum {
     SMOOTHING_ITERATIONS = 2, // the second finds the lines between smoothed points
     SPEED_ITERATIONS = 60,
@@ -34,13 +37,17 @@ struct smoother_frame {
     int person;                          // number of the detection; -1: none
     int points;                          // which of the smoother's; -1: none
     struct body_pose pose;               // forward, online estimate
-    struct skeleton estimate[ESTIMATES]; // depth camera's axes
+    struct skeleton estimate[ESTIMATES]; // depth camera's axes; covariances without joint_error.h's scale
+    struct joint_error error[BACKWARD + 1][JOINT_COUNT];
+    bool shown[BACKWARD + 1][JOINT_COUNT];
     struct pose_log_odds odds;           // against the forward estimate
     double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
     enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
     bool has_backward;
-    double facing_doubt;    // the probability of the other one
-    struct skeleton result; // in the end in the colour camera's axes
+    double facing_doubt;        // the probability of the other one
+    float open_m[JOINT_COUNT];  // spread of the choices that the posterior leaves open
+    float moved_m[JOINT_COUNT]; // from the nearest point between the two passes
+    struct skeleton result;     // in the end in the colour camera's axes
 };
 
 struct smoother {
@@ -141,6 +148,21 @@ enum status smoother_set_points(struct smoother *s, int64_t index, const struct 
     return OK;
 }
 
+// What a pass estimates for a frame, and how sure it is.
+static void keep_estimate(const struct smoother *s, const struct tracker *t, const struct skeleton *is,
+                          enum estimate pass, struct smoother_frame *m)
+{
+    m->estimate[pass] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), is);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct joint_uncertainty_terms terms = tracker_uncertainty_terms(t)[j];
+        terms.scale = 1;
+        const struct covariance3 c = joint_uncertainty_sum(&terms);
+        joint_set_covariance(&m->estimate[pass], (enum joint)j, &c);
+        m->error[pass][j] = tracker_joint_errors(t)[j];
+        m->shown[pass][j] = tracker_shows_joint(t, (enum joint)j);
+    }
+}
+
 enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns, const struct skeleton *online)
 {
     assert(!s->count || time_ns > s->frame[s->count - 1].time_ns);
@@ -160,7 +182,7 @@ enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t t
         return status;
     m->person = tracker_detection_count(t) - 1;
     m->pose = *tracker_pose(t);
-    m->estimate[FORWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), online);
+    keep_estimate(s, t, online, FORWARD, m);
     s->shape[m->person] = *tracker_shape(t);
     return OK;
 }
@@ -200,7 +222,7 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
     if (status != OK || m->person < 0)
         return OK;
     m->has_backward = true;
-    m->estimate[BACKWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &backward);
+    keep_estimate(s, t, &backward, BACKWARD, m);
     m->odds = tracker_log_odds(t, &m->pose);
     add_leg_alternatives(m, t);
     return OK;
@@ -393,8 +415,6 @@ static void merge_estimates(struct smoother_frame *m)
         struct covariance3 c;
         m->result.joint[j] = mixed_joint(m, (enum joint)j, 0.5, &c);
         joint_set_covariance(&m->result, (enum joint)j, &c);
-        if (m->estimate[BACKWARD].confidence[j] == 1)
-            m->result.confidence[j] = 1;
     }
 }
 
@@ -423,11 +443,14 @@ static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const
         c = covariance3_scale(&c, posterior[s]);
         covariance = covariance3_add(&covariance, &c);
     }
+    double open_m2 = 0;
     for (int s = 0; s < STATES; s++) {
         struct covariance3 spread = covariance3_outer(v3_sub(point[s], mean));
         spread = covariance3_scale(&spread, posterior[s]);
         covariance = covariance3_add(&covariance, &spread);
+        open_m2 += covariance3_trace(&spread);
     }
+    m->open_m[joint] = (float)sqrt(open_m2);
     m->result.joint[joint] = mean;
     joint_set_covariance(&m->result, joint, &covariance);
 }
@@ -515,12 +538,57 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
     }
 }
 
-// What a pass saw, or inferred, is so only as far as its covariance allows now.
-static void decide_confidence(struct skeleton *s)
+// From the nearest point between both passes to the result.
+static double moved_m(const struct smoother_frame *m, int j)
 {
+    const struct vec3 a = m->estimate[FORWARD].joint[j], b = m->estimate[m->has_backward ? BACKWARD : FORWARD].joint[j],
+                      ab = v3_sub(b, a), to = v3_sub(m->result.joint[j], a);
+    const double at = fmax(0, fmin(1, v3_dot(to, ab) / fmax(1e-12, v3_dot(ab, ab))));
+    return v3_length(v3_sub(to, v3_scale(ab, at)));
+}
+
+static void find_features(const struct smoother_frame *m, struct smoothed_features out[JOINT_COUNT])
+{
+    const enum estimate second = m->has_backward ? BACKWARD : FORWARD;
+    double apart[JOINT_COUNT], body_apart = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        apart[j] = feature_log(v3_distance(m->estimate[FORWARD].joint[j], m->estimate[second].joint[j]), APART_M);
+        body_apart += apart[j] / JOINT_COUNT;
+    }
+    const bool opposite = m->has_backward && facing_differs(m);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct joint_error *a = &m->error[FORWARD][j], *b = &m->error[second][j];
+        double *value = out[j].value;
+        value[SMOOTHED_ODDS] = fmax(0, 0.5 * (double)(a->wrong_log_odds + b->wrong_log_odds) + ODDS_LEAST);
+        value[SMOOTHED_WORSE_ODDS] = 0.5 * fabs((double)(a->wrong_log_odds - b->wrong_log_odds));
+        value[SMOOTHED_SCALE] = fmax(0, 0.5 * (double)(a->log_scale + b->log_scale) + SCALE_LEAST);
+        value[SMOOTHED_APART] = apart[j];
+        value[SMOOTHED_BODY_APART] = body_apart;
+        value[SMOOTHED_OPEN] = feature_log((double)m->open_m[j], APART_M);
+        value[SMOOTHED_MOVED] = feature_log((double)m->moved_m[j], APART_M);
+        value[SMOOTHED_OPPOSITE] = opposite;
+        value[SMOOTHED_FACING_DOUBT] = opposite ? 2 * m->facing_doubt : 0;
+        value[SMOOTHED_ONE_PASS] = !m->has_backward;
+        value[SMOOTHED_NOT_SHOWN] = !m->shown[FORWARD][j] && !m->shown[second][j];
+    }
+}
+
+// Widens the covariances by what is known now, and decides what is seen.
+static void decide_confidence(struct smoother_frame *m)
+{
+    struct smoothed_features features[JOINT_COUNT];
     for (int j = 0; j < JOINT_COUNT; j++)
-        s->confidence[j] =
-            fminf(s->confidence[j], confidence_of(joint_sigma_m(s, (enum joint)j), s->confidence[j] == 1));
+        m->moved_m[j] = (float)moved_m(m, j);
+    find_features(m, features);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const bool shown = !(features[j].value[SMOOTHED_NOT_SHOWN] > 0);
+        const struct joint_error error = joint_error_smoothed((enum joint)j, shown, &features[j]);
+        struct covariance3 c = joint_covariance(&m->result, (enum joint)j);
+        c = covariance3_scale(&c, portable_exp((double)error.log_scale));
+        joint_set_covariance(&m->result, (enum joint)j, &c);
+        m->result.confidence[j] =
+            confidence_of(joint_sigma_m(&m->result, (enum joint)j), shown && joint_error_is_seen(&error));
+    }
 }
 
 // The end of a run of consecutive frames of one person.
@@ -569,7 +637,7 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
             restore_lengths(&m[i], &build);
     }
     for (int64_t i = 0; i < count; i++) {
-        decide_confidence(&m[i].result);
+        decide_confidence(&m[i]);
         m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
     }
 }
@@ -595,4 +663,10 @@ const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index
 {
     assert(index >= 0 && index < s->count);
     return s->frame[index].person >= 0 ? &s->frame[index].result : NULL;
+}
+
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT])
+{
+    assert(index >= 0 && index < s->count);
+    find_features(&s->frame[index], out);
 }

@@ -53,3 +53,6 @@ MUST_CHECK enum status smoother_solve(struct smoother *s);
 // The covariance is that of both estimates, widened by half their squared disagreement and by the spread of the choices
 // that the posterior leaves open (joint_covariance.h).
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);
+
+// By what the frame's errors were judged (joint_error.h); of a frame with a person, after smoother_solve.
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT]);

@@ -289,6 +289,8 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
         status = show(&t);
     if (status == OK && dice->dump)
         status = dice_dump_write(t.films, t.count, dice->dump);
+    if (status == OK && dice->features)
+        status = dice_features_write(t.films, t.count, dice->features);
     bench_columns(b, columns, COUNT_OF(columns));
     if (status == OK)
         status = add_rows(&t, "all", (struct dice_group){0});

@@ -78,6 +78,7 @@ static enum status track(struct dice_film *f, const struct dice_camera *c, struc
     for (int k = 0; k < f->plan.frames && status == OK; k++) {
         f->frame[k].track[DICE_ONLINE] = images->online[k];
         f->frame[k].track[DICE_SMOOTHED] = images->smoothed[k];
+        f->frame[k].evidence = images->evidence[k];
     }
     free(background);
     return status;
@@ -92,6 +93,7 @@ static enum status make_film(struct dice_film *f, const struct dice_wish *wish, 
     if (status == OK)
         status = dice_camera_open(&camera, &f->plan);
     images.calibration = camera.calibration;
+    images.with_evidence = true;
     if (status == OK && !(f->frame = calloc((size_t)f->plan.frames, sizeof *f->frame)))
         status = fail(ERR_MEMORY, "no memory for a film's joints");
     if (status == OK)

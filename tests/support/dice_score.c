@@ -2,6 +2,8 @@
 
 #include "tests/support/body_axes.h"
 
+#include "base/linear_algebra.h"
+
 #include <math.h>
 
 bool dice_has_person(const struct skeleton *s)
@@ -31,17 +33,30 @@ bool dice_is_swapped(const struct skeleton *got, const struct skeleton *truth, e
     return apart > DICE_WRONG_M && crossed < 0.5 * kept;
 }
 
+static double mahalanobis2(const struct skeleton *got, enum joint j, struct vec3 off)
+{
+    const struct covariance3 c = joint_covariance(got, j);
+    const double m[9] = {c.xx, c.xy, c.xz, c.xy, c.yy, c.yz, c.xz, c.yz, c.zz}, d[3] = {off.x, off.y, off.z};
+    double inverse[9], square = 0;
+    if (!invert_symmetric(m, 3, inverse))
+        return INFINITY;
+    for (int i = 0; i < 9; i++)
+        square += d[i / 3] * inverse[i] * d[i % 3];
+    return square;
+}
+
 struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode mode, enum joint j,
                                 const struct dice_rig *rig)
 {
     const struct skeleton *got = &frame->track[mode];
     struct dice_joint out = {.confidence = got->confidence[j]};
-    if (!(got->confidence[j] > 0))
+    if (!covariance_is_known(got->covariance[j]))
         return out;
     out.off_m = v3_sub(got->joint[j], frame->truth.joint[j]);
     out.error_m = v3_length(out.off_m);
     out.less_off_m = v3_sub(out.off_m, from_body_axes(&frame->truth, j, rig->constant[j]));
     out.less_m = v3_length(out.less_off_m);
+    out.mahalanobis2 = mahalanobis2(got, j, out.less_off_m);
     return out;
 }
 

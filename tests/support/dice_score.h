@@ -34,7 +34,8 @@ bool dice_is_swapped(const struct skeleton *got, const struct skeleton *truth, e
 struct dice_joint {
     struct vec3 off_m, less_off_m; // tracked minus true, camera axes; the same without the rig's constant
     double error_m, less_m;        // their lengths
-    float confidence;              // 0: unknown, the rest is 0
+    double mahalanobis2;           // of less_off_m, by the joint's covariance
+    float confidence;              // 0: unknown; the rest is then of no use, or 0 where there is no person
 };
 struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode mode, enum joint j,
                                 const struct dice_rig *rig);
