@@ -45,7 +45,8 @@ enum part {
 // in recordings that were made before covariances were kept. Read and write it with the functions below.
 //
 // confidence: 1 seen, 0.5 inferred (hidden, moved with the body), 0 unknown: the position is then meaningless and must
-// not be used. The tracker decides it from the covariance (confidence_of).
+// not be used. The tracker decides it from the covariance (confidence_of), and calls seen only what is likely right
+// (capture/tracking/joint_error.h).
 struct skeleton {
     struct vec3 joint[JOINT_COUNT];
     float confidence[JOINT_COUNT];

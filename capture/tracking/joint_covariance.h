@@ -1,6 +1,6 @@
 // The covariance of a tracked joint's position, put together from terms that can be calibrated one by one.
 //
-//     covariance = fit + floor + hidden + absent
+//     covariance = scale (fit + floor + hidden + absent)
 //
 // fit     what the frame's evidence and the prediction leave open (joint_posterior.h)
 // floor   what no evidence of one frame removes: the sensor's bias, cloth, and where the model has the joint in the
@@ -9,7 +9,9 @@
 //         m2 (1 - exp(-rate t / m2)) after t seconds
 // absent  of a joint outside the image, or never seen: nothing but the usual pose says where it is
 //
-// The terms are taken as independent. Constants are chosen by hand, not calibrated. Depth camera's axes, metres. Pure.
+// scale   what else the frame says for or against the pose, calibrated (joint_error.h)
+//
+// The terms are taken as independent; their constants are chosen by hand. Depth camera's axes, metres. Pure.
 #pragma once
 #include "capture/body/body_model.h"
 

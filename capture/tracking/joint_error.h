@@ -52,6 +52,7 @@ struct joint_features {
 
 struct joint_error {
     float log_scale, wrong_log_odds;
+    bool is_seen; // shown, and so likely right that it may be called seen
 };
 
 // Of the online estimate, and of the backward pass. shown: the frame shows the joint.
@@ -78,9 +79,6 @@ struct smoothed_features {
     double value[SMOOTHED_COUNT];
 };
 struct joint_error joint_error_smoothed(enum joint j, bool shown, const struct smoothed_features *f);
-
-// Whether a joint that is shown may be called seen.
-bool joint_error_is_seen(const struct joint_error *e);
 
 // ln(1 + x / unit): grows about as x up to the unit, slowly beyond.
 double feature_log(double x, double unit);

@@ -587,7 +587,7 @@ static void decide_confidence(struct smoother_frame *m)
         c = covariance3_scale(&c, portable_exp((double)error.log_scale));
         joint_set_covariance(&m->result, (enum joint)j, &c);
         m->result.confidence[j] =
-            confidence_of(joint_sigma_m(&m->result, (enum joint)j), shown && joint_error_is_seen(&error));
+            confidence_of(joint_sigma_m(&m->result, (enum joint)j), error.is_seen);
     }
 }
 

@@ -49,9 +49,10 @@ MUST_CHECK enum status smoother_backward(struct smoother *s, struct tracker *t, 
 MUST_CHECK enum status smoother_solve(struct smoother *s);
 
 // Frame `index` after smoother_solve, colour camera's axes; NULL: no person. Valid until smoother_close. Confidence:
-// 1 where either pass saw the joint, else that of the forward pass, as far as the covariance allows (confidence_of).
-// The covariance is that of both estimates, widened by half their squared disagreement and by the spread of the choices
-// that the posterior leaves open (joint_covariance.h).
+// 1 where a pass was shown the joint and both together make it likely right (joint_error.h), else as far as the
+// covariance allows (confidence_of). The covariance is that of both estimates, widened by half their squared
+// disagreement, by the spread of the choices that the posterior leaves open (joint_covariance.h), and by the scale of
+// joint_error.h.
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);
 
 // By what the frame's errors were judged (joint_error.h); of a frame with a person, after smoother_solve.

@@ -118,7 +118,7 @@ static void fill_skeleton(struct tracker *t, const struct tracked_frame *frame, 
         joint_set_covariance(out, (enum joint)j, &c);
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
         out->confidence[j] =
-            confidence_of(joint_sigma_m(out, (enum joint)j), shown && joint_error_is_seen(&t->error[j]));
+            confidence_of(joint_sigma_m(out, (enum joint)j), t->error[j].is_seen);
     }
 }
 

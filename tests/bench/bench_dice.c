@@ -11,9 +11,9 @@
 enum { WORST = 10, FACINGS = 8, DISTANCES = 7 };
 
 static const char *const columns[] = {
-    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%", "mean_mm",   "geo_mm",
-    "less_mm",   "in10_%",    "in10hid_%", "in10all_%", "arms_%",  "legs_%",    "body_%",
-    "swapped_%", "sure_15_%", "gues_15_%", "sure_%",    "guess_%", "unknown_%",
+    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%",  "mean_mm",   "geo_mm",    "less_mm",
+    "in10_%",    "in10hid_%", "in10all_%", "arms_%",    "legs_%",   "body_%",    "swapped_%", "seen15_%",
+    "infer15_%", "seen_%",    "infer_%",   "unknown_%", "seen95_%", "infer95_%",
 };
 
 struct dice_trial {
@@ -106,6 +106,8 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
         m.sure,
         m.guessed,
         m.unknown,
+        m.sure_inside,
+        m.guessed_inside,
     };
     return bench_add_row(t->b, label, value);
 }

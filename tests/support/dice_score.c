@@ -96,7 +96,8 @@ static double percent(struct count c) { return c.all ? 100.0 * (double)c.of / (d
 
 struct sums {
     struct count lost, ghosts, followed_other, within_seen, within_hidden, within_all;
-    struct count swapped[DICE_SWAPS], swapped_any, sure_wrong, guessed_wrong, sure, guessed, unknown;
+    struct count swapped[DICE_SWAPS], swapped_any, sure_wrong, guessed_wrong, sure, guessed, unknown, sure_inside,
+        guessed_inside;
     // Of the film at hand.
     double error_m, less_m;
     int claimed;
@@ -122,8 +123,10 @@ static void add_joint(struct sums *s, const struct dice_joint *joint, enum dice_
         add(&s->within_seen, close);
     if (sight == DICE_HIDDEN)
         add(&s->within_hidden, close);
-    if (claimed)
+    if (claimed) {
         add(sure ? &s->sure_wrong : &s->guessed_wrong, joint->error_m > DICE_WRONG_M);
+        add(sure ? &s->sure_inside : &s->guessed_inside, joint->mahalanobis2 <= DICE_WITHIN_95);
+    }
     if (claimed && dice_can_be_seen(sight)) {
         s->error_m += joint->error_m;
         s->less_m += joint->less_m;
@@ -188,6 +191,8 @@ static void finish(struct dice_measure *m, const struct sums *s)
     m->sure = percent(s->sure);
     m->guessed = percent(s->guessed);
     m->unknown = percent(s->unknown);
+    m->sure_inside = percent(s->sure_inside);
+    m->guessed_inside = percent(s->guessed_inside);
 }
 
 struct dice_measure dice_measure_of(const struct dice_film *films, int count, enum dice_mode mode,

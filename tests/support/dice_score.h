@@ -10,8 +10,9 @@ struct dice_rig {
 };
 struct dice_rig dice_rig_of(const struct dice_film *films, int count, enum dice_mode mode);
 
-#define DICE_WITHIN_M 0.10
-#define DICE_WRONG_M  0.15
+#define DICE_WITHIN_M  0.10
+#define DICE_WRONG_M   0.15
+#define DICE_WITHIN_95 7.815 // squared Mahalanobis distance: chi-square of three degrees of freedom
 
 // Which frames count; has NULL: all.
 struct dice_group {
@@ -56,6 +57,9 @@ struct dice_measure {
     double sure_wrong;                       // more than 15 cm off, of joints with confidence 1
     double guessed_wrong;                    // the same of those with a confidence between 0 and 1
     double sure, guessed, unknown;           // joints by confidence, in frames with a person
+    // Inside the 95 % ellipsoid of the joint's covariance, without the rig's constant: of joints with confidence 1, and
+    // of those with one between 0 and 1.
+    double sure_inside, guessed_inside;
 };
 struct dice_measure dice_measure_of(const struct dice_film *films, int count, enum dice_mode mode,
                                     const struct dice_rig *rig, struct dice_group group);
