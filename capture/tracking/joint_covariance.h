@@ -8,7 +8,6 @@
 // hidden  grows while the joint is not seen: a random walk that the body's reach bounds (Ornstein-Uhlenbeck),
 //         m2 (1 - exp(-rate t / m2)) after t seconds
 // absent  of a joint outside the image, or never seen: nothing but the usual pose says where it is
-//
 // scale   what else the frame says for or against the pose, calibrated (joint_error.h)
 //
 // The terms are taken as independent; their constants are chosen by hand. Depth camera's axes, metres. Pure.

@@ -21,21 +21,11 @@ enum joint_kind {
 };
 
 static const enum joint_kind kind_of[JOINT_COUNT] = {
-    [JOINT_HEAD] = KIND_HEAD,
-    [JOINT_NECK] = KIND_NECK,
-    [JOINT_LEFT_SHOULDER] = KIND_SHOULDER,
-    [JOINT_LEFT_ELBOW] = KIND_ELBOW,
-    [JOINT_LEFT_HAND] = KIND_HAND,
-    [JOINT_RIGHT_SHOULDER] = KIND_SHOULDER,
-    [JOINT_RIGHT_ELBOW] = KIND_ELBOW,
-    [JOINT_RIGHT_HAND] = KIND_HAND,
-    [JOINT_TORSO] = KIND_TORSO,
-    [JOINT_WAIST] = KIND_WAIST,
-    [JOINT_LEFT_HIP] = KIND_HIP,
-    [JOINT_LEFT_KNEE] = KIND_KNEE,
-    [JOINT_LEFT_FOOT] = KIND_FOOT,
-    [JOINT_RIGHT_HIP] = KIND_HIP,
-    [JOINT_RIGHT_KNEE] = KIND_KNEE,
+    [JOINT_HEAD] = KIND_HEAD,         [JOINT_NECK] = KIND_NECK,       [JOINT_LEFT_SHOULDER] = KIND_SHOULDER,
+    [JOINT_LEFT_ELBOW] = KIND_ELBOW,  [JOINT_LEFT_HAND] = KIND_HAND,  [JOINT_RIGHT_SHOULDER] = KIND_SHOULDER,
+    [JOINT_RIGHT_ELBOW] = KIND_ELBOW, [JOINT_RIGHT_HAND] = KIND_HAND, [JOINT_TORSO] = KIND_TORSO,
+    [JOINT_WAIST] = KIND_WAIST,       [JOINT_LEFT_HIP] = KIND_HIP,    [JOINT_LEFT_KNEE] = KIND_KNEE,
+    [JOINT_LEFT_FOOT] = KIND_FOOT,    [JOINT_RIGHT_HIP] = KIND_HIP,   [JOINT_RIGHT_KNEE] = KIND_KNEE,
     [JOINT_RIGHT_FOOT] = KIND_FOOT,
 };
 
@@ -50,13 +40,14 @@ struct feature_weights {
 #include "capture/tracking/joint_error_table.inl"
 
 static const char *const feature_names[FEATURE_COUNT] = {
-    "energy",    "energy_mean", "unexplained", "flip",   "backwards",   "start",  "sideways", "bent",
-    "cropped",   "far",         "near",        "skirt",  "alternative", "misfit", "starved",  "free_space",
-    "relocated", "pair_near",   "not_shown",   "hidden", "speed",       "fit",
+    "energy",      "energy_mean", "density",   "challenge", "shape",       "posture", "intrusion",
+    "unexplained", "flip",        "backwards", "start",     "sideways",    "bent",    "turned",
+    "cropped",     "far",         "near",      "skirt",     "alternative", "misfit",  "starved",
+    "free_space",  "relocated",   "pair_near", "not_shown", "hidden",      "speed",   "fit",
 };
 static const char *const smoothed_names[SMOOTHED_COUNT] = {
-    "odds",  "worse_odds", "scale",        "apart",    "body_apart", "open",
-    "moved", "opposite",   "facing_doubt", "one_pass", "not_shown",
+    "odds", "around_odds", "worse_odds", "scale",        "apart",    "body_apart",
+    "open", "moved",       "opposite",   "facing_doubt", "one_pass", "not_shown",
 };
 
 const char *joint_feature_name(enum joint_feature f) { return feature_names[f]; }
@@ -77,7 +68,7 @@ static struct joint_error weigh(const struct kind_weights *kind, const struct fe
     }
     scale = fmax(LOG_SCALE_MIN, fmin(LOG_SCALE_MAX, scale));
     odds = fmax(WRONG_LOG_ODDS_MIN, fmin(WRONG_LOG_ODDS_MAX, odds));
-    return (struct joint_error){(float)scale, (float)odds};
+    return (struct joint_error){(float)scale, (float)odds, false};
 }
 
 struct joint_error joint_error_online(enum joint j, bool shown, const struct joint_features *f)

@@ -20,12 +20,18 @@ enum joint_feature {
     // of the frame and the body
     FEATURE_ENERGY,      // the fit's, ln of its multiple of what a good fit has
     FEATURE_ENERGY_MEAN, // the same, averaged over half a second
+    FEATURE_DENSITY,     // ln of the energy per visible area, likewise
+    FEATURE_CHALLENGE,   // how nearly as good the best other start tried of late is: 0 far worse, 1 as good
+    FEATURE_SHAPE,       // ln of the energy of the body's proportions among people
+    FEATURE_POSTURE,     // ln of the energy of its joint limits and of the usual pose
+    FEATURE_INTRUSION,   // ln of the energy of all parts in free space and in each other
     FEATURE_UNEXPLAINED, // share of points far from the body
     FEATURE_FLIP,        // how nearly as good the body that faces the other way is: 0 far worse, 1 as good or not tried
     FEATURE_BACKWARDS,   // walks backwards: 0..1
     FEATURE_START,       // 1 where the person was just detected or replaced, falling over a second
     FEATURE_SIDEWAYS,    // 1: a shoulder points at the camera
     FEATURE_BENT,        // 0: upright, 1: level
+    FEATURE_TURNED,      // 1 where the body was just turned round, falling over a second
     FEATURE_CROPPED,     // by the image's edges: how many, at most 2
     FEATURE_FAR,         // metres beyond 2
     FEATURE_NEAR,        // metres nearer than 2
@@ -61,6 +67,7 @@ struct joint_error joint_error_online(enum joint j, bool shown, const struct joi
 // What is known when both passes are.
 enum smoothed_feature {
     SMOOTHED_ODDS,         // mean of both passes' wrong_log_odds, over its least
+    SMOOTHED_AROUND_ODDS,  // the first, averaged over half a second to both sides
     SMOOTHED_WORSE_ODDS,   // how much the worse pass is above that mean
     SMOOTHED_SCALE,        // mean of both passes' log_scale, over its least
     SMOOTHED_APART,        // ln of the distance between the passes

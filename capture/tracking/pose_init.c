@@ -367,6 +367,7 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
     struct pose_candidates rough = no_candidates(task, true);
     enum posture posture = (enum posture)(turn % POSTURES);
     bool wins = false;
+    scratch->other_rate = 0;
     if (measure(task, &s) && !s.side_cropped && !s.head_cropped && (task->have_floor || !s.legs_cropped) &&
         adapt_measures(task, &s, posture)) {
         task->kernel_m = ROUGH_KERNEL_M;
@@ -380,8 +381,10 @@ bool pose_challenge(struct fit_task *task, const struct body_pose *followed, int
             body_standing_pose(start_root(task, &s, posture), task->up, turn * 3 % YAWS * 2 * PI / YAWS);
         take_posture(&start, posture);
         fit_start(task, &start, scratch);
-        if (scratch->trial.energy + shape_log_odds(&scratch->trial.shape) < CHALLENGE_RATE * energy &&
-            largest_distance(&scratch->trial.build, &own) > SAME_POSE_M) {
+        const double other = scratch->trial.energy + shape_log_odds(&scratch->trial.shape);
+        const bool differs = largest_distance(&scratch->trial.build, &own) > SAME_POSE_M;
+        scratch->other_rate = differs ? other / fmax(1, energy) : 0;
+        if (other < CHALLENGE_RATE * energy && differs) {
             keep_best(&rough, &scratch->trial, posture);
             choose_best(task, &rough, scratch);
             body_evaluate(task, &pose, &before.shape.mean, &scratch->trial);

@@ -1,6 +1,7 @@
 #include "capture/tracking/skeleton_smoother.h"
 #include "base/portable_math.h"
 
+#include "capture/tracking/smoother_internal.h"
 #include "capture/tracking/tracker_backward.h"
 
 #include <stdlib.h>
@@ -19,35 +20,11 @@
 #define WINDOW_NS           500000000 // jitter is averaged over this time to both sides
 #define LINE_M              0.010     // off the line between two frames; more is motion
 #define SPEED_MAX_M_S       6.5       // of a thrown punch, as in pose_filter.c
-#define APART_M             0.03      // unit of distances as features (joint_error.h)
-#define ODDS_LEAST          12.0      // log-odds and scales of the passes are at least minus these, about
-#define SCALE_LEAST         4.0
 enum {
     SMOOTHING_ITERATIONS = 2, // the second finds the lines between smoothed points
     SPEED_ITERATIONS = 60,
     STEPS = 5,             // frames to both sides over which walking is measured; for 30 Hz
     REPAIR_ITERATIONS = 40 // bounding speeds changes lengths and vice versa: alternated until they agree
-};
-
-// The forward and the backward pass, and for a mostly occluded leg, where the silhouette has it in that frame.
-enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
-
-struct smoother_frame {
-    int64_t time_ns;
-    int person;                          // number of the detection; -1: none
-    int points;                          // which of the smoother's; -1: none
-    struct body_pose pose;               // forward, online estimate
-    struct skeleton estimate[ESTIMATES]; // depth camera's axes; covariances without joint_error.h's scale
-    struct joint_error error[BACKWARD + 1][JOINT_COUNT];
-    bool shown[BACKWARD + 1][JOINT_COUNT];
-    struct pose_log_odds odds;           // against the forward estimate
-    double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
-    enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
-    bool has_backward;
-    double facing_doubt;        // the probability of the other one
-    float open_m[JOINT_COUNT];  // spread of the choices that the posterior leaves open
-    float moved_m[JOINT_COUNT]; // from the nearest point between the two passes
-    struct skeleton result;     // in the end in the colour camera's axes
 };
 
 struct smoother {
@@ -248,7 +225,7 @@ static double limb_distance(const struct skeleton *a, const struct skeleton *b, 
     return most;
 }
 
-static bool facing_differs(const struct smoother_frame *m)
+bool smoother_facing_differs(const struct smoother_frame *m)
 {
     return limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
 }
@@ -270,7 +247,7 @@ static double walking_log_odds(const struct smoother_frame *m, int64_t count, in
 static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
 {
     const struct smoother_frame *at = &m[i];
-    bool flipped = at->has_backward && facing_differs(at);
+    bool flipped = at->has_backward && smoother_facing_differs(at);
     for (int state = 0; state < STATES; state++)
         against[state] = IMPOSSIBLE;
     double *ahead = &against[state_of(FORWARD, FORWARD)], *back = &against[state_of(BACKWARD, BACKWARD)];
@@ -288,7 +265,7 @@ static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, i
 // Log-odds against each choice of estimates for a pair of limbs, `first` and the next (emissions).
 static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
 {
-    bool flipped = at->has_backward && facing_differs(at);
+    bool flipped = at->has_backward && smoother_facing_differs(at);
     double least = IMPOSSIBLE;
     for (int state = 0; state < STATES; state++) {
         enum estimate left = left_estimate(state), right = right_estimate(state);
@@ -406,10 +383,10 @@ static void doubt_facing(struct smoother_frame *m)
 // The midpoint of both passes where they face the same way.
 static void merge_estimates(struct smoother_frame *m)
 {
-    m->result = m->estimate[m->has_backward && facing_differs(m) ? m->facing : FORWARD];
-    if (m->has_backward && facing_differs(m))
+    m->result = m->estimate[m->has_backward && smoother_facing_differs(m) ? m->facing : FORWARD];
+    if (m->has_backward && smoother_facing_differs(m))
         doubt_facing(m);
-    if (!m->has_backward || facing_differs(m))
+    if (!m->has_backward || smoother_facing_differs(m))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct covariance3 c;
@@ -458,7 +435,7 @@ static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const
 // The posterior mean over all choices: of an unseen limb, the least wrong point.
 static void merge_pair(struct smoother_frame *m, int first, const double posterior[STATES])
 {
-    if (!m->has_backward || facing_differs(m))
+    if (!m->has_backward || smoother_facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
         merge_joint(m, k, body_limbs[k].bend, posterior);
@@ -538,59 +515,6 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
     }
 }
 
-// From the nearest point between both passes to the result.
-static double moved_m(const struct smoother_frame *m, int j)
-{
-    const struct vec3 a = m->estimate[FORWARD].joint[j], b = m->estimate[m->has_backward ? BACKWARD : FORWARD].joint[j],
-                      ab = v3_sub(b, a), to = v3_sub(m->result.joint[j], a);
-    const double at = fmax(0, fmin(1, v3_dot(to, ab) / fmax(1e-12, v3_dot(ab, ab))));
-    return v3_length(v3_sub(to, v3_scale(ab, at)));
-}
-
-static void find_features(const struct smoother_frame *m, struct smoothed_features out[JOINT_COUNT])
-{
-    const enum estimate second = m->has_backward ? BACKWARD : FORWARD;
-    double apart[JOINT_COUNT], body_apart = 0;
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        apart[j] = feature_log(v3_distance(m->estimate[FORWARD].joint[j], m->estimate[second].joint[j]), APART_M);
-        body_apart += apart[j] / JOINT_COUNT;
-    }
-    const bool opposite = m->has_backward && facing_differs(m);
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        const struct joint_error *a = &m->error[FORWARD][j], *b = &m->error[second][j];
-        double *value = out[j].value;
-        value[SMOOTHED_ODDS] = fmax(0, 0.5 * (double)(a->wrong_log_odds + b->wrong_log_odds) + ODDS_LEAST);
-        value[SMOOTHED_WORSE_ODDS] = 0.5 * fabs((double)(a->wrong_log_odds - b->wrong_log_odds));
-        value[SMOOTHED_SCALE] = fmax(0, 0.5 * (double)(a->log_scale + b->log_scale) + SCALE_LEAST);
-        value[SMOOTHED_APART] = apart[j];
-        value[SMOOTHED_BODY_APART] = body_apart;
-        value[SMOOTHED_OPEN] = feature_log((double)m->open_m[j], APART_M);
-        value[SMOOTHED_MOVED] = feature_log((double)m->moved_m[j], APART_M);
-        value[SMOOTHED_OPPOSITE] = opposite;
-        value[SMOOTHED_FACING_DOUBT] = opposite ? 2 * m->facing_doubt : 0;
-        value[SMOOTHED_ONE_PASS] = !m->has_backward;
-        value[SMOOTHED_NOT_SHOWN] = !m->shown[FORWARD][j] && !m->shown[second][j];
-    }
-}
-
-// Widens the covariances by what is known now, and decides what is seen.
-static void decide_confidence(struct smoother_frame *m)
-{
-    struct smoothed_features features[JOINT_COUNT];
-    for (int j = 0; j < JOINT_COUNT; j++)
-        m->moved_m[j] = (float)moved_m(m, j);
-    find_features(m, features);
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        const bool shown = !(features[j].value[SMOOTHED_NOT_SHOWN] > 0);
-        const struct joint_error error = joint_error_smoothed((enum joint)j, shown, &features[j]);
-        struct covariance3 c = joint_covariance(&m->result, (enum joint)j);
-        c = covariance3_scale(&c, portable_exp((double)error.log_scale));
-        joint_set_covariance(&m->result, (enum joint)j, &c);
-        m->result.confidence[j] =
-            confidence_of(joint_sigma_m(&m->result, (enum joint)j), error.is_seen);
-    }
-}
-
 // The end of a run of consecutive frames of one person.
 static int64_t segment_end(const struct smoother *s, int64_t first)
 {
@@ -636,8 +560,8 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&m[i], &build);
     }
+    smoother_decide_confidence(m, count);
     for (int64_t i = 0; i < count; i++) {
-        decide_confidence(&m[i]);
         m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
     }
 }
@@ -668,5 +592,5 @@ const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index
 void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT])
 {
     assert(index >= 0 && index < s->count);
-    find_features(&s->frame[index], out);
+    smoother_find_features(&s->frame[index], out);
 }

@@ -14,8 +14,8 @@
 // restored.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
-// Memory: 3296 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
-// hour at 30 Hz uses 356 MB of 432 MB allocated, with points of every third image 365 of 449 MB. smoother_solve takes
+// Memory: 3904 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
+// hour at 30 Hz uses 422 MB of 512 MB allocated, with points of every third image 431 of 528 MB. smoother_solve takes
 // another 120 bytes a frame while it runs.
 #pragma once
 #include "capture/tracking/tracker.h"

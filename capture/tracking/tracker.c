@@ -117,8 +117,7 @@ static void fill_skeleton(struct tracker *t, const struct tracked_frame *frame, 
         c = covariance3_rotate(color_from_depth, &c);
         joint_set_covariance(out, (enum joint)j, &c);
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] =
-            confidence_of(joint_sigma_m(out, (enum joint)j), t->error[j].is_seen);
+        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), t->error[j].is_seen);
     }
 }
 

@@ -8,6 +8,11 @@
 
 #include <string.h>
 
+// Of the energy of other starts over the fit's: beyond the first they are out of question; a trial's value rises by the
+// second with each further trial, as it is forgotten.
+#define CHALLENGE_RATE_MAX 3.0
+#define CHALLENGE_FORGETS  1.03
+
 // Frame counts, for 30 Hz.
 enum {
     FLIP_EVERY = 4,          // how often facing and exchanged legs are tried,
@@ -291,6 +296,7 @@ static void adopt_fit(struct tracker *t, const struct fit_task *task)
     t->hem = (struct hem_estimate){0};
     t->frames = 0;
     t->flip_gain = t->leg_swap_gain = 0;
+    t->challenge_rate = CHALLENGE_RATE_MAX;
     memset(t->limb_gain, 0, sizeof t->limb_gain);
 }
 
@@ -327,7 +333,11 @@ static void challenge(struct tracker *t, struct fit_task *task)
     if (t->backward || ++t->challenge_wait < (doubtful ? CHALLENGE_EVERY_DOUBTFUL : CHALLENGE_EVERY))
         return;
     t->challenge_wait = 0;
-    if (pose_challenge(task, &t->scratch->best.pose, t->challenge_turn++, t->scratch))
+    const bool replaced = pose_challenge(task, &t->scratch->best.pose, t->challenge_turn++, t->scratch);
+    t->challenge_rate = fmin(CHALLENGE_RATE_MAX, CHALLENGE_FORGETS * t->challenge_rate);
+    if (t->scratch->other_rate > 0)
+        t->challenge_rate = fmin(t->challenge_rate, t->scratch->other_rate);
+    if (replaced)
         replace_fit(t, task);
     tracker_add_elapsed(t, &t->times.search);
 }

@@ -1,10 +1,14 @@
 #include "capture/tracking/tracker_features.h"
 
 #include "base/portable_math.h"
+#include "capture/body/body_prior.h"
 #include "capture/tracking/pose_init.h"
 
 // Units of the features: of what size they matter. Chosen by hand; joint_error.c holds their weights.
 #define GOOD_ENERGY   30.0 // of a fit to a person in tight clothes
+#define GOOD_DENSITY  60.0 // the same, 1/m^2 of its visible area
+#define SHAPE_UNIT    3.0
+#define POSTURE_UNIT  5.0
 #define ENERGY_MEAN_S 0.5
 #define NEAR_M        0.06 // of the body: farther points are not explained
 #define FLIP_UNIT     20.0 // log-odds at which an alternative is out of question
@@ -36,6 +40,16 @@ static void find_body_features(struct tracker *t, const struct tracked_frame *fr
     const double rate = started ? 1 : fmin(1, frame->dt_s / ENERGY_MEAN_S);
     t->energy_mean += rate * (out[FEATURE_ENERGY] - t->energy_mean);
     out[FEATURE_ENERGY_MEAN] = t->energy_mean;
+    const double per_area = portable_log(fmax(1, fit->energy) / (GOOD_DENSITY * fmax(0.05, e->extent_m2)));
+    t->density_mean += rate * (fmax(0, per_area) - t->density_mean);
+    out[FEATURE_DENSITY] = t->density_mean;
+    out[FEATURE_CHALLENGE] = t->backward ? 0 : clamp01(2 - t->challenge_rate);
+    out[FEATURE_SHAPE] = feature_log(shape_log_odds(&fit->shape), SHAPE_UNIT);
+    out[FEATURE_POSTURE] = feature_log(body_prior_joint_limits(&fit->shape, &fit->pose, NULL, NULL), POSTURE_UNIT);
+    double intrusion = 0;
+    for (int s = 0; s < SEG_COUNT; s++)
+        intrusion += fit->limb_energy[s];
+    out[FEATURE_INTRUSION] = feature_log(intrusion, FREE_SPACE);
     out[FEATURE_UNEXPLAINED] = fmin(1, 5 * (1 - explained_share(e, fit, NEAR_M)));
     out[FEATURE_FLIP] = closeness(t->flip_gain, FLIP_UNIT);
     const struct vec3 ahead = body_axis(&fit->build, SEG_PELVIS, 2), left = body_axis(&fit->build, SEG_CHEST, 0),
@@ -46,6 +60,8 @@ static void find_body_features(struct tracker *t, const struct tracked_frame *fr
     out[FEATURE_START] = portable_exp(-t->frames / JUST_FRAMES);
     out[FEATURE_SIDEWAYS] = fabs(v3_dot(left, view));
     out[FEATURE_BENT] = clamp01(1 - v3_dot(spine, up));
+    t->since_turned_s = t->flipped || started ? 0 : t->since_turned_s + frame->dt_s;
+    out[FEATURE_TURNED] = portable_exp(-t->since_turned_s / RELOCATED_S);
     out[FEATURE_CROPPED] = fmin(2, __builtin_popcount(evidence_cropped_edges(e)));
     out[FEATURE_FAR] = fmax(0, fit->build.joint[JOINT_WAIST].z - FAR_M);
     out[FEATURE_NEAR] = fmax(0, FAR_M - fit->build.joint[JOINT_WAIST].z);
@@ -62,6 +78,12 @@ static struct solid_range solids_of(int k, enum joint j)
     const int first = body_limbs[k].first_solid;
     return (struct solid_range){j == body_limbs[k].tip ? first + 1 : first,
                                 j == body_limbs[k].root ? first + 1 : first + LIMB_SOLIDS};
+}
+
+static struct solid_range trunk_solids(enum joint j)
+{
+    return j == JOINT_HEAD || j == JOINT_NECK ? (struct solid_range){SOLID_SKULL - 1, SOLID_SKULL + 1}
+                                              : (struct solid_range){SOLID_PELVIS, SOLID_CHEST + 1};
 }
 
 // How well the points on these solids fit, and how much of their surface has any.
@@ -124,6 +146,8 @@ void tracker_find_features(struct tracker *t, const struct tracked_frame *frame,
         out[j] = body;
         if (k >= 0)
             find_limb_features(t, k, (enum joint)j, value);
+        else
+            find_points(t, trunk_solids((enum joint)j), &value[FEATURE_MISFIT], &value[FEATURE_STARVED]);
         value[FEATURE_NOT_SHOWN] = 1 - (double)t->visible_probes[j] / EVIDENCE_PROBES;
         value[FEATURE_HIDDEN] = fmin(HIDDEN_MAX_S, t->sight[j].hidden_s);
         value[FEATURE_SPEED] = feature_log(v3_length(t->filter.speed[j]), SPEED_M_S);

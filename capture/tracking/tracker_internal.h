@@ -42,7 +42,9 @@ struct tracker {
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
     // Log-odds of each alternative when it was last tried; 0: not tried on this person.
     double flip_gain, leg_swap_gain, limb_gain[LIMB_COUNT];
-    double since_relocated_s[LIMB_COUNT];
+    double challenge_rate; // energy of other starts over the fit's: the least of late
+    double since_relocated_s[LIMB_COUNT], since_turned_s;
+    double density_mean;
     double energy_mean;                 // of FEATURE_ENERGY (joint_error.h)
     bool flipped;                       // this frame turned the body round
     int challenge_wait, challenge_turn; // frames since another start was tried; which is next
