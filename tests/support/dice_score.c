@@ -69,7 +69,7 @@ struct dice_rig dice_rig_of(const struct dice_film *films, int count, enum dice_
             for (int j = 0; j < JOINT_COUNT; j++) {
                 const struct dice_frame *f = &films[i].frame[k];
                 const struct vec3 off = v3_sub(f->track[mode].joint[j], f->truth.joint[j]);
-                if (f->sight[j] != DICE_VISIBLE || !(f->track[mode].confidence[j] >= 1) ||
+                if (f->sight[j] != DICE_VISIBLE || !(f->track[mode].confidence[j] > 0) ||
                     !(v3_length(off) < DICE_WRONG_M))
                     continue;
                 rig.constant[j] = v3_add(rig.constant[j], in_body_axes(&f->truth, (enum joint)j, off));

@@ -3,7 +3,7 @@
 #include "tests/support/dice_film.h"
 
 // Where the truth's body model and ours differ by a constant: the mean error of each joint over all films, in the axes
-// of the true trunk or pelvis (body_axes.h), over joints that are visible, claimed as seen and less than DICE_WRONG_M
+// of the true trunk or pelvis (body_axes.h), over joints that are visible, claimed and less than DICE_WRONG_M
 // off. What is left without it ("less") is how the joint moves.
 struct dice_rig {
     struct vec3 constant[JOINT_COUNT];
