@@ -60,7 +60,7 @@ double joint_sigma_m(const struct skeleton *s, enum joint j);
 
 // The confidence of a joint with this standard deviation per axis that the frame shows, or does not: 1 where it shows
 // it to SEEN_SIGMA_MAX_M, 0 beyond KNOWN_SIGMA_MAX_M, else 0.5. NaN, not known: 1 or 0.5.
-#define SEEN_SIGMA_MAX_M  0.05 // chosen by hand
+#define SEEN_SIGMA_MAX_M  0.08 // chosen by hand
 #define KNOWN_SIGMA_MAX_M 0.30 // chosen by hand: about the length of a forearm
 float confidence_of(double sigma_m, bool observed);
 

@@ -1,5 +1,7 @@
 #include "capture/tracking/joint_error.h"
 
+#include "base/portable_math.h"
+
 // Bounds of what the models say: beyond, features are as no film had them.
 #define LOG_SCALE_MIN      (-2.0)
 #define LOG_SCALE_MAX      4.0
@@ -27,6 +29,12 @@ static const enum joint_kind kind_of[JOINT_COUNT] = {
     [JOINT_WAIST] = KIND_WAIST,       [JOINT_LEFT_HIP] = KIND_HIP,    [JOINT_LEFT_KNEE] = KIND_KNEE,
     [JOINT_LEFT_FOOT] = KIND_FOOT,    [JOINT_RIGHT_HIP] = KIND_HIP,   [JOINT_RIGHT_KNEE] = KIND_KNEE,
     [JOINT_RIGHT_FOOT] = KIND_FOOT,
+};
+
+// Up to which log-odds a joint that is shown is called seen, and the margins of the scale, of joints seen and of
+// others.
+struct decision {
+    double limit, margin[2];
 };
 
 struct kind_weights {
@@ -68,14 +76,20 @@ static struct joint_error weigh(const struct kind_weights *kind, const struct fe
     }
     scale = fmax(LOG_SCALE_MIN, fmin(LOG_SCALE_MAX, scale));
     odds = fmax(WRONG_LOG_ODDS_MIN, fmin(WRONG_LOG_ODDS_MAX, odds));
-    return (struct joint_error){(float)scale, (float)odds, false};
+    return (struct joint_error){(float)scale, (float)odds, (float)scale, false};
+}
+
+static void decide(struct joint_error *e, bool shown, const struct decision *by)
+{
+    e->is_seen = shown && (double)e->wrong_log_odds <= by->limit;
+    e->log_widening = (float)((double)e->log_scale + by->margin[!e->is_seen]);
 }
 
 struct joint_error joint_error_online(enum joint j, bool shown, const struct joint_features *f)
 {
     const enum joint_kind k = kind_of[j];
     struct joint_error e = weigh(&online_kind[k], online_feature, f->value, FEATURE_COUNT, !shown, is_of_limb(k));
-    e.is_seen = shown && (double)e.wrong_log_odds <= ONLINE_LIMIT;
+    decide(&e, shown, &online_decision);
     return e;
 }
 
@@ -83,6 +97,14 @@ struct joint_error joint_error_smoothed(enum joint j, bool shown, const struct s
 {
     const enum joint_kind k = kind_of[j];
     struct joint_error e = weigh(&smoothed_kind[k], smoothed_feature, f->value, SMOOTHED_COUNT, !shown, is_of_limb(k));
-    e.is_seen = shown && (double)e.wrong_log_odds <= SMOOTHED_LIMIT;
+    decide(&e, shown, &smoothed_decision);
     return e;
+}
+
+double joint_error_factor(const struct joint_error *e, const struct covariance3 *covariance)
+{
+    const double sigma_m = sqrt(covariance3_trace(covariance) / 3), most_m = 0.999 * KNOWN_SIGMA_MAX_M;
+    if (!(sigma_m < most_m))
+        return 1;
+    return fmin(portable_exp((double)e->log_widening), (most_m / sigma_m) * (most_m / sigma_m));
 }

@@ -58,7 +58,8 @@ struct joint_features {
 
 struct joint_error {
     float log_scale, wrong_log_odds;
-    bool is_seen; // shown, and so likely right that it may be called seen
+    float log_widening; // log_scale, and a margin by is_seen for people of whom the models know nothing
+    bool is_seen;       // shown, and so likely right that it may be called seen
 };
 
 // Of the online estimate, and of the backward pass. shown: the frame shows the joint.
@@ -86,6 +87,10 @@ struct smoothed_features {
     double value[SMOOTHED_COUNT];
 };
 struct joint_error joint_error_smoothed(enum joint j, bool shown, const struct smoothed_features *f);
+
+// The factor by which a joint's covariance grows. A joint that is known (KNOWN_SIGMA_MAX_M) stays so, and one that is
+// not keeps its covariance.
+double joint_error_factor(const struct joint_error *e, const struct covariance3 *covariance);
 
 // ln(1 + x / unit): grows about as x up to the unit, slowly beyond.
 double feature_log(double x, double unit);

@@ -1,8 +1,6 @@
 // How sure the smoothed joints are: features from both passes, their weights in joint_error.c.
 #include "capture/tracking/smoother_internal.h"
 
-#include "base/portable_math.h"
-
 #define AROUND_NS   500000000 // over which log-odds are averaged, to both sides
 #define APART_M     0.03      // unit of distances as features (joint_error.h)
 #define ODDS_LEAST  12.0      // log-odds and scales of the passes are at least minus these, about
@@ -78,7 +76,7 @@ static void decide_confidence(struct smoother_frame *m)
         const bool shown = !(features[j].value[SMOOTHED_NOT_SHOWN] > 0);
         const struct joint_error error = joint_error_smoothed((enum joint)j, shown, &features[j]);
         struct covariance3 c = joint_covariance(&m->result, (enum joint)j);
-        c = covariance3_scale(&c, portable_exp((double)error.log_scale));
+        c = covariance3_scale(&c, joint_error_factor(&error, &c));
         joint_set_covariance(&m->result, (enum joint)j, &c);
         m->result.confidence[j] = confidence_of(joint_sigma_m(&m->result, (enum joint)j), error.is_seen);
     }

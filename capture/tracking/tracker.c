@@ -112,8 +112,9 @@ static void fill_skeleton(struct tracker *t, const struct tracked_frame *frame, 
         const bool shown = tracker_shows_joint(t, (enum joint)j);
         t->error[j] = joint_error_online((enum joint)j, shown, &t->features[j]);
         t->terms[j] = joint_uncertainty((enum joint)j, p, &t->posterior[j], &t->sight[j]);
-        t->terms[j].scale = portable_exp((double)t->error[j].log_scale);
         struct covariance3 c = joint_uncertainty_sum(&t->terms[j]);
+        t->terms[j].scale = joint_error_factor(&t->error[j], &c);
+        c = covariance3_scale(&c, t->terms[j].scale);
         c = covariance3_rotate(color_from_depth, &c);
         joint_set_covariance(out, (enum joint)j, &c);
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);

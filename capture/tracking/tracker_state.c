@@ -107,6 +107,7 @@ void tracker_reset(struct tracker *t)
 {
     tracker_drop_person(t);
     t->backward = t->has_next_points = false;
+    t->challenge_wait = t->challenge_turn = 0;
     t->unconfirmed_images = 0;
     t->frames_since_image = t->frames_since_points = INT_MAX / 2;
     segmenter_reset(t->segmenter);

@@ -32,6 +32,7 @@ static void expect_no_surer(const struct joint_error *than, const struct joint_e
 {
     EXPECT_TRUE(isfinite(e->log_scale) && isfinite(e->wrong_log_odds));
     EXPECT_AT_LEAST((double)e->log_scale, (double)than->log_scale);
+    EXPECT_AT_LEAST((double)e->log_widening, (double)than->log_widening);
     EXPECT_AT_LEAST((double)e->wrong_log_odds, (double)than->wrong_log_odds);
     EXPECT_TRUE(than->is_seen || !e->is_seen);
 }
