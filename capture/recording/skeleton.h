@@ -45,7 +45,8 @@ enum part {
 // in recordings that were made before covariances were kept. Read and write it with the functions below.
 //
 // confidence: 1 seen, 0.5 inferred (hidden, moved with the body), 0 unknown: the position is then meaningless and must
-// not be used. The tracker decides it from the covariance (confidence_of).
+// not be used. The tracker decides it from the covariance (confidence_of), and calls seen only what is likely right
+// (capture/tracking/joint_error.h).
 struct skeleton {
     struct vec3 joint[JOINT_COUNT];
     float confidence[JOINT_COUNT];
@@ -59,7 +60,7 @@ double joint_sigma_m(const struct skeleton *s, enum joint j);
 
 // The confidence of a joint with this standard deviation per axis that the frame shows, or does not: 1 where it shows
 // it to SEEN_SIGMA_MAX_M, 0 beyond KNOWN_SIGMA_MAX_M, else 0.5. NaN, not known: 1 or 0.5.
-#define SEEN_SIGMA_MAX_M  0.05 // chosen by hand
+#define SEEN_SIGMA_MAX_M  0.08 // chosen by hand
 #define KNOWN_SIGMA_MAX_M 0.30 // chosen by hand: about the length of a forearm
 float confidence_of(double sigma_m, bool observed);
 

@@ -44,7 +44,7 @@ struct joint_uncertainty_terms joint_uncertainty(enum joint j, struct vec3 posit
     const struct joint_kind *kind = &joint_kind[j];
     const double most_m2 = kind->hidden_m * kind->hidden_m;
     struct joint_uncertainty_terms terms = {
-        .fit = *fit, .floor = along_and_across(position, kind->floor_along_m, kind->floor_across_m)};
+        .scale = 1, .fit = *fit, .floor = along_and_across(position, kind->floor_along_m, kind->floor_across_m)};
     terms.hidden_m2 = most_m2 * (1 - portable_exp(-kind->hidden_rate * sight->hidden_s / most_m2));
     terms.absent_m2 = sight->seen_ever ? fmin(ABSENT_MAX_M2, ABSENT_RATE * sight->out_of_image_s) : NEVER_SEEN_M2;
     return terms;
@@ -54,7 +54,8 @@ struct covariance3 joint_uncertainty_sum(const struct joint_uncertainty_terms *t
 {
     const struct covariance3 away = covariance3_isotropic(terms->hidden_m2 + terms->absent_m2),
                              seen = covariance3_add(&terms->fit, &terms->floor);
-    return covariance3_add(&seen, &away);
+    const struct covariance3 all = covariance3_add(&seen, &away);
+    return covariance3_scale(&all, terms->scale);
 }
 
 struct covariance3 joint_merge_covariance(const struct covariance3 *a, const struct covariance3 *b,

@@ -1,6 +1,6 @@
 // The covariance of a tracked joint's position, put together from terms that can be calibrated one by one.
 //
-//     covariance = fit + floor + hidden + absent
+//     covariance = scale (fit + floor + hidden + absent)
 //
 // fit     what the frame's evidence and the prediction leave open (joint_posterior.h)
 // floor   what no evidence of one frame removes: the sensor's bias, cloth, and where the model has the joint in the
@@ -8,8 +8,9 @@
 // hidden  grows while the joint is not seen: a random walk that the body's reach bounds (Ornstein-Uhlenbeck),
 //         m2 (1 - exp(-rate t / m2)) after t seconds
 // absent  of a joint outside the image, or never seen: nothing but the usual pose says where it is
+// scale   what else the frame says for or against the pose, calibrated (joint_error.h)
 //
-// The terms are taken as independent. Constants are chosen by hand, not calibrated. Depth camera's axes, metres. Pure.
+// The terms are taken as independent; their constants are chosen by hand. Depth camera's axes, metres. Pure.
 #pragma once
 #include "capture/body/body_model.h"
 
@@ -23,6 +24,7 @@ struct joint_sight {
 struct joint_uncertainty_terms {
     struct covariance3 fit, floor;
     double hidden_m2, absent_m2; // variances per axis
+    double scale;                // of their sum; 1: as they are
 };
 
 struct joint_uncertainty_terms joint_uncertainty(enum joint j, struct vec3 position, const struct covariance3 *fit,

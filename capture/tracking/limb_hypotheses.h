@@ -7,6 +7,7 @@
 // Fit results are large; the caller provides the memory. In all functions `best` holds this frame's fit.
 struct fit_scratch {
     struct fit_result best, trial, other;
+    double other_rate; // of pose_restart
 };
 
 // The robust kernel with which poses are compared: wide, so that points that are left unexplained count. Chosen by

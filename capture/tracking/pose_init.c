@@ -422,15 +422,17 @@ bool pose_restart(struct fit_task *task, const struct body_pose *followed, int t
     const struct fit_task before = *task;
     const struct body_pose pose = *followed; // `followed` may point into scratch
     struct person_measures s;
+    scratch->other_rate = 0;
     if (measure(task, &s)) {
         task->kernel_m = ROUGH_KERNEL_M;
         task->point_stride = START_STRIDE;
         body_evaluate(task, &pose, &before.shape.mean, &scratch->best);
         if (fit_turn(task, &s, turn, scratch) &&
-            energy_with_shape(&scratch->trial) < RESTART_RATE * energy_with_shape(&scratch->best) &&
-            largest_distance(&scratch->trial.build, &scratch->best.build) > SAME_POSE_M &&
-            is_start_likelier(task, &pose, &before.shape.mean, scratch))
-            return true;
+            largest_distance(&scratch->trial.build, &scratch->best.build) > SAME_POSE_M) {
+            scratch->other_rate = energy_with_shape(&scratch->trial) / fmax(1, energy_with_shape(&scratch->best));
+            if (scratch->other_rate < RESTART_RATE && is_start_likelier(task, &pose, &before.shape.mean, scratch))
+                return true;
+        }
     }
     *task = before;
     body_evaluate(task, &pose, &task->shape.mean, &scratch->best);

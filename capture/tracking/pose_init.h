@@ -17,7 +17,8 @@ bool pose_reinit(struct fit_task *task, const struct body_pose *followed, bool f
 
 // Fits one of the starts, another for each `turn`, to a person who is followed already: true when it explains the frame
 // so much better that the followed pose and shape were wrong; scratch->best and task->shape are then the new ones. Else
-// as pose_reinit.
+// as pose_reinit. scratch->other_rate: the start's energy, roughly fitted, over that of the followed pose; 0: none was
+// tried, or it led to the same pose.
 bool pose_restart(struct fit_task *task, const struct body_pose *followed, int turn, struct fit_scratch *scratch);
 
 // The share of the points within `within_m` of the body.

@@ -1,6 +1,7 @@
 #include "capture/tracking/skeleton_smoother.h"
 #include "base/portable_math.h"
 
+#include "capture/tracking/smoother_internal.h"
 #include "capture/tracking/tracker_backward.h"
 
 #include <stdlib.h>
@@ -24,23 +25,6 @@ enum {
     SPEED_ITERATIONS = 60,
     STEPS = 5,             // frames to both sides over which walking is measured; for 30 Hz
     REPAIR_ITERATIONS = 40 // bounding speeds changes lengths and vice versa: alternated until they agree
-};
-
-// The forward and the backward pass, and for a mostly occluded leg, where the silhouette has it in that frame.
-enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
-
-struct smoother_frame {
-    int64_t time_ns;
-    int person;                          // number of the detection; -1: none
-    int points;                          // which of the smoother's; -1: none
-    struct body_pose pose;               // forward, online estimate
-    struct skeleton estimate[ESTIMATES]; // depth camera's axes
-    struct pose_log_odds odds;           // against the forward estimate
-    double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
-    enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
-    bool has_backward;
-    double facing_doubt;    // the probability of the other one
-    struct skeleton result; // in the end in the colour camera's axes
 };
 
 struct smoother {
@@ -141,6 +125,21 @@ enum status smoother_set_points(struct smoother *s, int64_t index, const struct 
     return OK;
 }
 
+// What a pass estimates for a frame, and how sure it is.
+static void keep_estimate(const struct smoother *s, const struct tracker *t, const struct skeleton *is,
+                          enum estimate pass, struct smoother_frame *m)
+{
+    m->estimate[pass] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), is);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct joint_uncertainty_terms terms = tracker_uncertainty_terms(t)[j];
+        terms.scale = 1;
+        const struct covariance3 c = joint_uncertainty_sum(&terms);
+        joint_set_covariance(&m->estimate[pass], (enum joint)j, &c);
+        m->error[pass][j] = tracker_joint_errors(t)[j];
+        m->shown[pass][j] = tracker_shows_joint(t, (enum joint)j);
+    }
+}
+
 enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns, const struct skeleton *online)
 {
     assert(!s->count || time_ns > s->frame[s->count - 1].time_ns);
@@ -160,7 +159,7 @@ enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t t
         return status;
     m->person = tracker_detection_count(t) - 1;
     m->pose = *tracker_pose(t);
-    m->estimate[FORWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), online);
+    keep_estimate(s, t, online, FORWARD, m);
     s->shape[m->person] = *tracker_shape(t);
     return OK;
 }
@@ -200,7 +199,7 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
     if (status != OK || m->person < 0)
         return OK;
     m->has_backward = true;
-    m->estimate[BACKWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &backward);
+    keep_estimate(s, t, &backward, BACKWARD, m);
     m->odds = tracker_log_odds(t, &m->pose);
     add_leg_alternatives(m, t);
     return OK;
@@ -226,7 +225,7 @@ static double limb_distance(const struct skeleton *a, const struct skeleton *b, 
     return most;
 }
 
-static bool facing_differs(const struct smoother_frame *m)
+bool smoother_facing_differs(const struct smoother_frame *m)
 {
     return limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
 }
@@ -248,7 +247,7 @@ static double walking_log_odds(const struct smoother_frame *m, int64_t count, in
 static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
 {
     const struct smoother_frame *at = &m[i];
-    bool flipped = at->has_backward && facing_differs(at);
+    bool flipped = at->has_backward && smoother_facing_differs(at);
     for (int state = 0; state < STATES; state++)
         against[state] = IMPOSSIBLE;
     double *ahead = &against[state_of(FORWARD, FORWARD)], *back = &against[state_of(BACKWARD, BACKWARD)];
@@ -266,7 +265,7 @@ static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, i
 // Log-odds against each choice of estimates for a pair of limbs, `first` and the next (emissions).
 static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
 {
-    bool flipped = at->has_backward && facing_differs(at);
+    bool flipped = at->has_backward && smoother_facing_differs(at);
     double least = IMPOSSIBLE;
     for (int state = 0; state < STATES; state++) {
         enum estimate left = left_estimate(state), right = right_estimate(state);
@@ -384,17 +383,15 @@ static void doubt_facing(struct smoother_frame *m)
 // The midpoint of both passes where they face the same way.
 static void merge_estimates(struct smoother_frame *m)
 {
-    m->result = m->estimate[m->has_backward && facing_differs(m) ? m->facing : FORWARD];
-    if (m->has_backward && facing_differs(m))
+    m->result = m->estimate[m->has_backward && smoother_facing_differs(m) ? m->facing : FORWARD];
+    if (m->has_backward && smoother_facing_differs(m))
         doubt_facing(m);
-    if (!m->has_backward || facing_differs(m))
+    if (!m->has_backward || smoother_facing_differs(m))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct covariance3 c;
         m->result.joint[j] = mixed_joint(m, (enum joint)j, 0.5, &c);
         joint_set_covariance(&m->result, (enum joint)j, &c);
-        if (m->estimate[BACKWARD].confidence[j] == 1)
-            m->result.confidence[j] = 1;
     }
 }
 
@@ -423,11 +420,14 @@ static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const
         c = covariance3_scale(&c, posterior[s]);
         covariance = covariance3_add(&covariance, &c);
     }
+    double open_m2 = 0;
     for (int s = 0; s < STATES; s++) {
         struct covariance3 spread = covariance3_outer(v3_sub(point[s], mean));
         spread = covariance3_scale(&spread, posterior[s]);
         covariance = covariance3_add(&covariance, &spread);
+        open_m2 += covariance3_trace(&spread);
     }
+    m->open_m[joint] = (float)sqrt(open_m2);
     m->result.joint[joint] = mean;
     joint_set_covariance(&m->result, joint, &covariance);
 }
@@ -435,7 +435,7 @@ static void merge_joint(struct smoother_frame *m, int k, enum joint joint, const
 // The posterior mean over all choices: of an unseen limb, the least wrong point.
 static void merge_pair(struct smoother_frame *m, int first, const double posterior[STATES])
 {
-    if (!m->has_backward || facing_differs(m))
+    if (!m->has_backward || smoother_facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
         merge_joint(m, k, body_limbs[k].bend, posterior);
@@ -515,14 +515,6 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
     }
 }
 
-// What a pass saw, or inferred, is so only as far as its covariance allows now.
-static void decide_confidence(struct skeleton *s)
-{
-    for (int j = 0; j < JOINT_COUNT; j++)
-        s->confidence[j] =
-            fminf(s->confidence[j], confidence_of(joint_sigma_m(s, (enum joint)j), s->confidence[j] == 1));
-}
-
 // The end of a run of consecutive frames of one person.
 static int64_t segment_end(const struct smoother *s, int64_t first)
 {
@@ -568,8 +560,8 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&m[i], &build);
     }
+    smoother_decide_confidence(m, count);
     for (int64_t i = 0; i < count; i++) {
-        decide_confidence(&m[i].result);
         m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
     }
 }
@@ -595,4 +587,10 @@ const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index
 {
     assert(index >= 0 && index < s->count);
     return s->frame[index].person >= 0 ? &s->frame[index].result : NULL;
+}
+
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT])
+{
+    assert(index >= 0 && index < s->count);
+    smoother_find_features(&s->frame[index], out);
 }

@@ -14,8 +14,8 @@
 // restored.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
-// Memory: 3296 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
-// hour at 30 Hz uses 356 MB of 432 MB allocated, with points of every third image 365 of 449 MB. smoother_solve takes
+// Memory: 3904 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
+// hour at 30 Hz uses 422 MB of 512 MB allocated, with points of every third image 431 of 528 MB. smoother_solve takes
 // another 120 bytes a frame while it runs.
 #pragma once
 #include "capture/tracking/tracker.h"
@@ -49,7 +49,11 @@ MUST_CHECK enum status smoother_backward(struct smoother *s, struct tracker *t, 
 MUST_CHECK enum status smoother_solve(struct smoother *s);
 
 // Frame `index` after smoother_solve, colour camera's axes; NULL: no person. Valid until smoother_close. Confidence:
-// 1 where either pass saw the joint, else that of the forward pass, as far as the covariance allows (confidence_of).
-// The covariance is that of both estimates, widened by half their squared disagreement and by the spread of the choices
-// that the posterior leaves open (joint_covariance.h).
+// 1 where a pass was shown the joint and both together make it likely right (joint_error.h), else as far as the
+// covariance allows (confidence_of). The covariance is that of both estimates, widened by half their squared
+// disagreement, by the spread of the choices that the posterior leaves open (joint_covariance.h), and by the scale of
+// joint_error.h.
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);
+
+// By what the frame's errors were judged (joint_error.h); of a frame with a person, after smoother_solve.
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT]);

@@ -1,7 +1,7 @@
 #include "capture/tracking/tracker.h"
 #include "base/portable_math.h"
 
-#include "capture/tracking/tracker_internal.h"
+#include "capture/tracking/tracker_features.h"
 #include "capture/body/joint_posterior.h"
 #include "base/clock.h"
 
@@ -69,8 +69,10 @@ static int predict_spheres(struct tracker *t, const struct body_pose *expected,
     return count;
 }
 
-// Whether the frame shows joint j, at `p` in the depth camera, and the time since one did.
-static bool look_for_joint(struct tracker *t, enum joint j, struct vec3 p, double size_m, double dt_s)
+bool tracker_shows_joint(const struct tracker *t, enum joint j) { return t->visible_probes[j] >= VISIBLE_PROBES_MIN; }
+
+// How much the frame shows of joint j, at `p` in the depth camera, and the time since one did.
+static void look_for_joint(struct tracker *t, enum joint j, struct vec3 p, double size_m, double dt_s)
 {
     static const double radius[JOINT_COUNT] = {
         // of body height: half the thickness of the body at the joint
@@ -84,16 +86,17 @@ static bool look_for_joint(struct tracker *t, enum joint j, struct vec3 p, doubl
     bool outside;
     const int visible = evidence_visible_count(t->evidence, p, radius[j] * size_m, &outside);
     const bool seen = visible >= VISIBLE_PROBES_MIN;
+    t->visible_probes[j] = visible;
     struct joint_sight *sight = &t->sight[j];
     sight->seen_ever |= visible > 0;
     sight->hidden_s = seen ? 0 : sight->hidden_s + dt_s;
     sight->out_of_image_s = outside ? sight->out_of_image_s + dt_s : 0;
-    return seen;
 }
 
 // Joints in the colour camera, and how well each is known.
-static void fill_skeleton(struct tracker *t, const struct fit_result *fit, double dt_s, struct skeleton *out)
+static void fill_skeleton(struct tracker *t, const struct tracked_frame *frame, struct skeleton *out)
 {
+    const struct fit_result *fit = &t->scratch->best;
     const struct quat color_from_depth = t->calibration.color_from_depth.rotation;
     const double size_m = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct body_build build;
@@ -101,15 +104,21 @@ static void fill_skeleton(struct tracker *t, const struct fit_result *fit, doubl
     struct covariance3 posterior[JOINT_COUNT];
     if (fit->has_information && find_joint_posteriors(&fit->build, &fit->information, posterior))
         memcpy(t->posterior, posterior, sizeof posterior); // else as in the frame before
+    for (int j = 0; j < JOINT_COUNT; j++)
+        look_for_joint(t, (enum joint)j, build.joint[j], size_m, frame->dt_s);
+    tracker_find_features(t, frame, t->features);
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct vec3 p = build.joint[j];
-        const bool seen = look_for_joint(t, (enum joint)j, p, size_m, dt_s);
+        const bool shown = tracker_shows_joint(t, (enum joint)j);
+        t->error[j] = joint_error_online((enum joint)j, shown, &t->features[j]);
         t->terms[j] = joint_uncertainty((enum joint)j, p, &t->posterior[j], &t->sight[j]);
         struct covariance3 c = joint_uncertainty_sum(&t->terms[j]);
+        t->terms[j].scale = joint_error_factor(&t->error[j], &c);
+        c = covariance3_scale(&c, t->terms[j].scale);
         c = covariance3_rotate(color_from_depth, &c);
         joint_set_covariance(out, (enum joint)j, &c);
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), seen);
+        out->confidence[j] = confidence_of(joint_sigma_m(out, (enum joint)j), t->error[j].is_seen);
     }
 }
 
@@ -200,7 +209,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
         return NOTHING;
     }
     commit(t, &frame);
-    fill_skeleton(t, &t->scratch->best, frame.dt_s, out);
+    fill_skeleton(t, &frame, out);
     if (mask)
         memcpy(mask, t->mask, pixels);
     return OK;

@@ -19,6 +19,7 @@
 // 4 MB and two bytes a depth pixel, all but a small list of components allocated by tracker_open.
 #pragma once
 #include "capture/tracking/joint_covariance.h"
+#include "capture/tracking/joint_error.h"
 #include "base/lens.h"
 
 struct body_points;
@@ -64,6 +65,11 @@ MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const ui
 // What the covariances of the last skeleton consist of, depth camera's axes: JOINT_COUNT entries, valid until the next
 // tracker_next.
 const struct joint_uncertainty_terms *tracker_uncertainty_terms(const struct tracker *t);
+
+// By what the last skeleton's errors were judged, and the judgement (joint_error.h): JOINT_COUNT entries each.
+const struct joint_features *tracker_joint_features(const struct tracker *t);
+const struct joint_error *tracker_joint_errors(const struct tracker *t);
+bool tracker_shows_joint(const struct tracker *t, enum joint j); // the last frame does
 
 // Processor time that the last tracker_next took on its thread, by step, ns.
 struct tracker_times {

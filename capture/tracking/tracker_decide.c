@@ -8,6 +8,11 @@
 
 #include <string.h>
 
+// Of the energy of other starts over the fit's: beyond the first they are out of question; a trial's value rises by the
+// second with each further trial, as it is forgotten.
+#define RESTART_RATE_MAX 3.0
+#define RESTART_FORGETS  1.03
+
 // Frame counts, for 30 Hz.
 enum {
     FLIP_EVERY = 4,          // how often facing and exchanged legs are tried,
@@ -163,15 +168,16 @@ static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
 {
     const double energy = t->scratch->best.energy;
     const struct trial trial = choose_trial(t, task);
-    if (trial.flip)
-        return t->flipped = accumulate_log_odds(&t->flip_log_odds,
-                                                flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy +
-                                                    walking_log_odds(t),
-                                                FLIP_LOG_ODDS, trial.pointed);
+    if (trial.flip) {
+        t->flip_gain = flipped_log_odds(task, t->scratch) - FLIP_REFIT_SHARE * energy + walking_log_odds(t);
+        return t->flipped = accumulate_log_odds(&t->flip_log_odds, t->flip_gain, FLIP_LOG_ODDS, trial.pointed);
+    }
+    if (!trial.legs)
+        return false;
     bool alike = task->shape.mean.hem_m > 0 || task->points; // both ways are fitted alike
-    return trial.legs && accumulate_log_odds(&t->leg_swap_log_odds,
-                                             legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy,
-                                             alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS, trial.pointed);
+    t->leg_swap_gain = legs_swapped_log_odds(task, t->scratch) - SWAP_REFIT_SHARE * energy;
+    return accumulate_log_odds(&t->leg_swap_log_odds, t->leg_swap_gain, alike ? SKIRT_SWAP_LOG_ODDS : LEG_SWAP_LOG_ODDS,
+                               trial.pointed);
 }
 
 // An arm fitted in front of the trunk may leave nothing unexplained although it is elsewhere: one arm a frame is tried,
@@ -182,8 +188,8 @@ static void try_limb_alternative(struct tracker *t, struct fit_task *task)
               arm = disputed >= 0 ? disputed : t->frames % 2;
     if (!task->points && tracker_points_decide(t) && t->limb_log_odds[arm] > 0)
         return;
-    if (!accumulate_log_odds(&t->limb_log_odds[arm], limb_alternative_log_odds(task, arm, t->scratch) - ARM_COST,
-                             ARM_LOG_ODDS, disputed >= 0))
+    t->limb_gain[arm] = limb_alternative_log_odds(task, arm, t->scratch) - ARM_COST;
+    if (!accumulate_log_odds(&t->limb_log_odds[arm], t->limb_gain[arm], ARM_LOG_ODDS, disputed >= 0))
         return;
     task->expected = t->scratch->best.pose;
     limb_copy(arm, &t->scratch->trial.pose, &task->expected);
@@ -297,6 +303,9 @@ static void adopt_fit(struct tracker *t, const struct fit_task *task)
     t->learned_s = 0;
     t->hem = (struct hem_estimate){0};
     t->frames = 0;
+    t->flip_gain = t->leg_swap_gain = 0;
+    t->restart_rate = RESTART_RATE_MAX;
+    memset(t->limb_gain, 0, sizeof t->limb_gain);
 }
 
 // Whether what was fitted can be a person: furniture leaves points off the body, or takes a body of impossible size.
@@ -347,7 +356,11 @@ static void try_restart(struct tracker *t, struct fit_task *task)
     if (t->backward || ++t->restart_wait < (doubtful ? RESTART_EVERY_DOUBTFUL : RESTART_EVERY))
         return;
     t->restart_wait = 0;
-    if (pose_restart(task, &t->scratch->best.pose, t->restart_turn++, t->scratch))
+    const bool replaced = pose_restart(task, &t->scratch->best.pose, t->restart_turn++, t->scratch);
+    t->restart_rate = fmin(RESTART_RATE_MAX, RESTART_FORGETS * t->restart_rate);
+    if (t->scratch->other_rate > 0)
+        t->restart_rate = fmin(t->restart_rate, t->scratch->other_rate);
+    if (replaced)
         replace_fit(t, task);
     tracker_add_elapsed(t, &t->times.search);
 }

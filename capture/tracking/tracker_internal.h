@@ -8,6 +8,7 @@
 #include "capture/segmentation/segment.h"
 #include "capture/tracking/limb_hypotheses.h"
 #include "capture/tracking/joint_covariance.h"
+#include "capture/tracking/joint_error.h"
 #include "capture/tracking/tracker.h"
 
 enum { LEARN_EVERY = 2 }; // frames between updates of the background model
@@ -39,10 +40,16 @@ struct tracker {
     double leg_swap_log_odds;         // that the legs are exchanged
     double limb_log_odds[LIMB_COUNT]; // that a limb is elsewhere
     bool limb_relocated[LIMB_COUNT];  // this frame found it elsewhere
-    bool flipped;                     // this frame turned the body round
-    int refused_wait;                 // frames until a component that was no person is looked at again
-    int restart_wait, restart_turn;   // frames since another start was tried; which is next
-    struct body_points next_points;   // of the next frame's colour image
+    // Log-odds of each alternative when it was last tried; 0: not tried on this person.
+    double flip_gain, leg_swap_gain, limb_gain[LIMB_COUNT];
+    double restart_rate; // energy of other starts over the fit's: the least of late
+    double since_relocated_s[LIMB_COUNT], since_turned_s;
+    double density_mean;
+    double energy_mean;             // of FEATURE_ENERGY (joint_error.h)
+    bool flipped;                   // this frame turned the body round
+    int refused_wait;               // frames until a component that was no person is looked at again
+    int restart_wait, restart_turn; // frames since another start was tried; which is next
+    struct body_points next_points; // of the next frame's colour image
     bool has_next_points;
     struct point_evidence points;                // of this frame, and of the smoother's questions about it
     bool has_points;                             // this frame's image was looked at
@@ -53,8 +60,11 @@ struct tracker {
     bool seen_ever[JOINT_COUNT];
     float out_of_image_s[JOINT_COUNT];
     struct joint_sight sight[JOINT_COUNT];
+    int visible_probes[JOINT_COUNT];                   // of EVIDENCE_PROBES
     struct covariance3 posterior[JOINT_COUNT];         // of the last fit, depth camera's axes
     struct joint_uncertainty_terms terms[JOINT_COUNT]; // of the last skeleton
+    struct joint_features features[JOINT_COUNT];
+    struct joint_error error[JOINT_COUNT];
     struct tracker_times times;
     int64_t mark_ns; // processor time up to which `times` accounts
 };

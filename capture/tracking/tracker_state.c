@@ -77,6 +77,10 @@ void tracker_set_body_points(struct tracker *t, const struct body_points *points
         t->next_points = *points;
 }
 
+const struct joint_features *tracker_joint_features(const struct tracker *t) { return t->features; }
+
+const struct joint_error *tracker_joint_errors(const struct tracker *t) { return t->error; }
+
 struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
 
 void tracker_add_elapsed(struct tracker *t, int64_t *step)
@@ -93,6 +97,7 @@ void tracker_drop_person(struct tracker *t)
     t->flip_log_odds = t->leg_swap_log_odds = 0;
     memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
     memset(t->limb_relocated, 0, sizeof t->limb_relocated);
+    memset(t->since_relocated_s, 0, sizeof t->since_relocated_s);
     t->lost_since_ns = 0;
     memset(t->sight, 0, sizeof t->sight);
     segmenter_drop_person(t->segmenter);
@@ -102,6 +107,7 @@ void tracker_reset(struct tracker *t)
 {
     tracker_drop_person(t);
     t->backward = t->has_next_points = false;
+    t->restart_wait = t->restart_turn = 0;
     t->unconfirmed_images = 0;
     t->frames_since_image = t->frames_since_points = INT_MAX / 2;
     segmenter_reset(t->segmenter);

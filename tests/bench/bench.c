@@ -166,6 +166,7 @@ enum {
     KEY_STRIP,
     KEY_DUMP,
     KEY_COLOR,
+    KEY_FEATURES,
 };
 
 struct bench_arguments {
@@ -195,6 +196,7 @@ static error_t parse_dice(int key, char *argument, struct argp_state *state, str
     case KEY_STRIP: dice->strip = argument; return 0;
     case KEY_DUMP: dice->dump = argument; return 0;
     case KEY_COLOR: dice->color = true; return 0;
+    case KEY_FEATURES: dice->features = argument; return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -209,8 +211,8 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
                           "with --motions");
     if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
         argp_error(state, "--motions, --dice, --bodies, --joints and --sequences are the skeleton stage's");
-    if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump))
-        argp_error(state, "--only, --color, --strip and --dump go with --dice");
+    if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
+        argp_error(state, "--only, --color, --strip, --dump and --features go with --dice");
     if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
         argp_error(state, "--plot is the levels stage's");
 }
@@ -311,6 +313,8 @@ int main(int argc, char **argv)
         {"color", KEY_COLOR, NULL, 0, "dice: also with points of the colour images (networks of tools/models)", 0},
         {"strip", KEY_STRIP, "DIR", 0, "dice: draw images of the worst films, or of the only one, into this folder", 0},
         {"dump", KEY_DUMP, "FILE", 0, "dice: write each joint's error in each frame, as CSV", 0},
+        {"features", KEY_FEATURES, "FILE", 0, "dice: write what errors are judged by, for tools/calibrate_joint_error",
+         0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},
         {"rounds", 'r', "N", 0, "Number of rounds; the median counts (5)", 0},
         {0},

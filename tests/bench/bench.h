@@ -64,9 +64,10 @@ struct bench_dice {
     int only; // the film with this index alone; -1: all
     double seconds;
     int threads;
-    bool color;        // also with body points of the colour images
-    const char *strip; // a folder for strips of images of the worst films, or of the only one; NULL: none
-    const char *dump;  // a CSV file of all joints; NULL: none
+    bool color;           // also with body points of the colour images
+    const char *strip;    // a folder for strips of images of the worst films, or of the only one; NULL: none
+    const char *dump;     // a CSV file of all joints; NULL: none
+    const char *features; // a CSV file of what errors are judged by; NULL: none
 };
 
 // A stage's input from the command line, of which at most one is set, but `motions` together with `dice`; and a file to

@@ -11,9 +11,9 @@
 enum { WORST = 10, FACINGS = 8, DISTANCES = 7 };
 
 static const char *const columns[] = {
-    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%", "mean_mm",   "geo_mm",
-    "less_mm",   "in10_%",    "in10hid_%", "in10all_%", "arms_%",  "legs_%",    "body_%",
-    "swapped_%", "sure_15_%", "gues_15_%", "sure_%",    "guess_%", "unknown_%",
+    "films",     "frames",    "lost_%",    "ghosts_%",  "other_%",  "mean_mm",   "geo_mm",    "less_mm",
+    "in10_%",    "in10hid_%", "in10all_%", "arms_%",    "legs_%",   "body_%",    "swapped_%", "seen15_%",
+    "infer15_%", "seen_%",    "infer_%",   "unknown_%", "seen95_%", "infer95_%",
 };
 
 struct dice_trial {
@@ -107,6 +107,8 @@ static enum status add_row(struct dice_trial *t, const char *name, enum dice_mod
         m.sure,
         m.guessed,
         m.unknown,
+        m.sure_inside,
+        m.guessed_inside,
     };
     return bench_add_row(t->b, label, value);
 }
@@ -298,6 +300,8 @@ enum status trial_dice(struct bench *b, const struct bench_dice *dice, const cha
         status = show(&t);
     if (status == OK && dice->dump)
         status = dice_dump_write(t.films, t.count, dice->dump);
+    if (status == OK && dice->features)
+        status = dice_features_write(t.films, t.count, dice->features);
     bench_columns(b, columns, COUNT_OF(columns));
     if (status == OK)
         status = add_rows(&t, "all", (struct dice_group){0});

@@ -9,3 +9,7 @@ MUST_CHECK enum status dice_strip_write(const struct dice_film *film, const char
 
 // One row a joint, frame and mode. ERR_IO.
 MUST_CHECK enum status dice_dump_write(const struct dice_film *films, int count, const char *path);
+
+// One row a joint in every fifth frame with a person: its features (joint_error.h) and its errors in both modes, for
+// tools/calibrate_joint_error. ERR_IO.
+MUST_CHECK enum status dice_features_write(const struct dice_film *films, int count, const char *path);

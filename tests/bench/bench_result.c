@@ -92,19 +92,28 @@ void bench_add_json(struct json *stages, const struct bench_result *r)
 
 // ------------------------------------------------------------- plain tables
 
-void bench_print_plain(const struct bench_plain *p)
+// A few columns of all rows.
+static void print_block(const struct bench_plain *p, size_t from, size_t to)
 {
-    printf("%s: %s\n\n  %-26s", p->stage->name, p->stage->about, "");
-    for (size_t k = 0; k < p->columns; k++)
+    printf("  %-26s", "");
+    for (size_t k = from; k < to; k++)
         printf(" %10s", p->column[k]);
     printf("\n");
     for (size_t i = 0; i < p->count; i++) {
         printf("  %-26.26s", p->rows[i].name);
-        for (size_t k = 0; k < p->columns; k++)
+        for (size_t k = from; k < to; k++)
             print_cell(p->rows[i].value[k]);
         printf("\n");
     }
     printf("\n");
+}
+
+void bench_print_plain(const struct bench_plain *p)
+{
+    enum { BLOCK = 11 }; // columns side by side on a usual screen
+    printf("%s: %s\n\n", p->stage->name, p->stage->about);
+    for (size_t k = 0; k < p->columns; k += BLOCK)
+        print_block(p, k, k + BLOCK < p->columns ? k + BLOCK : p->columns);
 }
 
 void bench_add_plain_json(struct json *stages, const struct bench_plain *p)

@@ -57,8 +57,9 @@ static void test_few_joints_are_wrong(void **state)
                       SEED, m.films, m.frames, dice_mode_name((enum dice_mode)mode), m.mean_mm, m.within_seen,
                       m.swapped_any, m.sure_wrong, m.lost);
         EXPECT_INT(m.films, FILMS);
-        EXPECT_AT_MOST(m.swapped_any, 45);
-        EXPECT_AT_MOST(m.sure_wrong, 25);
+        EXPECT_AT_MOST(m.swapped_any, 60);
+        EXPECT_AT_MOST(m.sure_wrong, 5); // 2.5 and 3.1, most of them of the flipped one
+        EXPECT_AT_LEAST(m.guessed_inside, 88);
         EXPECT_AT_MOST(m.lost, 10);
     }
     // The second alone, on one thread.

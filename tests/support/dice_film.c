@@ -130,6 +130,8 @@ static enum status track(struct dice_film *f, const struct dice_camera *c, const
     }
     if (status == OK)
         status = track_modes(f, images, DICE_ONLINE);
+    for (int k = 0; k < f->plan.frames && status == OK; k++)
+        f->frame[k].evidence = images->evidence[k];
     if (status == OK && looking->network) {
         images->points = looking->points;
         images->looked = looking->looked;
@@ -149,6 +151,7 @@ static enum status make_film(struct dice_film *f, const struct dice_wish *wish, 
     if (status == OK)
         status = dice_camera_open(&camera, &f->plan);
     images.calibration = camera.calibration;
+    images.with_evidence = true;
     f->modes = wish->color ? DICE_MODES : DICE_DEPTH_MODES;
     if (status == OK && wish->color)
         status = looking_open(&looking, f->plan.frames);

@@ -1,6 +1,7 @@
 // A random short film (dice_plan.h), filmed and tracked as `record` does, next to the truth.
 #pragma once
 #include "tests/support/dice_plan.h"
+#include "tests/support/smoothed_film.h"
 
 // How a true joint shows in the depth image, by the exact depth at its pixel.
 enum dice_sight {
@@ -29,6 +30,7 @@ struct dice_frame {
     enum dice_sight sight[JOINT_COUNT];
     double facing_degrees; // dice_facing_degrees of the truth
     double distance_m;     // of the true waist, level
+    struct film_evidence evidence;
 };
 
 struct dice_film {

@@ -2,6 +2,8 @@
 
 #include "tests/support/body_axes.h"
 
+#include "base/linear_algebra.h"
+
 #include <math.h>
 
 bool dice_has_person(const struct skeleton *s)
@@ -31,17 +33,30 @@ bool dice_is_swapped(const struct skeleton *got, const struct skeleton *truth, e
     return apart > DICE_WRONG_M && crossed < 0.5 * kept;
 }
 
+static double mahalanobis2(const struct skeleton *got, enum joint j, struct vec3 off)
+{
+    const struct covariance3 c = joint_covariance(got, j);
+    const double m[9] = {c.xx, c.xy, c.xz, c.xy, c.yy, c.yz, c.xz, c.yz, c.zz}, d[3] = {off.x, off.y, off.z};
+    double inverse[9], square = 0;
+    if (!invert_symmetric(m, 3, inverse))
+        return INFINITY;
+    for (int i = 0; i < 9; i++)
+        square += d[i / 3] * inverse[i] * d[i % 3];
+    return square;
+}
+
 struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode mode, enum joint j,
                                 const struct dice_rig *rig)
 {
     const struct skeleton *got = &frame->track[mode];
     struct dice_joint out = {.confidence = got->confidence[j]};
-    if (!(got->confidence[j] > 0))
+    if (!covariance_is_known(got->covariance[j]))
         return out;
     out.off_m = v3_sub(got->joint[j], frame->truth.joint[j]);
     out.error_m = v3_length(out.off_m);
     out.less_off_m = v3_sub(out.off_m, from_body_axes(&frame->truth, j, rig->constant[j]));
     out.less_m = v3_length(out.less_off_m);
+    out.mahalanobis2 = mahalanobis2(got, j, out.less_off_m);
     return out;
 }
 
@@ -54,7 +69,7 @@ struct dice_rig dice_rig_of(const struct dice_film *films, int count, enum dice_
             for (int j = 0; j < JOINT_COUNT; j++) {
                 const struct dice_frame *f = &films[i].frame[k];
                 const struct vec3 off = v3_sub(f->track[mode].joint[j], f->truth.joint[j]);
-                if (f->sight[j] != DICE_VISIBLE || !(f->track[mode].confidence[j] >= 1) ||
+                if (f->sight[j] != DICE_VISIBLE || !(f->track[mode].confidence[j] > 0) ||
                     !(v3_length(off) < DICE_WRONG_M))
                     continue;
                 rig.constant[j] = v3_add(rig.constant[j], in_body_axes(&f->truth, (enum joint)j, off));
@@ -81,7 +96,8 @@ static double percent(struct count c) { return c.all ? 100.0 * (double)c.of / (d
 
 struct sums {
     struct count lost, ghosts, followed_other, within_seen, within_hidden, within_all;
-    struct count swapped[DICE_SWAPS], swapped_any, sure_wrong, guessed_wrong, sure, guessed, unknown;
+    struct count swapped[DICE_SWAPS], swapped_any, sure_wrong, guessed_wrong, sure, guessed, unknown, sure_inside,
+        guessed_inside;
     // Of the film at hand.
     double error_m, less_m;
     int claimed;
@@ -107,8 +123,10 @@ static void add_joint(struct sums *s, const struct dice_joint *joint, enum dice_
         add(&s->within_seen, close);
     if (sight == DICE_HIDDEN)
         add(&s->within_hidden, close);
-    if (claimed)
+    if (claimed) {
         add(sure ? &s->sure_wrong : &s->guessed_wrong, joint->error_m > DICE_WRONG_M);
+        add(sure ? &s->sure_inside : &s->guessed_inside, joint->mahalanobis2 <= DICE_WITHIN_95);
+    }
     if (claimed && dice_can_be_seen(sight)) {
         s->error_m += joint->error_m;
         s->less_m += joint->less_m;
@@ -173,6 +191,8 @@ static void finish(struct dice_measure *m, const struct sums *s)
     m->sure = percent(s->sure);
     m->guessed = percent(s->guessed);
     m->unknown = percent(s->unknown);
+    m->sure_inside = percent(s->sure_inside);
+    m->guessed_inside = percent(s->guessed_inside);
 }
 
 struct dice_measure dice_measure_of(const struct dice_film *films, int count, enum dice_mode mode,

@@ -3,15 +3,16 @@
 #include "tests/support/dice_film.h"
 
 // Where the truth's body model and ours differ by a constant: the mean error of each joint over all films, in the axes
-// of the true trunk or pelvis (body_axes.h), over joints that are visible, claimed as seen and less than DICE_WRONG_M
+// of the true trunk or pelvis (body_axes.h), over joints that are visible, claimed and less than DICE_WRONG_M
 // off. What is left without it ("less") is how the joint moves.
 struct dice_rig {
     struct vec3 constant[JOINT_COUNT];
 };
 struct dice_rig dice_rig_of(const struct dice_film *films, int count, enum dice_mode mode);
 
-#define DICE_WITHIN_M 0.10
-#define DICE_WRONG_M  0.15
+#define DICE_WITHIN_M  0.10
+#define DICE_WRONG_M   0.15
+#define DICE_WITHIN_95 7.815 // squared Mahalanobis distance: chi-square of three degrees of freedom
 
 // Which frames count; has NULL: all.
 struct dice_group {
@@ -34,7 +35,8 @@ bool dice_is_swapped(const struct skeleton *got, const struct skeleton *truth, e
 struct dice_joint {
     struct vec3 off_m, less_off_m; // tracked minus true, camera axes; the same without the rig's constant
     double error_m, less_m;        // their lengths
-    float confidence;              // 0: unknown, the rest is 0
+    double mahalanobis2;           // of less_off_m, by the joint's covariance
+    float confidence;              // 0: unknown; the rest is then of no use, or 0 where there is no person
 };
 struct dice_joint dice_joint_of(const struct dice_frame *frame, enum dice_mode mode, enum joint j,
                                 const struct dice_rig *rig);
@@ -55,6 +57,9 @@ struct dice_measure {
     double sure_wrong;                       // more than 15 cm off, of joints with confidence 1
     double guessed_wrong;                    // the same of those with a confidence between 0 and 1
     double sure, guessed, unknown;           // joints by confidence, in frames with a person
+    // Inside the 95 % ellipsoid of the joint's covariance, without the rig's constant: of joints with confidence 1, and
+    // of those with one between 0 and 1.
+    double sure_inside, guessed_inside;
 };
 struct dice_measure dice_measure_of(const struct dice_film *films, int count, enum dice_mode mode,
                                     const struct dice_rig *rig, struct dice_group group);

@@ -1,7 +1,5 @@
 #include "tests/support/smoothed_film.h"
 
-#include "capture/tracking/skeleton_smoother.h"
-
 #include <stdlib.h>
 #include <string.h>
 
@@ -42,11 +40,16 @@ static enum status forward_backward(struct smoothed_film *f, struct tracker *tra
             tracker_set_body_points(tracker, &f->points[k]);
         status = tracker_next(tracker, f->time_ns[k], f->depth[k], &f->online[k], NULL);
         f->found[k] = status == OK;
+        if (f->found[k] && f->evidence)
+            memcpy(f->evidence[k].pass[0], tracker_joint_features(tracker), sizeof f->evidence[k].pass[0]);
         if (status >= 0)
             status = smoother_push(smoother, tracker, f->time_ns[k], f->found[k] ? &f->online[k] : NULL);
     }
-    for (int k = f->count - 1; k >= 0 && status >= 0; k--)
+    for (int k = f->count - 1; k >= 0 && status >= 0; k--) {
         status = smoother_backward(smoother, tracker, k, f->depth[k]);
+        if (f->found[k] && f->evidence)
+            memcpy(f->evidence[k].pass[1], tracker_joint_features(tracker), sizeof f->evidence[k].pass[1]);
+    }
     if (status >= 0)
         status = smoother_solve(smoother);
     for (int k = 0; k < f->count && status == OK; k++) {
@@ -54,6 +57,8 @@ static enum status forward_backward(struct smoothed_film *f, struct tracker *tra
         f->found[k] = smoothed != NULL;
         if (smoothed)
             f->smoothed[k] = *smoothed;
+        if (smoothed && f->evidence)
+            smoother_joint_features(smoother, k, f->evidence[k].smoothed);
     }
     return status;
 }
@@ -66,10 +71,13 @@ enum status smoothed_film_track(struct smoothed_film *f)
     free(f->online);
     free(f->smoothed);
     free(f->found);
+    free(f->evidence);
     f->online = calloc(n, sizeof *f->online);
     f->smoothed = calloc(n, sizeof *f->smoothed);
     f->found = calloc(n, sizeof *f->found);
-    enum status status = f->online && f->smoothed && f->found ? OK : fail(ERR_MEMORY, "no memory for the joints");
+    f->evidence = f->with_evidence ? calloc(n, sizeof *f->evidence) : NULL;
+    const bool enough = f->online && f->smoothed && f->found && (f->evidence || !f->with_evidence);
+    enum status status = enough ? OK : fail(ERR_MEMORY, "no memory for the joints");
     if (status == OK)
         status = tracker_open(&tracker, &f->calibration, NULL);
     if (status == OK)
@@ -90,5 +98,6 @@ void smoothed_film_free(struct smoothed_film *f)
     free(f->online);
     free(f->smoothed);
     free(f->found);
+    free(f->evidence);
     *f = (struct smoothed_film){0};
 }

@@ -1,11 +1,17 @@
 // Tracks a film as `record` does: the online estimate, and the smoothed estimate once the end is known.
 #pragma once
 #include "capture/body/point_evidence.h"
-#include "capture/tracking/tracker.h"
+#include "capture/tracking/skeleton_smoother.h"
 
 struct smoothed_floor {
     struct vec3 up;
     double height_m;
+};
+
+// What a frame's errors were judged by (joint_error.h), and the covariances' scale that it gave.
+struct film_evidence {
+    struct joint_features pass[2][JOINT_COUNT]; // forward, backward; that of a frame without a person is all 0
+    struct smoothed_features smoothed[JOINT_COUNT];
 };
 
 struct smoothed_film {
@@ -15,6 +21,8 @@ struct smoothed_film {
     uint16_t **depth;
     struct skeleton *online, *smoothed; // all confidence 0: no person
     bool *found;
+    struct film_evidence *evidence; // kept where with_evidence is set
+    bool with_evidence;
     // What is known of the room beforehand; left 0: nothing.
     const uint16_t *background;         // as for tracker_set_background
     const struct smoothed_floor *floor; // as for tracker_set_floor

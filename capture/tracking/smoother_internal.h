@@ -1,0 +1,36 @@
+// What the smoother keeps of each frame: skeleton_smoother.c fills and smooths it, smoother_confidence.c judges it.
+#pragma once
+#include "capture/tracking/skeleton_smoother.h"
+
+#include "capture/tracking/pose_likelihood.h"
+
+// The forward and the backward pass, and for a mostly occluded leg, where the silhouette has it in that frame.
+enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
+
+struct smoother_frame {
+    int64_t time_ns;
+    int person;                          // number of the detection; -1: none
+    int points;                          // which of the smoother's; -1: none
+    struct body_pose pose;               // forward, online estimate
+    struct skeleton estimate[ESTIMATES]; // depth camera's axes; covariances without joint_error.h's scale
+    struct joint_error error[BACKWARD + 1][JOINT_COUNT];
+    bool shown[BACKWARD + 1][JOINT_COUNT];
+    struct pose_log_odds odds;           // against the forward estimate
+    double alternative_odds[LIMB_COUNT]; // log-odds for ALTERNATIVE against BACKWARD; 0: there is none
+    enum estimate facing;                // where FORWARD and BACKWARD face opposite ways, the right one
+    bool has_backward;
+    double facing_doubt;            // the probability of the other one
+    float around_odds[JOINT_COUNT]; // mean of the log-odds of being wrong, over half a second to both sides
+    float open_m[JOINT_COUNT];      // spread of the choices that the posterior leaves open
+    float moved_m[JOINT_COUNT];     // from the nearest point between the two passes
+    struct skeleton result;         // in the end in the colour camera's axes
+};
+
+// The trunks of the passes are so far apart that they face opposite ways.
+bool smoother_facing_differs(const struct smoother_frame *m);
+
+// Of one frame, after smoother_decide_confidence.
+void smoother_find_features(const struct smoother_frame *m, struct smoothed_features out[JOINT_COUNT]);
+
+// Widens the covariances by what is known now, and decides what is seen, in `count` frames of one motion.
+void smoother_decide_confidence(struct smoother_frame *m, int64_t count);
