@@ -3,7 +3,7 @@
 //
 // Without --data the small world's kata is rendered. With --data FOLDER, a folder with depth.txt and calibration.json,
 // and joints_truth.csv and sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --dice,
-// --joints or --sequences tables of error alone, see bench_skeleton_trials.h.
+// --joints, --sequences or --empty tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
@@ -101,12 +101,13 @@ static enum status run_settings(struct bench *b)
 static enum status run(struct bench *b)
 {
     const struct bench_inputs *in = bench_inputs(b);
-    return in->dice.films  ? trial_dice(b, &in->dice, in->motions)
-           : in->motions   ? trial_motions(b, in->motions)
-           : in->joints    ? trial_joints(b, in->joints)
-           : in->sequences ? trial_sequences(b, in->sequences)
-           : in->bodies    ? trial_bodies(b)
-                           : run_settings(b);
+    return in->dice.films    ? trial_dice(b, &in->dice, in->motions)
+           : in->motions     ? trial_motions(b, in->motions)
+           : in->joints      ? trial_joints(b, in->joints)
+           : in->empty.count ? trial_empty(b, &in->empty)
+           : in->sequences   ? trial_sequences(b, in->sequences)
+           : in->bodies      ? trial_bodies(b)
+                             : run_settings(b);
 }
 
 const struct bench_stage bench_stage_skeleton = {
