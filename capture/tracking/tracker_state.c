@@ -107,8 +107,9 @@ void tracker_reset(struct tracker *t)
 {
     tracker_drop_person(t);
     t->backward = t->has_next_points = false;
-    t->restart_wait = t->restart_turn = 0;
-    t->unconfirmed_images = 0;
+    t->confirmed = t->elsewhere = false;
+    t->unconfirmed_images = t->pointed_frames = 0;
+    t->frames = t->empty_frames = t->refused_wait = t->restart_wait = t->restart_turn = 0;
     t->frames_since_image = t->frames_since_points = INT_MAX / 2;
     segmenter_reset(t->segmenter);
 }

@@ -167,6 +167,7 @@ enum {
     KEY_DUMP,
     KEY_COLOR,
     KEY_FEATURES,
+    KEY_EMPTY,
 };
 
 struct bench_arguments {
@@ -205,12 +206,12 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
 {
     const struct bench_inputs *in = &a->inputs;
     const bool dice = in->dice.films > 0;
-    const int skeleton = (in->motions || dice) + !!in->joints + !!in->sequences + in->bodies;
+    const int skeleton = (in->motions || dice) + !!in->joints + !!in->sequences + in->bodies + !!in->empty.count;
     if (!!in->data + skeleton > 1)
-        argp_error(state, "one of --data, --motions, --dice, --bodies, --joints and --sequences at a time; but --dice "
-                          "with --motions");
+        argp_error(state, "one of --data, --motions, --dice, --bodies, --joints, --sequences and --empty at a time; "
+                          "but --dice with --motions");
     if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
-        argp_error(state, "--motions, --dice, --bodies, --joints and --sequences are the skeleton stage's");
+        argp_error(state, "--motions, --dice, --bodies, --joints, --sequences and --empty are the skeleton stage's");
     if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
         argp_error(state, "--only, --color, --strip, --dump and --features go with --dice");
     if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
@@ -228,6 +229,11 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
     case KEY_SEQUENCES: a->inputs.sequences = argument; return 0;
     case KEY_JOINTS: a->inputs.joints = argument; return 0;
+    case KEY_EMPTY:
+        if (a->inputs.empty.count == BENCH_FOLDERS)
+            argp_error(state, "--empty at most %d times", BENCH_FOLDERS);
+        a->inputs.empty.path[a->inputs.empty.count++] = argument;
+        return 0;
     case KEY_BODIES: a->inputs.bodies = true; return 0;
     case KEY_PLOT: a->inputs.plot = argument; return 0;
     case 'r':
@@ -304,6 +310,8 @@ int main(int argc, char **argv)
         {"joints", KEY_JOINTS, "DIR", 0, "skeleton: joint by joint, next to this folder's truth", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
          "skeleton: track the people in this folder's folders, next to the Kinect SDK's joints", 0},
+        {"empty", KEY_EMPTY, "DIR", 0,
+         "skeleton: how many images of this folder, in which there is no person, are taken for one (repeatable)", 0},
         {"dice", KEY_DICE, "N", 0, "skeleton: track the actors of N random films, with --motions of its BVH files too",
          0},
         {"seed", KEY_SEED, "S", 0, "dice: of the films (1)", 0},

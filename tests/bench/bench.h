@@ -70,14 +70,21 @@ struct bench_dice {
     const char *features; // a CSV file of what errors are judged by; NULL: none
 };
 
+enum { BENCH_FOLDERS = 16 };
+struct bench_folders {
+    const char *path[BENCH_FOLDERS];
+    int count;
+};
+
 // A stage's input from the command line, of which at most one is set, but `motions` together with `dice`; and a file to
 // write.
 struct bench_inputs {
-    const char *data;      // a folder (TUM layout); NULL: the stage makes its own items
-    const char *motions;   // skeleton: a folder of BVH files, to be rendered in the small world
-    const char *joints;    // skeleton: a folder as for `data`, evaluated joint by joint
-    const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
-    bool bodies;           // skeleton: figures of all sizes and clothes in the small world
+    const char *data;           // a folder (TUM layout); NULL: the stage makes its own items
+    const char *motions;        // skeleton: a folder of BVH files, to be rendered in the small world
+    const char *joints;         // skeleton: a folder as for `data`, evaluated joint by joint
+    const char *sequences;      // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
+    struct bench_folders empty; // skeleton: folders of images of rooms without a person
+    bool bodies;                // skeleton: figures of all sizes and clothes in the small world
     struct bench_dice dice;
     bool json;        // the output is read by a program: stages print nothing themselves
     const char *plot; // levels: an SVG file to write; NULL: none

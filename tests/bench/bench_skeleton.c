@@ -3,21 +3,41 @@
 //
 // Without --data the small world's kata is rendered. With --data FOLDER, a folder with depth.txt and calibration.json,
 // and joints_truth.csv and sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --dice,
-// --joints or --sequences tables of error alone, see bench_skeleton_trials.h.
+// --joints, --sequences or --empty tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
 
+#include "capture/body_points.h"
 #include "capture/tracking/tracker.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 struct skeleton_ours {
     const struct skeleton_data *data;
     struct tracker_options options;
     struct tracker *tracker;
+    struct pose_network *network; // NULL: depth alone
+    double look_ms;               // of the last image that was looked at, a frame
 };
+
+// Body points of the frame's colour image, if it has one that is to be looked at. The network's time is spread evenly
+// over the frames up to the next such image: `record` looks in a thread of its own.
+static enum status look(struct skeleton_ours *o, const struct skeleton_frame *f)
+{
+    struct body_points points;
+    const struct lens *lens = &o->data->calibration.color;
+    if (!o->network || !f->color)
+        return OK;
+    const double started_ms = bench_clock_ms();
+    const enum status status = body_points_of_image(o->network, f->color, lens->width, lens->height, &points);
+    o->look_ms = (bench_clock_ms() - started_ms) / SKELETON_LOOK_EVERY;
+    if (status == OK)
+        tracker_set_body_points(o->tracker, &points);
+    return status < 0 ? status : OK;
+}
 
 static enum status measure_ours(void *self, int item, struct bench_measure *out)
 {
@@ -27,12 +47,17 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
         enum status status = tracker_open(&o->tracker, &o->data->calibration, &o->options);
         if (status != OK)
             return status;
+        if (o->network)
+            pose_network_restart(o->network);
     }
     const struct skeleton_frame *f = &o->data->frame[item];
     struct skeleton got;
+    enum status status = look(o, f);
+    if (status != OK)
+        return status;
     double started_ms = bench_clock_ms();
-    enum status status = tracker_next(o->tracker, f->time_ns, f->depth, &got, NULL);
-    out->time_ms = bench_clock_ms() - started_ms;
+    status = tracker_next(o->tracker, f->time_ns, f->depth, &got, NULL);
+    out->time_ms = bench_clock_ms() - started_ms + o->look_ms;
     if (status != OK)
         return status;
     struct tracker_times times = tracker_last_times(o->tracker);
@@ -65,6 +90,8 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
     return status < 0 ? status : NOTHING;
 }
 
+static const char POINTED[] = "600, 5 and body points";
+
 static enum status run_settings(struct bench *b)
 {
     static const struct {
@@ -76,23 +103,34 @@ static enum status run_settings(struct bench *b)
     };
     enum { SETTINGS = COUNT_OF(settings) };
     struct skeleton_data data;
-    struct skeleton_ours ours[SETTINGS];
-    struct bench_contender contenders[SETTINGS + 1];
+    struct skeleton_ours ours[SETTINGS], pointed = {.data = &data, .options = tracker_default_options()};
+    struct bench_contender contenders[SETTINGS + 2];
     struct skeleton_peer peer = {.data = &data};
     enum status status = skeleton_data_open(&data, bench_inputs(b)->data);
     for (int i = 0; i < SETTINGS; i++) {
-        ours[i] = (struct skeleton_ours){&data, tracker_default_options(), NULL};
+        ours[i] = (struct skeleton_ours){.data = &data, .options = tracker_default_options()};
         ours[i].options.points = settings[i].points;
         ours[i].options.iterations = settings[i].iterations;
         contenders[i] = (struct bench_contender){settings[i].name, measure_ours, &ours[i], false};
     }
     contenders[SETTINGS] = (struct bench_contender){"libapriltag, decimate 2", measure_peer, &peer, true};
+    contenders[SETTINGS + 1] = (struct bench_contender){POINTED, measure_ours, &pointed, false};
+    if (status == OK)
+        status = pose_network_open(&pointed.network, NULL, POSE_NETWORK_LITE);
+    const bool networks = status == OK;
+    if (status == ERR_MISSING) {
+        if (!bench_inputs(b)->json)
+            fprintf(stderr, "without body points: %s\n", status_message());
+        status = OK;
+    }
     if (status == OK)
         status = apriltag_peer_open(&peer.apriltag, 2);
     if (status == OK)
-        status = bench_run(b, contenders, COUNT_OF(contenders), data.count);
+        status = bench_run(b, contenders, SETTINGS + 1 + networks, data.count);
     for (int i = 0; i < SETTINGS; i++)
         tracker_close(&ours[i].tracker);
+    tracker_close(&pointed.tracker);
+    pose_network_close(&pointed.network);
     apriltag_peer_close(&peer.apriltag);
     skeleton_data_close(&data);
     return status;
@@ -101,12 +139,13 @@ static enum status run_settings(struct bench *b)
 static enum status run(struct bench *b)
 {
     const struct bench_inputs *in = bench_inputs(b);
-    return in->dice.films  ? trial_dice(b, &in->dice, in->motions)
-           : in->motions   ? trial_motions(b, in->motions)
-           : in->joints    ? trial_joints(b, in->joints)
-           : in->sequences ? trial_sequences(b, in->sequences)
-           : in->bodies    ? trial_bodies(b)
-                           : run_settings(b);
+    return in->dice.films    ? trial_dice(b, &in->dice, in->motions)
+           : in->motions     ? trial_motions(b, in->motions)
+           : in->joints      ? trial_joints(b, in->joints)
+           : in->empty.count ? trial_empty(b, &in->empty)
+           : in->sequences   ? trial_sequences(b, in->sequences)
+           : in->bodies      ? trial_bodies(b)
+                             : run_settings(b);
 }
 
 const struct bench_stage bench_stage_skeleton = {

@@ -15,6 +15,7 @@ void skeleton_data_close(struct skeleton_data *data)
     for (int i = 0; i < data->count; i++) {
         free(data->frame[i].depth);
         free(data->frame[i].gray);
+        free(data->frame[i].color);
     }
     free(data->frame);
     *data = (struct skeleton_data){0};
@@ -29,10 +30,20 @@ static void to_gray(const uint8_t *rgb, size_t count, uint8_t *gray)
 // The next frame, with buffers for its images; NULL: out of memory.
 static struct skeleton_frame *add_frame(struct skeleton_data *data)
 {
+    const struct lens *depth = &data->calibration.depth, *color = &data->calibration.color;
+    const bool looked = data->count % SKELETON_LOOK_EVERY == 0;
     struct skeleton_frame *f = &data->frame[data->count++];
-    f->depth = calloc((size_t)data->calibration.depth.width * (size_t)data->calibration.depth.height, sizeof *f->depth);
-    f->gray = calloc((size_t)data->calibration.color.width, (size_t)data->calibration.color.height);
-    return f->depth && f->gray ? f : NULL;
+    f->depth = calloc((size_t)depth->width * (size_t)depth->height, sizeof *f->depth);
+    f->gray = calloc((size_t)color->width, (size_t)color->height);
+    f->color = looked ? calloc(3 * (size_t)color->width, (size_t)color->height) : NULL;
+    return f->depth && f->gray && (f->color || !looked) ? f : NULL;
+}
+
+static void take_color(struct skeleton_frame *f, const uint8_t *rgb, size_t pixels)
+{
+    to_gray(rgb, pixels, f->gray);
+    if (f->color)
+        memcpy(f->color, rgb, 3 * pixels);
 }
 
 static enum status film(struct skeleton_data *data)
@@ -61,7 +72,7 @@ static enum status film(struct skeleton_data *data)
         status = world_render(w, &shot, &(struct world_image){.color = rgb, .depth = f->depth});
         if (status == OK)
             status = world_depth_noise(&lens, f->depth, (uint64_t)k, f->depth);
-        to_gray(rgb, pixels, f->gray);
+        take_color(f, rgb, pixels);
     }
     free(rgb);
     world_close(&w);
@@ -150,7 +161,7 @@ static enum status read_folder(struct skeleton_data *data, const char *folder)
         }
         f->time_ns = frame.time_ns;
         memcpy(f->depth, frame.depth, depth * sizeof *f->depth);
-        to_gray(frame.color, color, f->gray);
+        take_color(f, frame.color, color);
     }
     source_close(&source);
     return status < 0 ? status : read_truth(data, folder);

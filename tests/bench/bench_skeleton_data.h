@@ -1,12 +1,15 @@
-// Input of the stage "skeleton": depth and grey images with true joints.
+// Input of the stage "skeleton": depth, grey and some colour images with true joints.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "base/lens.h"
+
+enum { SKELETON_LOOK_EVERY = 3 }; // body points are looked for in every third image, as recorder.c does
 
 struct skeleton_frame {
     int64_t time_ns;
     uint16_t *depth;
     uint8_t *gray;
+    uint8_t *color;        // RGB, of every SKELETON_LOOK_EVERY-th frame; NULL of the others
     struct skeleton truth; // camera axes
 };
 

@@ -1,5 +1,5 @@
-// The skeleton stage's trials: tables of error alone, by motion, by body, by chance, by sequence. Errors: as the stage,
-// and ERR_MISSING where said.
+// The skeleton stage's trials: tables of error alone, by motion, by body, by chance, by sequence, by empty rooms.
+// Errors: as the stage, and ERR_MISSING where said.
 #pragma once
 #include "tests/bench/bench.h"
 
@@ -22,3 +22,8 @@ MUST_CHECK enum status trial_sequences(struct bench *b, const char *folder);
 // The person in a folder with truth (bench_skeleton_data.h), joint by joint, as `record` stores them: the errors, and
 // the errors with each joint's constant part in the axes of trunk or pelvis removed.
 MUST_CHECK enum status trial_joints(struct bench *b, const char *folder);
+
+// Images of rooms without a person (TUM layout), 30 of each folder: how many are taken for a person as the first of a
+// film, by depth alone and, where the networks are there, with body points of the colour image. ERR_MISSING: no such
+// folder.
+MUST_CHECK enum status trial_empty(struct bench *b, const struct bench_folders *folders);
