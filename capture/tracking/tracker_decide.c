@@ -4,6 +4,7 @@
 #include "base/portable_math.h"
 
 #include "capture/tracking/point_hypotheses.h"
+#include "capture/tracking/person_check.h"
 #include "capture/tracking/pose_init.h"
 
 #include <string.h>
@@ -33,23 +34,12 @@ enum {
 #define ROUGHLY_M           0.10
 #define EXPLAINED_SHARE_MIN 0.97  // within NEAR_M, of a person: of furniture fewer are,
 #define FIT_ENERGY_MAX      120.0 // or its fit has more energy: people's have 25 to 60 on rendered films
-// What is detected from scratch must be better than this to be a person. Of 270 starts on real people (nine sequences
-// of kinect-actions, 30 images each) the worst had energy 127 and log-odds of 6 against its shape; of 60 images of two
-// empty rooms the first three leave 5 starts on furniture, and the visible area leaves 2.
-#define CLOSE_M              0.03
-#define CLOSE_SHARE_MIN      0.72  // within CLOSE_M
-#define PERSON_ENERGY_MAX    150.0 // of the fit: twice that of 150 independent points that are off by their sigma
-#define PERSON_SHAPE_MAX     10.0  // log-odds against the shape
-#define FLAT_SHARE_MAX       0.8   // of the points, within FLAT_M of one plane; of busts at 0.9 m up to 0.7, of whole
-#define FLAT_M               0.02  // bodies 0.4
-#define HEADLESS_AREA_MIN_M2 0.25  // visible of a person whose head is not: less can be anything's edge
-enum { FLAT_ROUNDS = 12 };         // of its fit
-#define DOUBTFUL_ENERGY  60.0      // a fit's energy above which other starts are tried often
-#define STATIC_SHAPE_MAX 10.0      // or has an unlikely shape: log-odds against it; of right people's 1 in 100 is above
-#define GOOD_SHARE       0.985     // within NEAR_M: below, limbs are searched and no shape is learned
-#define POOR_SHARE       0.7       // within ROUGHLY_M: below, the frame is poor
-#define LOST_SHARE       0.35      // within ROUGHLY_M: below, the person is lost immediately
-#define LIMB_JUMP_M      0.08      // a limb that a search moves further than this was lost
+#define DOUBTFUL_ENERGY     60.0  // a fit's energy above which other starts are tried often
+#define STATIC_SHAPE_MAX    10.0  // or has an unlikely shape: log-odds against it; of right people's 1 in 100 is above
+#define GOOD_SHARE          0.985 // within NEAR_M: below, limbs are searched and no shape is learned
+#define POOR_SHARE          0.7   // within ROUGHLY_M: below, the frame is poor
+#define LOST_SHARE          0.35  // within ROUGHLY_M: below, the person is lost immediately
+#define LIMB_JUMP_M         0.08  // a limb that a search moves further than this was lost
 
 // Fits: a coarse half of the iterations with a wide kernel, a fine half with a narrow one.
 #define COARSE_KERNEL_M    0.12
@@ -313,58 +303,6 @@ static void adopt_fit(struct tracker *t, const struct fit_task *task)
     memset(t->limb_gain, 0, sizeof t->limb_gain);
 }
 
-// The share of the points that lie within FLAT_M of one plane, fitted with the kernel of Geman and McClure.
-static double flat_share(const struct depth_evidence *e)
-{
-    // A plane is linear in inverse depth: 1/z = a x/z + b y/z + c. Iteratively reweighted least squares.
-    double plane[3] = {0}, share = 0;
-    for (int round = 0; round < FLAT_ROUNDS; round++) {
-        double h[3][4] = {{0}};
-        int near = 0;
-        for (int i = 0; i < e->count; i++) {
-            const struct vec3 p = e->point[i].p;
-            const double row[4] = {p.x / p.z, p.y / p.z, 1, 1 / p.z};
-            const double off = round ? p.z * p.z * (row[0] * plane[0] + row[1] * plane[1] + plane[2] - row[3]) : 0;
-            const double fade = FLAT_M * FLAT_M / (FLAT_M * FLAT_M + off * off),
-                         w = p.z * p.z * p.z * p.z * fade * fade;
-            near += fabs(off) < FLAT_M;
-            for (int r = 0; r < 3; r++)
-                for (int c = 0; c < 4; c++)
-                    h[r][c] += w * row[r] * row[c];
-        }
-        share = (double)near / e->count;
-        for (int k = 0; k < 3; k++)
-            for (int r = 0; r < 3; r++) {
-                const double by = r == k ? 0 : h[r][k] / h[k][k];
-                for (int c = k; c < 4; c++)
-                    h[r][c] -= by * h[k][c];
-            }
-        for (int k = 0; k < 3; k++)
-            plane[k] = h[k][3] / h[k][k];
-    }
-    return share;
-}
-
-// Whether any point is on the fitted head.
-static bool shows_head(const struct tracker *t)
-{
-    const struct fit_result *best = &t->scratch->best;
-    for (int i = 0; i < t->evidence->count; i++)
-        if (best->build.solid[best->solid[i]].segment == SEG_HEAD && fabs((double)best->residual[i]) < CLOSE_M)
-            return true;
-    return false;
-}
-
-// Whether what was fitted can be a person: furniture leaves points off the body, takes a body of impossible size, is
-// flat, or looks like a part of a body that the image's edge cuts off.
-static bool is_like_person(const struct tracker *t)
-{
-    const struct fit_result *best = &t->scratch->best;
-    return explained_share(t->evidence, best, CLOSE_M) > CLOSE_SHARE_MIN && best->energy < PERSON_ENERGY_MAX &&
-           shape_log_odds(&best->shape) < PERSON_SHAPE_MAX && flat_share(t->evidence) < FLAT_SHARE_MAX &&
-           (shows_head(t) || t->evidence->extent_m2 > HEADLESS_AREA_MIN_M2);
-}
-
 // Detects a person from scratch. False: there is none.
 static bool detect_person(struct tracker *t, struct fit_task *task)
 {
@@ -372,7 +310,7 @@ static bool detect_person(struct tracker *t, struct fit_task *task)
         t->refused_wait--;
         return false;
     }
-    bool found = pose_init_search(task, t->scratch) && (t->backward || is_like_person(t));
+    bool found = pose_init_search(task, t->scratch) && (t->backward || is_like_person(t->evidence, &t->scratch->best));
     tracker_add_elapsed(t, &t->times.search);
     if (!found) {
         t->refused_wait = REFUSED_WAIT;
