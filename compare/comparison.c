@@ -1,0 +1,159 @@
+#include "compare/comparison.h"
+
+#include <stdlib.h>
+
+// Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
+// than 45 degrees off in every part; cheaper, and what is wrong would be left out instead of judged (the area under the
+// curve of UI-PRMD's movements 1 to 3 falls). Getting into position is taken out afterwards (pieces.h). A step that
+// only one movement takes costs what 6 degrees do; by hand.
+static const double SKIP = 0.6, STEP = 0.01;
+// By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
+static const double MIRROR_GAIN = 0.75, MIRROR_LEAST = 0.02;
+
+static double price_unit(uint16_t parts)
+{
+    int count = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        count += parts >> p & 1;
+    return (double)count * FEATURE_UNIT * FEATURE_UNIT;
+}
+
+static struct alignment_prices prices_for(uint16_t parts)
+{
+    const double unit = price_unit(parts);
+    return (struct alignment_prices){(int32_t)(SKIP * unit), (int32_t)(SKIP * unit), (int32_t)(STEP * unit)};
+}
+
+static enum status align_movements(const struct movement *a, const struct movement *b, uint16_t parts,
+                                   struct alignment *x, struct timeline *out)
+{
+    struct feature_frame *fa = NULL, *fb = NULL;
+    const struct alignment_prices prices = prices_for(parts);
+    enum status status = movement_features(a, parts, &fa);
+    if (status == OK)
+        status = movement_features(b, parts, &fb);
+    const struct features features_a = {fa, a->count}, features_b = {fb, b->count};
+    if (status == OK)
+        status = align(&features_a, &features_b, &prices, x);
+    if (status == OK)
+        status = timeline_from_alignment(x, &features_a, &features_b, out);
+    free(fa);
+    free(fb);
+    return status;
+}
+
+enum { COARSE = 4 }; // every so manieth frame decides about mirroring
+
+static int32_t thin(struct feature_frame *f, int32_t count)
+{
+    int32_t kept = 0;
+    for (int32_t i = 0; i < count; i += COARSE)
+        f[kept++] = f[i];
+    return kept;
+}
+
+// The mean price of a frame in coarse steps, as a mean squared chord.
+static enum status coarse_price(const struct movement *a, const struct movement *b, uint16_t parts, double *price)
+{
+    struct feature_frame *fa = NULL, *fb = NULL;
+    struct alignment x = {0};
+    const struct alignment_prices prices = prices_for(parts);
+    enum status status = movement_features(a, parts, &fa);
+    if (status == OK)
+        status = movement_features(b, parts, &fb);
+    if (status == OK) {
+        const struct features features_a = {fa, thin(fa, a->count)}, features_b = {fb, thin(fb, b->count)};
+        status = align(&features_a, &features_b, &prices, &x);
+        *price = (double)x.price / price_unit(parts) / (features_a.count + features_b.count);
+    }
+    alignment_free(&x);
+    free(fa);
+    free(fb);
+    return status;
+}
+
+static uint16_t mirrored_parts(uint16_t parts)
+{
+    uint16_t out = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        out |= (uint16_t)((parts >> p & 1) << mirrored_part((enum part)p));
+    return out;
+}
+
+// Judged as B or as its mirror image, whichever resembles A.
+static enum status choose_side(struct comparison *c)
+{
+    struct movement mirror = {0};
+    double plain = 0, mirrored = 0;
+    // Parts that are known on both sides of both: a missing limb must not decide.
+    const uint16_t both = c->parts & mirrored_parts(c->parts);
+    enum status status = movement_mirror(&c->b, &mirror);
+    if (status == OK && both) {
+        status = coarse_price(&c->a, &c->b, both, &plain);
+        if (status == OK)
+            status = coarse_price(&c->a, &mirror, both, &mirrored);
+    }
+    if (status == OK && plain > MIRROR_LEAST && mirrored < MIRROR_GAIN * plain) {
+        c->mirrored = true;
+        c->judged = mirror;
+        c->parts = c->a.ever_known & mirror.ever_known;
+        return OK;
+    }
+    movement_free(&mirror);
+    if (status == OK) {
+        // A second mirroring is a copy.
+        status = movement_mirror(&c->b, &mirror);
+        if (status == OK)
+            status = movement_mirror(&mirror, &c->judged);
+        movement_free(&mirror);
+    }
+    return status;
+}
+
+static enum status judge(struct comparison *c)
+{
+    enum status status = align_movements(&c->a, &c->judged, c->parts, &c->alignment, &c->timeline);
+    if (status == OK)
+        status = pace_measure(&c->a, &c->judged, c->parts, &c->timeline, &c->pace);
+    if (status == OK)
+        status = score_posture(&c->a, &c->judged, &c->alignment, c->pace.b_first, c->pace.b_end, &c->terms);
+    if (status == OK)
+        status = body_angle_ranges(&c->a, c->pace.a_first, c->pace.a_end, c->range_a);
+    if (status == OK)
+        status = body_angle_ranges(&c->judged, c->pace.b_first, c->pace.b_end, c->range_b);
+    if (status != OK)
+        return status;
+    const double a = c->pace.a_end - c->pace.a_first + c->pace.missing, b = c->pace.b_end - c->pace.b_first;
+    c->terms.missing_share = fmin(1, c->pace.missing / fmax(1, a));
+    c->terms.extra_share = fmin(1, c->pace.extra / fmax(1, b));
+    c->terms.timing_s = c->pace.uneven_s;
+    c->score = score_from_terms(&c->terms);
+    return OK;
+}
+
+enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out)
+{
+    *out = (struct comparison){.a = *a, .b = *b, .parts = a->ever_known & b->ever_known};
+    *a = *b = (struct movement){0};
+    enum status status = OK;
+    if (!out->parts)
+        status = fail(ERR_INPUT, "no part of the body is known in both movements, so there is nothing to compare");
+    if (status == OK)
+        status = choose_side(out);
+    if (status == OK)
+        status = judge(out);
+    if (status != OK)
+        comparison_free(out);
+    return status;
+}
+
+void comparison_free(struct comparison *c)
+{
+    movement_free(&c->a);
+    movement_free(&c->b);
+    movement_free(&c->judged);
+    alignment_free(&c->alignment);
+    timeline_free(&c->timeline);
+    pace_free(&c->pace);
+    *c = (struct comparison){0};
+}
