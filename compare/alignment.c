@@ -20,15 +20,15 @@ enum status align_plain(const struct features *a, const struct features *b, cons
     *out = (struct alignment){0};
     enum status status = check(a, b);
     if (status == OK)
-        status = window_open(&w, a->count);
+        status = cells_open(&w, a->count);
     for (int32_t i = 0; i < a->count && status == OK; i++)
         w.end[i] = b->count;
     if (status == OK) {
-        window_count(&w, a->count);
+        cells_count(&w, a->count);
         status = align_in_window(a, b, prices, &w, NULL, out);
         out->exact = true;
     }
-    window_close(&w);
+    cells_close(&w);
     return status;
 }
 
@@ -68,7 +68,7 @@ static void window_about(const struct alignment *half, int32_t rows, int32_t col
         for (int32_t i = a - radius > 0 ? a - radius : 0; i < a + 2 + radius && i < rows; i++)
             widen(w, i, begin, end);
     }
-    window_count(w, rows);
+    cells_count(w, rows);
 }
 
 enum status align_corridor(const struct features *a, const struct features *b, const struct alignment_prices *prices,
@@ -87,7 +87,7 @@ enum status align_corridor(const struct features *a, const struct features *b, c
     if (status == OK)
         status = align_corridor(&half_a, &half_b, prices, radius, &half);
     if (status == OK)
-        status = window_open(&w, a->count);
+        status = cells_open(&w, a->count);
     if (status == OK) {
         window_about(&half, a->count, b->count, radius, &w);
         status = align_in_window(a, b, prices, &w, NULL, out);
@@ -95,7 +95,7 @@ enum status align_corridor(const struct features *a, const struct features *b, c
     free(frames_a);
     free(frames_b);
     alignment_free(&half);
-    window_close(&w);
+    cells_close(&w);
     return status;
 }
 
@@ -216,7 +216,7 @@ static void window_of_blocks(const struct blocks *k, int64_t best, const struct 
             w->end[i] = (last + 1) * BLOCK < b->count ? (last + 1) * BLOCK : b->count;
         }
     }
-    window_count(w, a->count);
+    cells_count(w, a->count);
 }
 
 static enum status align_pruned(const struct features *a, const struct features *b,
@@ -227,7 +227,7 @@ static enum status align_pruned(const struct features *a, const struct features 
     struct alignment found = {0};
     enum status status = bound_blocks(&k, a, b, prices);
     if (status == OK)
-        status = window_open(&w, a->count);
+        status = cells_open(&w, a->count);
     if (status == OK) {
         window_of_blocks(&k, known->price, a, b, &w);
         const struct alignment_bound bound = {known->price, k.after, k.columns, BLOCK};
@@ -242,7 +242,7 @@ static enum status align_pruned(const struct features *a, const struct features 
     free(k.least);
     free(k.before);
     free(k.after);
-    window_close(&w);
+    cells_close(&w);
     return status;
 }
 

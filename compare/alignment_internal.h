@@ -10,9 +10,9 @@ struct alignment_window {
     int64_t *offset;
     int64_t cells;
 };
-MUST_CHECK enum status window_open(struct alignment_window *w, int32_t rows);
-void window_close(struct alignment_window *w);
-void window_count(struct alignment_window *w, int32_t rows); // offsets and cells from begin and end
+MUST_CHECK enum status cells_open(struct alignment_window *w, int32_t rows);
+void cells_close(struct alignment_window *w);
+void cells_count(struct alignment_window *w, int32_t rows); // offsets and cells from begin and end
 
 // May a path through cell (i, j) whose price is `price` when it leaves the cell still win? NULL in align_in_window:
 // always.

@@ -21,18 +21,18 @@ void alignment_free(struct alignment *a)
     *a = (struct alignment){0};
 }
 
-enum status window_open(struct alignment_window *w, int32_t rows)
+enum status cells_open(struct alignment_window *w, int32_t rows)
 {
     *w = (struct alignment_window){.begin = calloc((size_t)rows, sizeof *w->begin),
                                    .end = calloc((size_t)rows, sizeof *w->end),
                                    .offset = calloc((size_t)rows, sizeof *w->offset)};
     if (w->begin && w->end && w->offset)
         return OK;
-    window_close(w);
+    cells_close(w);
     return fail(ERR_MEMORY, "no memory to align two movements");
 }
 
-void window_close(struct alignment_window *w)
+void cells_close(struct alignment_window *w)
 {
     free(w->begin);
     free(w->end);
@@ -40,7 +40,7 @@ void window_close(struct alignment_window *w)
     *w = (struct alignment_window){0};
 }
 
-void window_count(struct alignment_window *w, int32_t rows)
+void cells_count(struct alignment_window *w, int32_t rows)
 {
     w->cells = 0;
     for (int32_t i = 0; i < rows; i++) {

@@ -1,12 +1,14 @@
 #include "compare/comparison.h"
 
+#include "compare/findings.h"
+
 #include <stdlib.h>
 
 // Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
 // than 45 degrees off in every part; cheaper, and what is wrong would be left out instead of judged (the area under the
 // curve of UI-PRMD's movements 1 to 3 falls). Getting into position is taken out afterwards (pieces.h). A step that
 // only one movement takes costs what 6 degrees do; by hand.
-static const double SKIP = 0.6, STEP = 0.01;
+static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
 static const double MIRROR_GAIN = 0.75, MIRROR_LEAST = 0.02;
 
@@ -116,19 +118,27 @@ static enum status judge(struct comparison *c)
     if (status == OK)
         status = pace_measure(&c->a, &c->judged, c->parts, &c->timeline, &c->pace);
     if (status == OK)
-        status = score_posture(&c->a, &c->judged, &c->alignment, c->pace.b_first, c->pace.b_end, &c->terms);
+        status = score_posture(&c->a, &c->judged, &c->alignment, 0, c->judged.count, &c->terms);
     if (status == OK)
         status = body_angle_ranges(&c->a, c->pace.a_first, c->pace.a_end, c->range_a);
     if (status == OK)
         status = body_angle_ranges(&c->judged, c->pace.b_first, c->pace.b_end, c->range_b);
+    const struct alignment_prices prices = prices_for(c->parts);
+    if (status == OK)
+        status = judge_repetitions(&c->a, &c->judged, c->parts, &prices, &c->repetitions);
     if (status != OK)
         return status;
+    // Of repetitions there may be more or fewer, with rests between them: they say nothing of one performance's time.
+    if (c->repetitions.count >= 2 && c->repetitions.reference_count >= 2) {
+        c->score = score_from_terms(&c->terms);
+        return findings_make(c);
+    }
     const double a = c->pace.a_end - c->pace.a_first + c->pace.missing, b = c->pace.b_end - c->pace.b_first;
     c->terms.missing_share = fmin(1, c->pace.missing / fmax(1, a));
     c->terms.extra_share = fmin(1, c->pace.extra / fmax(1, b));
     c->terms.timing_s = c->pace.uneven_s;
     c->score = score_from_terms(&c->terms);
-    return OK;
+    return findings_make(c);
 }
 
 enum status comparison_make(struct movement *a, struct movement *b, struct comparison *out)
@@ -155,5 +165,7 @@ void comparison_free(struct comparison *c)
     alignment_free(&c->alignment);
     timeline_free(&c->timeline);
     pace_free(&c->pace);
+    judged_repetitions_free(&c->repetitions);
+    free(c->findings);
     *c = (struct comparison){0};
 }

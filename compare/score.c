@@ -8,7 +8,7 @@
 static const double DEGREE = 3.14159265358979323846 / 180;
 
 // Chosen as score.h says.
-static const double OFFSET_SHARE = 0.5, UPPER_QUANTILE = 0.75, LEAST_WEIGHT_DEGREES = 5;
+static const double OFFSET_SHARE = 0.5, UPPER_QUANTILE = 0.75, UPPER_SHARE = 0.8, LEAST_WEIGHT_DEGREES = 3;
 static const double HALF_SCORE_DEGREES = 20, STEEPNESS = 1.5;
 // By hand: a movement of which a third is missing has the score of one that is 20 degrees off.
 static const double MISSING_DEGREES = 60, EXTRA_DEGREES = 40, TIMING_DEGREES_PER_S = 8;
@@ -85,7 +85,7 @@ static void weigh(const struct part_sums *sums, struct score_terms *out)
             mean2 += s->direction[k] * s->direction[k] / ((double)s->count * (double)s->count);
         // Directions are unit vectors: their variance is one less the square of their mean.
         const double moved = sqrt(fmax(0, 1 - mean2));
-        out->part_rad[p] = 0.5 * (s->mean + quantile(s));
+        out->part_rad[p] = (1 - UPPER_SHARE) * s->mean + UPPER_SHARE * quantile(s);
         out->weight[p] = moved + LEAST_WEIGHT_DEGREES * DEGREE;
         weight_sum += out->weight[p];
         sum += out->weight[p] * out->part_rad[p];
