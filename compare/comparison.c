@@ -12,35 +12,50 @@ static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
 static const double MIRROR_GAIN = 0.75, MIRROR_LEAST = 0.02;
 
-static double price_unit(uint16_t parts)
+// scale: of each part's numbers; NULL: 1.
+static double price_unit(uint16_t parts, const double *scale)
 {
-    int count = 0;
+    double count = 0;
     for (int p = 0; p < PART_COUNT; p++)
-        count += parts >> p & 1;
-    return (double)count * FEATURE_UNIT * FEATURE_UNIT;
+        count += (parts >> p & 1) * (scale ? scale[p] * scale[p] : 1);
+    return count * FEATURE_UNIT * FEATURE_UNIT;
 }
 
-static struct alignment_prices prices_for(uint16_t parts)
+static struct alignment_prices prices_for(uint16_t parts, const double *scale)
 {
-    const double unit = price_unit(parts);
+    const double unit = price_unit(parts, scale);
     return (struct alignment_prices){(int32_t)(SKIP * unit), (int32_t)(SKIP * unit), (int32_t)(STEP * unit)};
 }
 
 static enum status align_movements(const struct movement *a, const struct movement *b, uint16_t parts,
-                                   struct alignment *x, struct timeline *out)
+                                   const double *scale, struct alignment *x, struct timeline *timeline)
 {
     struct feature_frame *fa = NULL, *fb = NULL;
-    const struct alignment_prices prices = prices_for(parts);
-    enum status status = movement_features(a, parts, &fa);
+    const struct alignment_prices prices = prices_for(parts, scale);
+    enum status status = movement_features(a, parts, scale, &fa);
     if (status == OK)
-        status = movement_features(b, parts, &fb);
+        status = movement_features(b, parts, scale, &fb);
     const struct features features_a = {fa, a->count}, features_b = {fb, b->count};
     if (status == OK)
         status = align(&features_a, &features_b, &prices, x);
-    if (status == OK)
-        status = timeline_from_alignment(x, &features_a, &features_b, out);
+    if (status == OK && timeline)
+        status = timeline_from_alignment(x, &features_a, &features_b, timeline);
     free(fa);
     free(fb);
+    return status;
+}
+
+// Once with all parts at their full size, for the score; once with an equal say for each part that moves, for the
+// times.
+static enum status align_both(struct comparison *c)
+{
+    double scale[PART_COUNT];
+    struct alignment equal = {0};
+    movement_equal_say(&c->a, scale);
+    enum status status = align_movements(&c->a, &c->judged, c->parts, NULL, &c->alignment, NULL);
+    if (status == OK)
+        status = align_movements(&c->a, &c->judged, c->parts, scale, &equal, &c->timeline);
+    alignment_free(&equal);
     return status;
 }
 
@@ -59,14 +74,14 @@ static enum status coarse_price(const struct movement *a, const struct movement 
 {
     struct feature_frame *fa = NULL, *fb = NULL;
     struct alignment x = {0};
-    const struct alignment_prices prices = prices_for(parts);
-    enum status status = movement_features(a, parts, &fa);
+    const struct alignment_prices prices = prices_for(parts, NULL);
+    enum status status = movement_features(a, parts, NULL, &fa);
     if (status == OK)
-        status = movement_features(b, parts, &fb);
+        status = movement_features(b, parts, NULL, &fb);
     if (status == OK) {
         const struct features features_a = {fa, thin(fa, a->count)}, features_b = {fb, thin(fb, b->count)};
         status = align(&features_a, &features_b, &prices, &x);
-        *price = (double)x.price / price_unit(parts) / (features_a.count + features_b.count);
+        *price = (double)x.price / price_unit(parts, NULL) / (features_a.count + features_b.count);
     }
     alignment_free(&x);
     free(fa);
@@ -114,7 +129,7 @@ static enum status choose_side(struct comparison *c)
 
 static enum status judge(struct comparison *c)
 {
-    enum status status = align_movements(&c->a, &c->judged, c->parts, &c->alignment, &c->timeline);
+    enum status status = align_both(c);
     if (status == OK)
         status = pace_measure(&c->a, &c->judged, c->parts, &c->timeline, &c->pace);
     if (status == OK)
@@ -123,7 +138,7 @@ static enum status judge(struct comparison *c)
         status = body_angle_ranges(&c->a, c->pace.a_first, c->pace.a_end, c->range_a);
     if (status == OK)
         status = body_angle_ranges(&c->judged, c->pace.b_first, c->pace.b_end, c->range_b);
-    const struct alignment_prices prices = prices_for(c->parts);
+    const struct alignment_prices prices = prices_for(c->parts, NULL);
     if (status == OK)
         status = judge_repetitions(&c->a, &c->judged, c->parts, &prices, &c->repetitions);
     if (status != OK)

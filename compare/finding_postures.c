@@ -185,8 +185,9 @@ static enum status scan_posture(struct judge *g)
 
 // ------------------------------------------------------------- range
 
-// Does B's angle follow A's with another gain? Least squares B = gain A + offset against B = A + offset.
-static bool gain_explains(const struct series *s, int32_t count, double *gain)
+// Does B's angle follow A's with another gain? Least squares B = gain A + offset against B = A + offset. Or does it
+// follow A's all the way, but for what the alignment had to leap over?
+static bool gain_explains(const struct series *s, int32_t count, double range_difference)
 {
     double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
     for (int32_t f = 0; f < count; f++) {
@@ -204,9 +205,8 @@ static bool gain_explains(const struct series *s, int32_t count, double *gain)
     const double vaa = aa / n - a / n * a / n, vab = ab / n - a / n * b / n, vbb = bb / n - b / n * b / n;
     if (vaa <= 0)
         return false;
-    *gain = vab / vaa;
-    const double plain = vaa + vbb - 2 * vab, scaled = vbb - *gain * vab;
-    return fabs(*gain - 1) > 0.12 && scaled < 0.5 * plain;
+    const double gain = vab / vaa, plain = vaa + vbb - 2 * vab, scaled = vbb - gain * vab;
+    return (fabs(gain - 1) > 0.12 && scaled < 0.2 * plain) || sqrt(plain) < 0.2 * range_difference;
 }
 
 static enum status scan_range(struct judge *g, bool *found)
@@ -214,10 +214,10 @@ static enum status scan_range(struct judge *g, bool *found)
     const struct body_joint *j = g->s.joint;
     const struct angle_range *a = &g->c->range_a[j->angle], *b = &g->c->range_b[j->angle];
     const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD;
-    double gain;
     *found = false;
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
-        fabs(range_b - range_a) < fmax(10, 0.15 * range_a) || !gain_explains(&g->s, g->count, &gain))
+        range_a - range_b < fmax(12, 0.2 * range_a) || // going too far is posture: it has a place and a time
+        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD))
         return OK;
     static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
     const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];

@@ -3,7 +3,7 @@
 //
 //   posture   a joint or part is held differently. Judged joint by joint, each against the part that carries it (thighs
 //             against the hips, a forearm against the upper arm), so that a leaning trunk is one finding and not five.
-//   range     a joint goes through less or more than in the reference, otherwise alike
+//   range     a joint goes through less than in the reference, otherwise alike
 //   timing    a limb early or late beside the rest of the body; the pace; pauses
 //   missing, extra   a piece, a turn or repetitions
 //   mirrored  the other side was used

@@ -357,7 +357,24 @@ enum status movement_mirror(const struct movement *m, struct movement *out)
     return OK;
 }
 
-enum status movement_features(const struct movement *m, uint16_t parts, struct feature_frame **frames)
+void movement_equal_say(const struct movement *m, double scale[PART_COUNT])
+{
+    for (int p = 0; p < PART_COUNT; p++) {
+        double sum[3] = {0}, count = 0;
+        for (int32_t f = 0; f < m->count; f++) {
+            if (!(m->frames[f].known >> p & 1))
+                continue;
+            for (int k = 0; k < 3; k++)
+                sum[k] += m->frames[f].direction[p][k];
+            count++;
+        }
+        const double mean2 = count > 0 ? (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / (count * count) : 1;
+        scale[p] = 1 / sqrt(1 + fmax(0, 1 - mean2) / 0.1);
+    }
+}
+
+enum status movement_features(const struct movement *m, uint16_t parts, const double *scale,
+                              struct feature_frame **frames)
 {
     static_assert(3 * PART_COUNT <= FEATURE_NUMBERS, "a feature frame holds all parts");
     *frames = calloc((size_t)m->count, sizeof **frames);
@@ -366,6 +383,7 @@ enum status movement_features(const struct movement *m, uint16_t parts, struct f
     for (int32_t f = 0; f < m->count; f++)
         for (int p = 0; p < PART_COUNT; p++)
             for (int k = 0; k < 3 && (parts >> p & 1); k++)
-                (*frames)[f].number[3 * p + k] = (int16_t)floor(m->frames[f].direction[p][k] * FEATURE_UNIT + 0.5);
+                (*frames)[f].number[3 * p + k] =
+                    (int16_t)floor(m->frames[f].direction[p][k] * FEATURE_UNIT * (scale ? scale[p] : 1) + 0.5);
     return OK;
 }

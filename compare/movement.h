@@ -48,8 +48,15 @@ MUST_CHECK enum status movement_read(const char *path, const char *take, struct 
 // As in a mirror: left and right parts exchanged, x reversed. ERR_MEMORY.
 MUST_CHECK enum status movement_mirror(const struct movement *m, struct movement *out);
 
-// Feature frames for align(): parts that are in `parts`, others 0. malloc'ed. ERR_MEMORY.
-MUST_CHECK enum status movement_features(const struct movement *m, uint16_t parts, struct feature_frame **frames);
+// Feature frames for align(): parts that are in `parts`, others 0. malloc'ed. scale: [PART_COUNT] 0..1 of each part's
+// numbers; NULL: 1. ERR_MEMORY.
+MUST_CHECK enum status movement_features(const struct movement *m, uint16_t parts, const double *scale,
+                                         struct feature_frame **frames);
+
+// Scales by which each part that moves has about the same say, however far it swings: 1 / sqrt(1 + variance / (18
+// degrees)^2), the variance of its directions in m; so that one limb's timing does not decide the time alignment.
+// The 18 degrees by hand.
+void movement_equal_say(const struct movement *m, double scale[PART_COUNT]);
 
 // The part on the other side; the trunk's and the head's is itself.
 enum part mirrored_part(enum part p);

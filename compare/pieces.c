@@ -74,7 +74,12 @@ static enum status look_for_jump(struct walk *w, int32_t j, int32_t next)
         return OK;
     struct piece piece = {.a_first = (int32_t)from + 1, .a_end = (int32_t)to, .b_first = j, .b_end = next};
     const struct movement_frame before = movement_at(w->a, from), after = movement_at(w->a, to);
-    const bool content = has_content(w->a, piece.a_first, piece.a_end, &before, &after, w->parts, MOVED_CHORD);
+    // Out and back to the same pose: less of it may be the same movement with a smaller range.
+    const bool back = farthest_part(&before, &after, w->parts) < MOVED_CHORD;
+    const bool content =
+        has_content(w->a, piece.a_first, piece.a_end, &before, &after, w->parts, back ? ADDED_CHORD : MOVED_CHORD);
+    if (!content && back && has_content(w->a, piece.a_first, piece.a_end, &before, &after, w->parts, MOVED_CHORD))
+        return OK;
     piece.kind = content ? PIECE_MISSING : PIECE_PAUSE_SKIPPED;
     piece.turned_rad = turned(w->a, piece.a_first, piece.a_end);
     if (content)

@@ -78,9 +78,9 @@ static enum status one_performance(struct side *a, struct side *b)
 
 static enum status find_both(struct side *a, struct side *b, uint16_t parts)
 {
-    enum status status = movement_features(a->movement, parts, &a->frames);
+    enum status status = movement_features(a->movement, parts, NULL, &a->frames);
     if (status == OK)
-        status = movement_features(b->movement, parts, &b->frames);
+        status = movement_features(b->movement, parts, NULL, &b->frames);
     const struct features fa = {a->frames, a->movement->count}, fb = {b->frames, b->movement->count};
     if (status == OK)
         status = repetitions_find(&fa, &a->list);
