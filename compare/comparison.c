@@ -45,6 +45,41 @@ static enum status align_movements(const struct movement *a, const struct moveme
     return status;
 }
 
+static bool mean_direction(const struct movement *m, int p, double mean[3])
+{
+    double count = 0;
+    mean[0] = mean[1] = mean[2] = 0;
+    for (int32_t f = 0; f < m->count; f++) {
+        if (!(m->frames[f].known >> p & 1))
+            continue;
+        for (int k = 0; k < 3; k++)
+            mean[k] += m->frames[f].direction[p][k];
+        count++;
+    }
+    for (int k = 0; k < 3 && count > 0; k++)
+        mean[k] /= count;
+    return count > 0;
+}
+
+// Parts that say something of the time: not those that point elsewhere all along (on average more than 60 degrees off),
+// such as a head that a tracker has upside down. All of them where few would remain.
+static uint16_t telling_parts(const struct movement *a, const struct movement *b, uint16_t parts)
+{
+    enum { FEW = 4 };
+    uint16_t telling = 0;
+    int count = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        double x[3], y[3], sum = 0;
+        if (!(parts >> p & 1) || !mean_direction(a, p, x) || !mean_direction(b, p, y))
+            continue;
+        for (int k = 0; k < 3; k++)
+            sum += (x[k] - y[k]) * (x[k] - y[k]);
+        telling |= (uint16_t)((sum <= 1) << p);
+        count += sum <= 1;
+    }
+    return count >= FEW ? telling : parts;
+}
+
 // Once with all parts at their full size, for the score; once with an equal say for each part that moves, for the
 // times.
 static enum status align_both(struct comparison *c)
@@ -52,9 +87,10 @@ static enum status align_both(struct comparison *c)
     double scale[PART_COUNT];
     struct alignment equal = {0};
     movement_equal_say(&c->a, scale);
-    enum status status = align_movements(&c->a, &c->judged, c->parts, NULL, &c->alignment, NULL);
+    const uint16_t parts = telling_parts(&c->a, &c->judged, c->parts);
+    enum status status = align_movements(&c->a, &c->judged, parts, NULL, &c->alignment, NULL);
     if (status == OK)
-        status = align_movements(&c->a, &c->judged, c->parts, scale, &equal, &c->timeline);
+        status = align_movements(&c->a, &c->judged, parts, scale, &equal, &c->timeline);
     alignment_free(&equal);
     return status;
 }
@@ -106,9 +142,10 @@ static enum status choose_side(struct comparison *c)
     const uint16_t both = c->parts & mirrored_parts(c->parts);
     enum status status = movement_mirror(&c->b, &mirror);
     if (status == OK && both) {
-        status = coarse_price(&c->a, &c->b, both, &plain);
+        const uint16_t telling = telling_parts(&c->a, &c->b, both) & telling_parts(&c->a, &mirror, both);
+        status = coarse_price(&c->a, &c->b, telling ? telling : both, &plain);
         if (status == OK)
-            status = coarse_price(&c->a, &mirror, both, &mirrored);
+            status = coarse_price(&c->a, &mirror, telling ? telling : both, &mirrored);
     }
     if (status == OK && plain > MIRROR_LEAST && mirrored < MIRROR_GAIN * plain) {
         c->mirrored = true;

@@ -80,12 +80,31 @@ static enum status of_pace(struct comparison *c)
     return finding_add(c, &f, false);
 }
 
-static enum status of_repetitions(struct comparison *c)
+// Frames of one movement that the alignment could not use: pieces, pauses and what is before and after.
+static int32_t unused(const struct comparison *c, bool of_a)
+{
+    const struct pace *p = &c->pace;
+    int32_t sum = of_a ? p->a_first + c->a.count - p->a_end : p->b_first + c->judged.count - p->b_end;
+    for (int32_t k = 0; k < p->piece_count; k++) {
+        const struct piece *x = &p->pieces[k];
+        if (of_a ? x->kind == PIECE_MISSING || x->kind == PIECE_PAUSE_SKIPPED
+                 : x->kind == PIECE_EXTRA || x->kind == PIECE_PAUSE)
+            sum += of_a ? x->a_end - x->a_first : x->b_end - x->b_first;
+    }
+    return sum;
+}
+
+// Repetitions are too few or too many only where the alignment, too, has half a repetition to spare.
+static enum status of_repetitions(struct comparison *c, bool *said)
 {
     const int32_t wanted = c->repetitions.reference_count, got = c->repetitions.count;
+    *said = false;
     if (wanted < 2 || got < 2 || wanted == got)
         return OK;
     const int32_t off = abs(wanted - got);
+    const int32_t length = (got < wanted ? c->a.count : c->judged.count) / (got < wanted ? wanted : got);
+    if (2 * unused(c, got < wanted) < length)
+        return OK;
     struct finding f = {.kind = got < wanted ? FINDING_MISSING : FINDING_EXTRA,
                         .part = "body",
                         .to_s = seconds(c->judged.count),
@@ -94,6 +113,7 @@ static enum status of_repetitions(struct comparison *c)
                         .weight = 50};
     snprintf(f.sentence, sizeof f.sentence, "%d repetition%s %s: %d instead of %d", (int)off, off > 1 ? "s" : "",
              got < wanted ? (off > 1 ? "are missing" : "is missing") : "too many", (int)got, (int)wanted);
+    *said = true;
     return finding_add(c, &f, false);
 }
 
@@ -106,11 +126,15 @@ enum status find_pieces(struct comparison *c)
             "times",          1000,   "Mirrored: you used the other side"};
         status = finding_add(c, &f, false);
     }
-    // Between repetitions people rest as they like.
-    const bool repeated = c->repetitions.count >= 2;
-    for (int32_t k = 0; k < c->pace.piece_count && status == OK && !repeated; k++)
-        status = of_piece(c, &c->pace.pieces[k]);
-    if (status == OK && !repeated)
-        status = of_pace(c);
-    return status == OK ? of_repetitions(c) : status;
+    bool said = false;
+    if (status == OK)
+        status = of_repetitions(c, &said);
+    // What one performance of the reference lacks or adds when it is done several times is no finding.
+    const bool several = c->repetitions.count >= 2 && c->repetitions.reference_count < 2;
+    for (int32_t k = 0; k < c->pace.piece_count && status == OK && !several; k++) {
+        const enum piece_kind kind = c->pace.pieces[k].kind;
+        if (!said || (kind != PIECE_MISSING && kind != PIECE_EXTRA))
+            status = of_piece(c, &c->pace.pieces[k]);
+    }
+    return status == OK && !several && !said ? of_pace(c) : status;
 }
