@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BLOCK = 8, CORRIDOR = 10, SMALLEST = 24 };
+enum { BLOCK = 4, CORRIDOR = 10, SMALLEST = 24 };
 static const int64_t MOST_EXACT_CELLS = (int64_t)1 << 27;
 
 static enum status check(const struct features *a, const struct features *b)
@@ -256,7 +256,7 @@ enum status align(const struct features *a, const struct features *b, const stru
     const bool exact = (int64_t)a->count * b->count <= MOST_EXACT_CELLS;
     if (a->count <= SMALLEST || b->count <= SMALLEST)
         return exact ? align_plain(a, b, prices, out) : align_corridor(a, b, prices, CORRIDOR, out);
-    status = align_corridor(a, b, prices, exact ? 4 : CORRIDOR, out);
+    status = align_corridor(a, b, prices, exact ? 1 : CORRIDOR, out);
     if (status == OK && exact)
         status = align_pruned(a, b, prices, out);
     if (status != OK)

@@ -16,8 +16,9 @@ const char *verdict_name(enum verdict v)
 
 enum verdict verdict_of(double angle_rad, double sigma_rad)
 {
-    const double quantile = 0.674; // of the normal distribution, for VERDICT_LEVEL
-    if (!(sigma_rad >= 0) || !isfinite(angle_rad))
+    const double quantile = 0.253; // of the normal distribution, for VERDICT_LEVEL
+    const double most_sigma = 1.5 * DIFFERENT_RAD;
+    if (!(sigma_rad >= 0 && sigma_rad <= most_sigma) || !isfinite(angle_rad))
         return VERDICT_UNKNOWN;
     if (angle_rad - quantile * sigma_rad >= DIFFERENT_RAD)
         return VERDICT_DIFFERENT;
@@ -146,7 +147,8 @@ void part_differences(const struct movement *a, const struct movement *b, const 
         if (isnan(out[p].sigma_rad))
             continue;
         const double chord = sqrt(sum[p][0] * sum[p][0] + sum[p][1] * sum[p][1] + sum[p][2] * sum[p][2]) / used[p];
-        out[p].angle_rad = (float)(2 * portable_asin(fmin(1, 0.5 * chord)));
+        const double angle = 2 * portable_asin(fmin(1, 0.5 * chord)), sigma = out[p].sigma_rad;
+        out[p].angle_rad = (float)sqrt(fmax(0, angle * angle - sigma * sigma));
         out[p].verdict = verdict_of(out[p].angle_rad, out[p].sigma_rad);
     }
 }

@@ -10,8 +10,9 @@ const char *verdict_name(enum verdict v); // "unknown", "same", "different"
 #define DIFFERENT_RAD (10 * 3.14159265358979323846 / 180)
 
 // Of an angle between two directions and its standard deviation: which side of DIFFERENT_RAD it is on, at a level of
-// VERDICT_LEVEL for a Gaussian error; unknown where neither is that sure.
-#define VERDICT_LEVEL 0.75
+// VERDICT_LEVEL for a Gaussian error; unknown where neither is that sure, or the standard deviation is above 15
+// degrees.
+#define VERDICT_LEVEL 0.6
 enum verdict verdict_of(double angle_rad, double sigma_rad);
 
 struct part_difference {
@@ -33,6 +34,8 @@ MUST_CHECK enum status timeline_from_alignment(const struct alignment *x, const 
 // A movement's frame at any time, interpolated; known where both neighbours are.
 struct movement_frame movement_at(const struct movement *m, double frame);
 
-// out: [PART_COUNT] of frame `frame` of B. The difference of the directions is averaged over 5 frames.
+// out: [PART_COUNT] of frame `frame` of B. The difference of the directions is averaged over 5 frames, and the variance
+// of one axis is taken off its square: noise alone never points nowhere, and would be taken for an angle (two axes of
+// it would be right for independent frames and an exact sigma; by hand).
 void part_differences(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t frame,
                       struct part_difference out[PART_COUNT]);

@@ -10,9 +10,9 @@
 
 static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 
-// By hand. A posture is found where it is off by 10 degrees and half a standard deviation, as long as it stays above 6,
+// By hand. A posture is found where it is off by 10 degrees and 0.7 standard deviations, as long as it stays above 6,
 // for 0.3 s at least; gaps of 0.3 s do not end it.
-static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 0.5;
+static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 0.7;
 enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 3, LEAST_LATE = 20 };
 
 struct series {

@@ -70,7 +70,7 @@ void movement_index_close(struct movement_index **m)
 }
 
 // bound[k]: no path that starts in block k costs less. distance: scratch of as many.
-static void bound_starts(const struct movement_index *m, const struct features *query, int64_t *bound,
+static void bound_starts(const struct movement_index *m, const struct features *query, int32_t step, int64_t *bound,
                          int32_t *distance)
 {
     const int32_t reach = (2 * query->count + BLOCK - 1) / BLOCK + 1; // blocks that a path may touch
@@ -87,7 +87,8 @@ static void bound_starts(const struct movement_index *m, const struct features *
             int32_t least = distance[k];
             for (int32_t n = k + 1; n < k + reach && n < m->blocks; n++)
                 least = distance[n] < least ? distance[n] : least;
-            bound[k] += (int64_t)frames * least;
+            // A frame of the query is arrived at in a step of both, 2 c, or of its own, c + step.
+            bound[k] += (int64_t)frames * (least + (least < step ? least : step));
         }
     }
 }
@@ -148,7 +149,7 @@ enum status movement_index_find(const struct movement_index *m, const struct fea
     struct movement_match best = {.price = INT64_MAX / 4};
     const bool have = bound && distance && scratch;
     if (have) {
-        bound_starts(m, query, bound, distance);
+        bound_starts(m, query, step, bound, distance);
         int32_t likely = 0;
         for (int32_t k = 1; k < m->blocks; k++)
             likely = bound[k] < bound[likely] ? k : likely;

@@ -27,10 +27,10 @@ static enum status add(struct pace *p, struct piece piece)
     return OK;
 }
 
-// The largest distance of a part's directions.
+// The second largest distance of a part's directions: one part alone may be a tracker's fault.
 static double farthest_part(const struct movement_frame *x, const struct movement_frame *y, uint16_t parts)
 {
-    double most2 = 0;
+    double most2 = 0, second2 = 0;
     for (int p = 0; p < PART_COUNT; p++) {
         if (!(parts & x->known & y->known & 1u << p))
             continue;
@@ -38,9 +38,10 @@ static double farthest_part(const struct movement_frame *x, const struct movemen
         for (int k = 0; k < 3; k++)
             sum +=
                 ((double)x->direction[p][k] - y->direction[p][k]) * ((double)x->direction[p][k] - y->direction[p][k]);
+        second2 = fmax(second2, fmin(most2, sum));
         most2 = fmax(most2, sum);
     }
-    return sqrt(most2);
+    return sqrt(second2);
 }
 
 // Does the movement leave both poses within first..end - 1?

@@ -136,7 +136,7 @@ static enum status search_an_hour(struct rng *rng)
 {
     const struct limbs limbs = limbs_random(rng);
     double *time_s = malloc(HOUR * sizeof *time_s), worst_ms = 0, sum_ms = 0;
-    struct feature_frame *frames = NULL, query[SECOND];
+    struct feature_frame *frames = NULL, *query = NULL;
     struct movement_index *index = NULL;
     int right = 0;
     enum status status = time_s ? OK : fail(ERR_MEMORY, "no memory for an hour");
@@ -144,24 +144,26 @@ static enum status search_an_hour(struct rng *rng)
         time_s[i] = i / MOVEMENT_RATE_HZ;
     if (status == OK)
         status = features_at(&limbs, time_s, HOUR, 0.005, rng, &frames);
-    const struct features hour = {frames, HOUR}, wanted = {query, SECOND};
+    const struct features hour = {frames, HOUR};
     double started_ms = bench_clock_ms();
     if (status == OK)
         status = movement_index_open(&index, &hour);
     const double open_ms = bench_clock_ms() - started_ms;
     for (int k = 0; k < QUERIES && status == OK; k++) {
         const int at = (int)(rng_uniform(rng) * (HOUR - 2 * SECOND));
-        for (int i = 0; i < SECOND; i++) {
-            query[i] = frames[at + i * 5 / 4];
-            for (int n = 0; n < 3 * PART_COUNT; n++)
-                query[i].number[n] = (int16_t)(query[i].number[n] + 0.05 * FEATURE_UNIT * rng_normal(rng));
-        }
+        double query_s[SECOND];
+        for (int i = 0; i < SECOND; i++)
+            query_s[i] = (at + 1.25 * i) / MOVEMENT_RATE_HZ;
+        status = features_at(&limbs, query_s, SECOND, 0.02, rng, &query);
+        const struct features wanted = {query, SECOND};
         struct movement_match found = {0};
         started_ms = bench_clock_ms();
-        status = movement_index_find(index, &wanted, prices.step, &found);
+        if (status == OK)
+            status = movement_index_find(index, &wanted, prices.step, &found);
         const double ms = bench_clock_ms() - started_ms;
         worst_ms = fmax(worst_ms, ms);
         sum_ms += ms;
+        free(query);
         right += abs(found.first - at) <= 5;
     }
     if (status == OK)
