@@ -12,7 +12,7 @@ enum {
     SHIFTS = 12,         // candidates for the start, in a cycle
     TREND = 2,           // cycles to both sides over which a mean is taken out
 };
-// As shares of the mean cost of two frames of the movement. By hand, on exercise 1 of KIMORE.
+// As shares of the mean cost of two frames of the movement. By hand, on exercises 1 and 2 of KIMORE.
 static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
 // A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
 static const double MOST_PRICE = 0.45;

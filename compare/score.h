@@ -2,15 +2,17 @@
 //
 // Of every part: the distance of its two directions over the pairs of the alignment (so that what only the reference
 // goes through counts, too), with half of their constant offset taken
-// out (it is build, dress and where a sensor puts the joints as often as it is posture); its mean by a fifth and its 75th
-// percentile by four fifths: what is wrong for a while counts although most is right. Parts weigh by how much the
-// reference moves them, plus 3 degrees: in an exercise of the arms the arms matter. The weighted mean is the deviation d, and the score is
+// out (it is build, dress and where a sensor puts the joints as often as it is posture); its mean by a fifth and its
+// 75th percentile by four fifths: what is wrong for a while counts although most is right. Parts weigh by how much the
+// reference moves them, plus 3 degrees: in an exercise of the arms the arms matter. The weighted mean is the deviation
+// d, and the score is
 //
 //     100 / (1 + (d / 20 degrees)^1.5)
 //
 // after the shares of time in which something is missing or added were charged to d, and how unevenly in time the
-// attempt goes. The offset's half, the percentile, its share and the 3 degrees were chosen on movements 1 to 3 of UI-PRMD and
-// exercise 1 of KIMORE; 20 degrees and 1.5 by hand, so that another healthy person's good attempt has about 75.
+// attempt goes; of repetitions only posture counts. The offset's half, the percentile, its share and the 3 degrees were
+// chosen on movements 1 to 5 of UI-PRMD and exercises 1 and 2 of KIMORE, which therefore say little of other movements;
+// 20 degrees and 1.5 by hand, so that another healthy person's good attempt has about 75.
 #pragma once
 #include "compare/difference.h"
 

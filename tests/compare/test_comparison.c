@@ -2,6 +2,7 @@
 // and the hard cases.
 #include "compare/comparison.h"
 #include "compare/findings.h"
+#include "compare/live_judge.h"
 #include "compare/report.h"
 #include "tests/support/exercise.h"
 #include "tests/support/test.h"
@@ -416,6 +417,34 @@ static void test_reports_hold_what_was_found(void **state)
     comparison_free(&c);
 }
 
+// Frame by frame, without looking ahead: the time is found, and the bent elbow while it is bent.
+static void test_live(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.right_elbow_rad = 0.5;
+    b.wrong_from_s = 1;
+    b.wrong_to_s = 2;
+    struct movement ma = make(&a), mb = make(&b);
+    struct live_judge *judge;
+    EXPECT_STATUS(live_judge_open(&judge, &ma), OK);
+    for (int32_t f = 0; f < mb.count; f++) {
+        int32_t reference;
+        struct part_difference parts[PART_COUNT];
+        live_judge_frame(judge, &mb.frames[f], &reference, parts);
+        if (f > 20 && f < 75)
+            EXPECT_NEAR(reference, f, 5);
+        if (f > 35 && f < 55)
+            EXPECT_INT(parts[PART_RIGHT_FOREARM].verdict, VERDICT_DIFFERENT);
+        if (f > 20 && f < 75)
+            EXPECT_TRUE(parts[PART_LEFT_FOREARM].verdict != VERDICT_DIFFERENT);
+    }
+    live_judge_close(&judge);
+    movement_free(&ma);
+    movement_free(&mb);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -436,6 +465,7 @@ int main(void)
         cmocka_unit_test(test_left_and_right_confused_for_some_frames),
         cmocka_unit_test(test_walking_half_a_cycle_late),
         cmocka_unit_test(test_noise_is_not_found),
+        cmocka_unit_test(test_live),
         cmocka_unit_test(test_reports_hold_what_was_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
