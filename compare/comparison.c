@@ -61,11 +61,11 @@ static bool mean_direction(const struct movement *m, int p, double mean[3])
     return count > 0;
 }
 
-// Parts that say something of the time: not those that point elsewhere all along (on average more than 60 degrees off),
+// Parts that say something of the time: not those that point elsewhere all along (on average more than 90 degrees off),
 // such as a head that a tracker has upside down. All of them where few would remain.
 static uint16_t telling_parts(const struct movement *a, const struct movement *b, uint16_t parts)
 {
-    enum { FEW = 4 };
+    enum { FEW = 4, MOST = 2 }; // MOST: a squared chord
     uint16_t telling = 0;
     int count = 0;
     for (int p = 0; p < PART_COUNT; p++) {
@@ -74,8 +74,8 @@ static uint16_t telling_parts(const struct movement *a, const struct movement *b
             continue;
         for (int k = 0; k < 3; k++)
             sum += (x[k] - y[k]) * (x[k] - y[k]);
-        telling |= (uint16_t)((sum <= 1) << p);
-        count += sum <= 1;
+        telling |= (uint16_t)((sum <= MOST) << p);
+        count += sum <= MOST;
     }
     return count >= FEW ? telling : parts;
 }

@@ -69,14 +69,18 @@ void movement_index_close(struct movement_index **m)
     *m = NULL;
 }
 
-// bound[k]: no path that starts in block k costs less. distance: scratch of as many.
-static void bound_starts(const struct movement_index *m, const struct features *query, int32_t step, int64_t *bound,
+// rest[q][k]: what the query's frames from block q on cost at least on a path that starts in block k; one row more than
+// the query has blocks, of zeros. distance: scratch, a number for each block of the index.
+static void bound_starts(const struct movement_index *m, const struct features *query, int32_t step, int64_t *rest,
                          int32_t *distance)
 {
     const int32_t reach = (2 * query->count + BLOCK - 1) / BLOCK + 1; // blocks that a path may touch
-    for (int32_t k = 0; k < m->blocks; k++)
-        bound[k] = 0;
-    for (int32_t first = 0; first < query->count; first += BLOCK) {
+    const int32_t query_blocks = (query->count + BLOCK - 1) / BLOCK;
+    memset(rest + (size_t)query_blocks * (size_t)m->blocks, 0, (size_t)m->blocks * sizeof *rest);
+    for (int32_t q = query_blocks - 1; q >= 0; q--) {
+        const int32_t first = q * BLOCK;
+        const int64_t *after = rest + (size_t)(q + 1) * (size_t)m->blocks;
+        int64_t *bound = rest + (size_t)q * (size_t)m->blocks;
         struct box box;
         box_of(query, first, &box);
         const int32_t frames = query->count - first < BLOCK ? query->count - first : BLOCK;
@@ -88,7 +92,7 @@ static void bound_starts(const struct movement_index *m, const struct features *
             for (int32_t n = k + 1; n < k + reach && n < m->blocks; n++)
                 least = distance[n] < least ? distance[n] : least;
             // A frame of the query is arrived at in a step of both, 2 c, or of its own, c + step.
-            bound[k] += (int64_t)frames * (least + (least < step ? least : step));
+            bound[k] = after[k] + (int64_t)frames * (least + (least < step ? least : step));
         }
     }
 }
@@ -100,7 +104,7 @@ struct row {
 
 // The best path from a start in block k. scratch: 2 (2 query + BLOCK) rows.
 static void align_from(const struct movement_index *m, const struct features *query, int32_t step, int32_t k,
-                       struct row *scratch, struct movement_match *best)
+                       const int64_t *rest, struct row *scratch, struct movement_match *best)
 {
     const int32_t first = k * BLOCK, left = m->frames.count - first;
     const int32_t width = 2 * query->count + BLOCK < left ? 2 * query->count + BLOCK : left;
@@ -124,7 +128,8 @@ static void align_from(const struct movement_index *m, const struct features *qu
             here[j] = r;
             least = r.price < least ? r.price : least;
         }
-        if (least >= best->price) // it only grows
+        // What is left of this block of the query is not counted.
+        if (least + rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k] >= best->price)
             return;
         struct row *swap = above;
         above = here;
@@ -143,7 +148,8 @@ enum status movement_index_find(const struct movement_index *m, const struct fea
 {
     if (query->count <= 0 || query->count > MOST_QUERY)
         return fail(ERR_INPUT, "a piece of 1 to %d frames can be searched, not of %d", MOST_QUERY, (int)query->count);
-    int64_t *bound = malloc((size_t)m->blocks * sizeof *bound);
+    const size_t query_blocks = ((size_t)query->count + BLOCK - 1) / BLOCK;
+    int64_t *bound = malloc((query_blocks + 1) * (size_t)m->blocks * sizeof *bound);
     int32_t *distance = malloc((size_t)m->blocks * sizeof *distance);
     struct row *scratch = malloc(2 * (size_t)(2 * query->count + BLOCK) * sizeof *scratch);
     struct movement_match best = {.price = INT64_MAX / 4};
@@ -153,12 +159,12 @@ enum status movement_index_find(const struct movement_index *m, const struct fea
         int32_t likely = 0;
         for (int32_t k = 1; k < m->blocks; k++)
             likely = bound[k] < bound[likely] ? k : likely;
-        align_from(m, query, step, likely, scratch, &best);
+        align_from(m, query, step, likely, bound, scratch, &best);
         const int64_t known = best.price;
         best.price = known + 1; // so that an earlier one of the same price is taken
         for (int32_t k = 0; k < m->blocks; k++)
             if (bound[k] < best.price)
-                align_from(m, query, step, k, scratch, &best);
+                align_from(m, query, step, k, bound, scratch, &best);
         *out = best;
     }
     free(bound);
