@@ -8,7 +8,7 @@
 //   missing, extra   a piece, a turn or repetitions
 //   mirrored  the other side was used
 //
-// An arm's or leg's posture is judged at the limb's own time: where shifting it by up to 0.6 s explains most of the
+// An arm's or leg's posture is judged at the limb's own time: where shifting it by up to 0.5 s explains much of the
 // difference, the finding is the lateness, and only what remains is posture.
 #pragma once
 #include "compare/comparison.h"

@@ -26,27 +26,65 @@ static bool direction(const struct movement_frame *f, const struct body_joint *j
     return f->known >> j->part & 1;
 }
 
-static bool carrier(const struct movement_frame *f, const struct body_joint *j, struct vec3 *d, double *sigma)
+// Columns of m: across (left), along x across, along: the trunk's direction and the shoulders' line.
+static bool chest(const struct movement_frame *f, double m[3][3], double *sigma)
 {
-    if (j->carrier == CARRIER_TRUNK)
-        return trunk_direction(f, d, sigma);
-    *d = vector(f->direction[j->carried_by]);
-    *sigma = f->sigma[j->carried_by];
-    return j->carrier == CARRIER_PART && (f->known >> j->carried_by & 1);
+    struct vec3 along;
+    if (!(f->known >> PART_COUNT & 1) || !trunk_direction(f, &along, sigma))
+        return false;
+    const struct vec3 shoulders = vector(f->shoulders),
+                      across = v3_unit(v3_sub(shoulders, v3_scale(along, v3_dot(shoulders, along)))),
+                      ahead = v3_cross(along, across);
+    const struct vec3 columns[3] = {across, ahead, along};
+    for (int k = 0; k < 3; k++) {
+        m[0][k] = columns[k].x;
+        m[1][k] = columns[k].y;
+        m[2][k] = columns[k].z;
+    }
+    return v3_length(across) > 0.5;
+}
+
+// The rotation that takes A's chest to B's; by the trunk's direction alone where the shoulders are unknown.
+static struct quat chest_rotation(const struct movement_frame *a, const struct movement_frame *b, double *variance)
+{
+    double x[3][3], y[3][3], rotation[3][3];
+    double sigma_x = 0, sigma_y = 0;
+    struct vec3 from, to;
+    struct quat q = {0, 0, 0, 1};
+    if (chest(a, x, &sigma_x) && chest(b, y, &sigma_y)) {
+        for (int r = 0; r < 3; r++)
+            for (int k = 0; k < 3; k++)
+                rotation[r][k] = y[r][0] * x[k][0] + y[r][1] * x[k][1] + y[r][2] * x[k][2];
+        q = quat_from_matrix(rotation);
+    } else if (trunk_direction(a, &from, &sigma_x) && trunk_direction(b, &to, &sigma_y)) {
+        q = quat_between(from, to);
+    }
+    *variance += sigma_x * sigma_x + sigma_y * sigma_y;
+    return q;
 }
 
 bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
                       double difference[3], double *sigma)
 {
-    struct vec3 x, y, on_a, on_b;
-    double sigma_x, sigma_y, sigma_a, sigma_b, variance;
+    struct vec3 x, y;
+    double sigma_x, sigma_y;
     if (!direction(a, j, &x, &sigma_x) || !direction(b, j, &y, &sigma_y))
         return false;
-    variance = sigma_x * sigma_x + sigma_y * sigma_y;
-    if (carrier(a, j, &on_a, &sigma_a) && carrier(b, j, &on_b, &sigma_b)) {
-        x = quat_rotate(quat_between(on_a, on_b), x);
-        variance += sigma_a * sigma_a + sigma_b * sigma_b;
+    double variance = sigma_x * sigma_x + sigma_y * sigma_y;
+    if (j->carrier == CARRIER_TRUNK || j->limb == 0 || j->limb == 1) {
+        double of_chest = 0;
+        const struct quat q = chest_rotation(a, b, j->carrier == CARRIER_TRUNK ? &variance : &of_chest);
+        x = quat_rotate(q, x);
+        if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by))
+            x = quat_rotate(
+                quat_between(quat_rotate(q, vector(a->direction[j->carried_by])), vector(b->direction[j->carried_by])),
+                x);
+    } else if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by)) {
+        x = quat_rotate(quat_between(vector(a->direction[j->carried_by]), vector(b->direction[j->carried_by])), x);
     }
+    if (j->carrier == CARRIER_PART)
+        variance += (double)a->sigma[j->carried_by] * a->sigma[j->carried_by] +
+                    (double)b->sigma[j->carried_by] * b->sigma[j->carried_by];
     const struct vec3 d = v3_sub(y, x);
     difference[0] = d.x;
     difference[1] = d.y;
@@ -57,11 +95,11 @@ bool joint_difference(const struct movement_frame *a, const struct movement_fram
 
 // ------------------------------------------------------------- the limb's own time
 
-enum { SHIFT_STEP = 2, SHIFTS_HALF = 9, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 2, WINDOW_HALF = 30 };
+enum { SHIFT_STEP = 1, SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30 };
 // Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
 static const double LEAST_COST = 2 * 0.0195;
 // By hand: a lateness explains a difference if less than this share of it remains.
-static const double EXPLAINED = 0.45;
+static const double EXPLAINED = 0.55;
 
 static float limb_cost(const struct movement *a, const struct movement *b, const struct timeline *t, int limb,
                        int32_t f, int shift)

@@ -23,7 +23,7 @@ bool joint_difference(const struct movement_frame *a, const struct movement_fram
                       double difference[3], double *sigma);
 
 // shift: [count of the timeline] frames of A to add to the timeline for this limb, so that over a second before and
-// after the limb fits best; up to 4 frames always, up to 18 (0.6 s) where that explains more than half of a
+// after the limb fits best; up to 4 frames always, up to 15 (0.5 s) where that explains nearly half of a
 // difference. `late` says of each frame whether it is the latter. ERR_MEMORY.
 MUST_CHECK enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
                                    int limb, int8_t *shift, bool *late);
