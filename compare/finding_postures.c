@@ -159,16 +159,18 @@ static enum status add_posture(struct judge *g, int32_t first, int32_t end)
                         .to_s = at_seconds(end),
                         .unit = "deg"};
     say(g, &w, &f.amount, f.sentence, sizeof f.sentence);
-    f.weight = w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s));
+    f.weight = w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s)) * (g->s.joint->part == PART_HEAD ? 0.6 : 1);
     return w.degrees < BEGIN_DEGREES ? OK : finding_add(g->c, &f, true);
 }
 
 static enum status scan_posture(struct judge *g)
 {
     const struct series *s = &g->s;
+    // The head is short and trackers know it badly.
+    const double share = s->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
     enum status status = OK;
     for (int32_t f = 0; f < g->count && status == OK; f++) {
-        if (isnan(s->degrees[f]) || s->degrees[f] < BEGIN_DEGREES + SIGMA_SHARE * s->sigma[f])
+        if (isnan(s->degrees[f]) || s->degrees[f] < BEGIN_DEGREES + share * s->sigma[f])
             continue;
         int32_t first = f, end = f + 1;
         while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN

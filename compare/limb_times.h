@@ -1,7 +1,8 @@
 // One joint's difference between two aligned movements, at the limb's own time.
 //
-// A joint's part is looked at against the part that carries it: A's direction is turned as A's carrier has to be turned
-// onto B's, and what then remains is the joint's own difference.
+// A joint's part is looked at against what carries it: head and upper arms against the chest (the trunk's direction and
+// the shoulders' line), thighs against the hips, forearms and shins against upper arms and thighs. A's direction is
+// turned as A's carrier has to be turned onto B's; what remains is the joint's own difference.
 #pragma once
 #include "compare/angles.h"
 #include "compare/difference.h"
