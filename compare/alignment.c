@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BLOCK = 4, CORRIDOR = 10, SMALLEST = 24 };
+enum { BLOCK = 6, CORRIDOR = 10, SMALLEST = 24 };
 static const int64_t MOST_EXACT_CELLS = (int64_t)1 << 27;
 
 static enum status check(const struct features *a, const struct features *b)

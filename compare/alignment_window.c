@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *b)
+static inline int32_t cost_of(const struct feature_frame *a, const struct feature_frame *b)
 {
     const int16_t *restrict x = a->number, *restrict y = b->number;
     int32_t sum = 0;
@@ -14,6 +14,8 @@ int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *
     }
     return sum;
 }
+
+int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *b) { return cost_of(a, b); }
 
 void alignment_free(struct alignment *a)
 {
@@ -105,7 +107,7 @@ static void fill_row(struct programme *p, int32_t i)
         const int64_t limit = rest ? bound->best - rest[j / bound->block] : ALIGNMENT_INFINITE;
         int64_t price = ALIGNMENT_INFINITE;
         if (at_least(p, above_left, above, left, i, j) <= limit) {
-            const int32_t c = feature_cost(row, &p->b->frames[j]);
+            const int32_t c = cost_of(row, &p->b->frames[j]);
             p->cells++;
             price = arrive(p, above_left, above, left, i, j, c, &from[j]);
             const int64_t total = price + (int64_t)p->prices->skip_a * (p->a->count - 1 - i) +
