@@ -11,5 +11,6 @@ int capture_repair(int argc, char **argv);
 int capture_export(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);
+int reenact_compare(int argc, char **argv);
 int reenact_locate(int argc, char **argv);
 int reenact_watch(int argc, char **argv);

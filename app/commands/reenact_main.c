@@ -6,6 +6,7 @@ int main(int argc, char **argv)
     static const struct command commands[] = {
         {"render", "draw a take into a camera's pictures", reenact_render},
         {"locate", "say where a camera was in the place", reenact_locate},
+        {"compare", "say where two movements differ", reenact_compare},
     };
     static const struct command watch = {"FILE", "watch, in a window", reenact_watch};
     return command_main(

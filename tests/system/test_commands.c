@@ -105,7 +105,7 @@ static void test_help_and_usage(void **state)
         EXPECT_TRUE(strstr(said.out, "Usage"));
         EXPECT_INT(PROCESS(CAPTURE, capture[i], "--no-such-option").exit_code, 2);
     }
-    const char *const reenact[] = {"render", "locate"};
+    const char *const reenact[] = {"render", "locate", "compare"};
     for (size_t i = 0; i < COUNT_OF(reenact); i++) {
         EXPECT_INT(PROCESS(REENACT, reenact[i], "--help").exit_code, 0);
         EXPECT_INT(PROCESS(REENACT, reenact[i]).exit_code, 2);
@@ -318,12 +318,73 @@ static int tear_down(void **state)
     return 0;
 }
 
+// A csv file of one person who stands with the left arm raised by `arm` (metres), for two seconds.
+static const char *joints_file(const char *name, double arm)
+{
+    static const char *const row[] = {"head,0,-0.6,3",
+                                      "neck,0,-0.4,3",
+                                      "torso,0,-0.2,3",
+                                      "waist,0,0,3",
+                                      "left_shoulder,0.2,-0.4,3",
+                                      "right_shoulder,-0.2,-0.4,3",
+                                      "right_elbow,-0.2,-0.1,3",
+                                      "right_hand,-0.2,0.2,3",
+                                      "left_hip,0.1,0,3",
+                                      "left_knee,0.1,0.4,3",
+                                      "left_foot,0.1,0.8,3",
+                                      "right_hip,-0.1,0,3",
+                                      "right_knee,-0.1,0.4,3",
+                                      "right_foot,-0.1,0.8,3"};
+    static char text[65536];
+    size_t used = (size_t)sprintf(text, "timestamp,joint,x_m,y_m,z_m,confidence\n");
+    for (int i = 0; i < 60; i++) {
+        for (size_t k = 0; k < COUNT_OF(row); k++)
+            used += (size_t)sprintf(text + used, "%.3f,%s,1\n", i / 30.0, row[k]);
+        used += (size_t)sprintf(text + used, "%.3f,left_elbow,0.45,%.3f,3,1\n%.3f,left_hand,0.7,%.3f,3,1\n", i / 30.0,
+                                -0.4 - arm, i / 30.0, -0.4 - 2 * arm);
+    }
+    scratch_text(&scratch, name, text);
+    return scratch_file(&scratch, name);
+}
+
+static void test_compare(void **state)
+{
+    (void)state;
+    const char *low = joints_file("low.csv", 0), *high = joints_file("high.csv", 0.25);
+    struct process_result said = PROCESS(REENACT, "compare", low, "--with", low);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "score 100"));
+    const char *page = scratch_file(&scratch, "page.html"), *table = scratch_file(&scratch, "angles.csv");
+    said = PROCESS(REENACT, "compare", low, "--with", high, "--html", page, "--csv", table);
+    EXPECT_INT(said.exit_code, 0);
+    if (!strstr(said.out, "Left upper arm 45° higher"))
+        print_error("%s\n", said.out);
+    EXPECT_TRUE(strstr(said.out, "Left upper arm 45° higher"));
+    said = PROCESS(REENACT, "compare", low, "--with", high, "--json");
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "\"score\""));
+    EXPECT_TRUE(file_exists(page) && file_exists(table));
+    // What exists, and what is compared, is not written over.
+    EXPECT_SENTENCE(PROCESS(REENACT, "compare", low, "--with", high, "--html", page), "--force");
+    EXPECT_SENTENCE(PROCESS(REENACT, "compare", low, "--with", high, "--csv", low, "--force"), "another name");
+    EXPECT_INT(PROCESS(REENACT, "compare", low, "--with", high, "--html", page, "--force").exit_code, 0);
+    EXPECT_SENTENCE(PROCESS(REENACT, "compare", low, "--with", "nowhere.csv"), "nowhere.csv");
+    EXPECT_SENTENCE(PROCESS(REENACT, "compare", low, "--with", high, "--with-take", "x"), "no takes");
+    scratch_text(&scratch, "notes.txt", "hello\n");
+    EXPECT_SENTENCE(PROCESS(REENACT, "compare", low, "--with", scratch_file(&scratch, "notes.txt")), "notes.txt");
+    EXPECT_INT(PROCESS(REENACT, "compare", low).exit_code, 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_help_and_usage),      cmocka_unit_test(test_empty_room_is_recorded),
-        cmocka_unit_test(test_bad_sensors),         cmocka_unit_test(test_camera_maps_tags),
-        cmocka_unit_test(test_bad_places_and_tags), cmocka_unit_test(test_bad_recordings),
+        cmocka_unit_test(test_compare),
+        cmocka_unit_test(test_help_and_usage),
+        cmocka_unit_test(test_empty_room_is_recorded),
+        cmocka_unit_test(test_bad_sensors),
+        cmocka_unit_test(test_camera_maps_tags),
+        cmocka_unit_test(test_bad_places_and_tags),
+        cmocka_unit_test(test_bad_recordings),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -36,12 +36,13 @@ static const struct rule rules[] = {
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
+    {"compare/", {RECORDING}},
     {"app/state/", {"base/"}},
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
     {"app/view/", {"app/state/", RENDER}},
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
-    {"app/commands/", {"app/", "capture/", "capture/mapping/", "locate/", RENDER}},
+    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
@@ -233,7 +234,7 @@ static void test_the_rule_can_fail(void **state)
 
 int main(void)
 {
-    const char *const rooms[] = {"base/", "platform/", "capture/", "locate/", "reenact/", "app/", "tests/"};
+    const char *const rooms[] = {"base/", "platform/", "capture/", "locate/", "reenact/", "compare/", "app/", "tests/"};
     for (size_t i = 0; i < COUNT_OF(rooms); i++)
         list(rooms[i]);
     const struct CMUnitTest tests[] = {

@@ -1,0 +1,29 @@
+// What the files of the alignment share: a dynamic programme over a set of cells.
+#pragma once
+#include "compare/alignment.h"
+
+#define ALIGNMENT_INFINITE INT64_MAX
+
+// Cells of row i: columns begin[i] .. end[i] - 1; empty rows are allowed. Backpointers of row i begin at offset[i].
+struct alignment_window {
+    int32_t *begin, *end;
+    int64_t *offset;
+    int64_t cells;
+};
+MUST_CHECK enum status cells_open(struct alignment_window *w, int32_t rows);
+void cells_close(struct alignment_window *w);
+void cells_count(struct alignment_window *w, int32_t rows); // offsets and cells from begin and end
+
+// May a path through cell (i, j) whose price is `price` when it leaves the cell still win? NULL in align_in_window:
+// always.
+struct alignment_bound {
+    int64_t best;        // price of a known path
+    const int64_t *rest; // [row block][column block]: at least this follows
+    int32_t columns;     // blocks in a row
+    int block;           // frames in a block
+};
+
+// The best path within the window. ERR_INPUT: there is none. ERR_MEMORY.
+MUST_CHECK enum status align_in_window(const struct features *a, const struct features *b,
+                                       const struct alignment_prices *prices, const struct alignment_window *w,
+                                       const struct alignment_bound *bound, struct alignment *out);

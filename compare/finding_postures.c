@@ -1,0 +1,325 @@
+// Findings about one joint: posture and range; and about one limb: early or late.
+#include "compare/findings_internal.h"
+#include "compare/limb_times.h"
+
+#include "base/portable_math.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
+
+// By hand. A posture is found where it is off by 10 degrees and 0.7 standard deviations, as long as it stays above 6,
+// for 0.3 s at least; gaps of 0.3 s do not end it.
+static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 0.7;
+enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 3, LEAST_LATE = 20 };
+
+struct series {
+    const struct body_joint *joint;
+    float (*difference)[3];   // smoothed
+    float *degrees, *sigma;   // of the difference; NaN where unknown
+    float *angle_a, *angle_b; // the joint's named angle, rad
+};
+
+struct judge {
+    struct comparison *c;
+    int32_t count;
+    int8_t *shift[LIMBS];
+    bool *late[LIMBS];
+    struct series s;
+};
+
+static double at_seconds(int32_t frame) { return frame / MOVEMENT_RATE_HZ; }
+
+// Names as the attempt's own sides: what was judged may be its mirror image.
+static const char *side_word(const struct judge *g, enum part p)
+{
+    const enum part own = g->c->mirrored ? mirrored_part(p) : p;
+    return strncmp(part_name(own), "left", 4) ? "Right" : "Left";
+}
+
+static const char *own_part(const struct judge *g, enum part p)
+{
+    return part_name(g->c->mirrored ? mirrored_part(p) : p);
+}
+
+// ------------------------------------------------------------- the series
+
+static void fill(struct judge *g, const struct body_joint *j)
+{
+    const struct comparison *c = g->c;
+    struct series *s = &g->s;
+    s->joint = j;
+    for (int32_t f = 0; f < g->count; f++) {
+        double d[3] = {0}, sigma = 0;
+        s->degrees[f] = s->sigma[f] = s->angle_a[f] = s->angle_b[f] = NAN;
+        memset(s->difference[f], 0, sizeof s->difference[f]);
+        if (isnan(c->timeline.reference[f]))
+            continue;
+        const double shift = j->limb >= 0 ? g->shift[j->limb][f] : 0;
+        const struct movement_frame x = movement_at(&c->a, c->timeline.reference[f] + shift);
+        if (!joint_difference(&x, &c->judged.frames[f], j, d, &sigma))
+            continue;
+        for (int k = 0; k < 3; k++)
+            s->difference[f][k] = (float)d[k];
+        s->sigma[f] = (float)(sigma * RAD);
+        s->angle_a[f] = body_angles_of(&x).rad[j->angle];
+        s->angle_b[f] = body_angles_of(&c->judged.frames[f]).rad[j->angle];
+    }
+    for (int32_t f = 0; f < g->count; f++) {
+        double sum[3] = {0}, used = 0;
+        for (int32_t k = f - SMOOTH_HALF; k <= f + SMOOTH_HALF; k++) {
+            if (k < 0 || k >= g->count || isnan(s->sigma[k]))
+                continue;
+            for (int n = 0; n < 3; n++)
+                sum[n] += s->difference[k][n];
+            used++;
+        }
+        if (isnan(s->sigma[f]))
+            continue;
+        const double chord = sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / used;
+        s->degrees[f] = (float)(2 * RAD * portable_asin(fmin(1, chord / 2)));
+    }
+}
+
+// ------------------------------------------------------------- posture
+
+// What is wrong over first..end - 1: mean over the frames of at least 0.7 of the worst.
+struct wrong {
+    double degrees, angle_degrees, difference[3];
+};
+
+static struct wrong measure(const struct series *s, int32_t first, int32_t end)
+{
+    struct wrong w = {0};
+    double worst = 0, used = 0;
+    for (int32_t f = first; f < end; f++)
+        if (!isnan(s->degrees[f]))
+            worst = fmax(worst, s->degrees[f]);
+    for (int32_t f = first; f < end; f++) {
+        if (isnan(s->degrees[f]) || s->degrees[f] < 0.7 * worst || isnan(s->angle_a[f]) || isnan(s->angle_b[f]))
+            continue;
+        w.degrees += s->degrees[f];
+        w.angle_degrees += ((double)s->angle_b[f] - s->angle_a[f]) * RAD;
+        for (int k = 0; k < 3; k++)
+            w.difference[k] += s->difference[f][k];
+        used++;
+    }
+    for (int k = 0; k < 3 && used > 0; k++)
+        w.difference[k] /= used;
+    w.degrees = used > 0 ? w.degrees / used : worst;
+    w.angle_degrees = used > 0 ? w.angle_degrees / used : 0;
+    return w;
+}
+
+static const char *direction_word(const struct judge *g, const double d[3])
+{
+    const double x = g->c->mirrored ? -d[0] : d[0];
+    if (fabs(d[2]) >= fabs(d[0]) && fabs(d[2]) >= fabs(d[1]))
+        return d[2] > 0 ? "further up" : "further down";
+    if (fabs(d[1]) >= fabs(d[0]))
+        return d[1] > 0 ? "further forwards" : "further back";
+    return x > 0 ? "further to the left" : "further to the right";
+}
+
+// The sentence without its times; *amount is signed where an angle is named.
+static void say(const struct judge *g, const struct wrong *w, double *amount, char *text, size_t size)
+{
+    const struct body_joint *j = g->s.joint;
+    const bool named = fabs(w->angle_degrees) >= 0.6 * w->degrees;
+    const double degrees = named ? fabs(w->angle_degrees) : w->degrees;
+    const char *side = side_word(g, j->part), *where = direction_word(g, w->difference);
+    const bool more = w->angle_degrees > 0;
+    *amount = named ? w->angle_degrees : w->degrees;
+    if (j->part == PART_UPPER_TORSO)
+        snprintf(text, size, "Trunk leans %.0f° %s", degrees,
+                 named ? (more ? "further forwards" : "further back") : where);
+    else if (j->part == PART_HEAD)
+        snprintf(text, size, "Head %.0f° %s", w->degrees, where);
+    else if (j->carrier == CARRIER_PART && named)
+        snprintf(text, size, "%s %s %.0f° %s bent", side, j->limb < 2 ? "elbow" : "knee", degrees,
+                 more ? "more" : "less");
+    else if (j->carrier == CARRIER_PART)
+        snprintf(text, size, "%s %s %.0f° %s", side, j->limb < 2 ? "forearm" : "shin", w->degrees, where);
+    else if (j->limb < 2)
+        snprintf(text, size, "%s upper arm %.0f° %s", side, degrees, named ? (more ? "higher" : "lower") : where);
+    else
+        snprintf(text, size, "%s thigh %.0f° %s", side, w->degrees, where);
+    if (j->part == PART_HEAD || (j->part != PART_UPPER_TORSO && j->limb >= 2 && j->carrier != CARRIER_PART))
+        *amount = w->degrees;
+}
+
+static enum status add_posture(struct judge *g, int32_t first, int32_t end)
+{
+    const struct wrong w = measure(&g->s, first, end);
+    struct finding f = {.kind = FINDING_POSTURE,
+                        .part = own_part(g, g->s.joint->part),
+                        .from_s = at_seconds(first),
+                        .to_s = at_seconds(end),
+                        .unit = "deg"};
+    say(g, &w, &f.amount, f.sentence, sizeof f.sentence);
+    f.weight = w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s)) * (g->s.joint->part == PART_HEAD ? 0.6 : 1);
+    return w.degrees < BEGIN_DEGREES ? OK : finding_add(g->c, &f, true);
+}
+
+static enum status scan_posture(struct judge *g)
+{
+    const struct series *s = &g->s;
+    // The head is short and trackers know it badly.
+    const double share = s->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
+    enum status status = OK;
+    for (int32_t f = 0; f < g->count && status == OK; f++) {
+        if (isnan(s->degrees[f]) || s->degrees[f] < BEGIN_DEGREES + share * s->sigma[f])
+            continue;
+        int32_t first = f, end = f + 1;
+        while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN
+            first--;
+        for (int32_t k = end; k < g->count && k < end + MOST_GAP; k++)
+            if (s->degrees[k] >= STAY_DEGREES)
+                end = k + 1;
+        if (end - first >= LEAST_FRAMES)
+            status = add_posture(g, first, end);
+        f = end;
+    }
+    return status;
+}
+
+// ------------------------------------------------------------- range
+
+// Does B's angle follow A's with another gain? Least squares B = gain A + offset against B = A + offset. Or does it
+// follow A's all the way, but for what the alignment had to leap over?
+static bool gain_explains(const struct series *s, int32_t count, double range_difference)
+{
+    double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
+    for (int32_t f = 0; f < count; f++) {
+        if (isnan(s->angle_a[f]) || isnan(s->angle_b[f]))
+            continue;
+        n++;
+        a += s->angle_a[f];
+        b += s->angle_b[f];
+        aa += (double)s->angle_a[f] * s->angle_a[f];
+        ab += (double)s->angle_a[f] * s->angle_b[f];
+        bb += (double)s->angle_b[f] * s->angle_b[f];
+    }
+    if (n < 15)
+        return false;
+    const double vaa = aa / n - a / n * a / n, vab = ab / n - a / n * b / n, vbb = bb / n - b / n * b / n;
+    if (vaa <= 0)
+        return false;
+    const double gain = vab / vaa, plain = vaa + vbb - 2 * vab, scaled = vbb - gain * vab;
+    return (fabs(gain - 1) > 0.12 && scaled < 0.2 * plain) || sqrt(plain) < 0.2 * range_difference;
+}
+
+static enum status scan_range(struct judge *g, bool *found)
+{
+    const struct body_joint *j = g->s.joint;
+    const struct angle_range *a = &g->c->range_a[j->angle], *b = &g->c->range_b[j->angle];
+    const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD;
+    *found = false;
+    if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
+        range_a - range_b < fmax(12, 0.2 * range_a) || // going too far is posture: it has a place and a time
+        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD))
+        return OK;
+    static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
+    const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];
+    struct finding f = {FINDING_RANGE,
+                        own_part(g, j->part),
+                        at_seconds(g->c->pace.b_first),
+                        at_seconds(g->c->pace.b_end),
+                        range_b - range_a,
+                        "deg",
+                        fabs(range_b - range_a),
+                        ""};
+    snprintf(f.sentence, sizeof f.sentence, "%s %s goes through %.0f° %s: %.0f° instead of %.0f°",
+             side_word(g, j->part), name, fabs(range_b - range_a), range_b < range_a ? "less" : "more", range_b,
+             range_a);
+    *found = true;
+    return finding_add(g->c, &f, false);
+}
+
+// ------------------------------------------------------------- a limb's time
+
+static enum status scan_late(struct judge *g, int limb)
+{
+    static const char *const names[2] = {"arm", "leg"};
+    static const enum part parts[LIMBS] = {PART_LEFT_UPPER_ARM, PART_RIGHT_UPPER_ARM, PART_LEFT_THIGH,
+                                           PART_RIGHT_THIGH};
+    enum status status = OK;
+    for (int32_t f = 0; f < g->count && status == OK; f++) {
+        int32_t end = f;
+        double sum = 0;
+        for (; end < g->count && g->late[limb][end] && (g->shift[limb][end] < 0) == (g->shift[limb][f] < 0); end++)
+            sum += g->shift[limb][end];
+        if (end - f >= LEAST_LATE) {
+            // Negative: the limb shows an earlier instant of A, so it is late.
+            const double late_s = -sum / (end - f) / MOVEMENT_RATE_HZ;
+            struct finding x = {FINDING_TIMING,
+                                own_part(g, parts[limb]),
+                                at_seconds(f),
+                                at_seconds(end),
+                                late_s,
+                                "s",
+                                80 * fabs(late_s),
+                                ""};
+            snprintf(x.sentence, sizeof x.sentence, "%s %s %.1f s %s", side_word(g, parts[limb]), names[limb >= 2],
+                     fabs(late_s), late_s > 0 ? "late" : "early");
+            status = finding_add(g->c, &x, true);
+        }
+        f = end > f ? end - 1 : f;
+    }
+    return status;
+}
+
+// ------------------------------------------------------------- all
+
+static bool open(struct judge *g, struct comparison *c)
+{
+    const size_t n = (size_t)c->judged.count;
+    *g = (struct judge){.c = c, .count = c->judged.count};
+    g->s.difference = malloc(n * sizeof *g->s.difference);
+    g->s.degrees = malloc(n * sizeof *g->s.degrees);
+    g->s.sigma = malloc(n * sizeof *g->s.sigma);
+    g->s.angle_a = malloc(n * sizeof *g->s.angle_a);
+    g->s.angle_b = malloc(n * sizeof *g->s.angle_b);
+    bool have = g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b;
+    for (int k = 0; k < LIMBS; k++) {
+        g->shift[k] = calloc(n, sizeof *g->shift[k]);
+        g->late[k] = calloc(n, sizeof *g->late[k]);
+        have = have && g->shift[k] && g->late[k];
+    }
+    return have;
+}
+
+static void close(struct judge *g)
+{
+    free(g->s.difference);
+    free(g->s.degrees);
+    free(g->s.sigma);
+    free(g->s.angle_a);
+    free(g->s.angle_b);
+    for (int k = 0; k < LIMBS; k++) {
+        free(g->shift[k]);
+        free(g->late[k]);
+    }
+}
+
+enum status find_postures(struct comparison *c)
+{
+    struct judge g;
+    enum status status = open(&g, c) ? OK : fail(ERR_MEMORY, "no memory for the findings");
+    for (int limb = 0; limb < LIMBS && status == OK; limb++) {
+        status = limb_shifts(&c->a, &c->judged, &c->timeline, limb, g.shift[limb], g.late[limb]);
+        if (status == OK)
+            status = scan_late(&g, limb);
+    }
+    for (int k = 0; k < BODY_JOINTS && status == OK; k++) {
+        bool range = false;
+        fill(&g, &body_joints[k]);
+        status = scan_range(&g, &range);
+        if (status == OK && !range)
+            status = scan_posture(&g);
+    }
+    close(&g);
+    return status;
+}

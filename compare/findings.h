@@ -1,0 +1,20 @@
+// Findings of a comparison in plain English, worst first, kinds kept apart: a slow pupil is not told that the elbow is
+// wrong.
+//
+//   posture   a joint or part is held differently. Judged joint by joint, each against the part that carries it (thighs
+//             against the hips, a forearm against the upper arm), so that a leaning trunk is one finding and not five.
+//   range     a joint goes through less than in the reference, otherwise alike
+//   timing    a limb early or late beside the rest of the body; the pace; pauses
+//   missing, extra   a piece, a turn or repetitions
+//   mirrored  the other side was used
+//
+// An arm's or leg's posture is judged at the limb's own time: where shifting it by up to 0.5 s explains much of the
+// difference, the finding is the lateness, and only what remains is posture.
+#pragma once
+#include "compare/comparison.h"
+
+const char *finding_kind_name(enum finding_kind k);
+const char *part_name(enum part p); // "left_forearm"
+
+// Fills c->findings from the rest of *c. ERR_MEMORY.
+MUST_CHECK enum status findings_make(struct comparison *c);

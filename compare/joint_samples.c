@@ -1,0 +1,165 @@
+#include "compare/joint_samples.h"
+
+#include "base/portable_math.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void joint_samples_free(struct joint_samples *s)
+{
+    free(s->at);
+    *s = (struct joint_samples){0};
+}
+
+float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.012f : 0.05f; }
+
+enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample)
+{
+    int64_t time_ns = sample->time_ns + s->offset_ns;
+    if (s->count) {
+        const int64_t last_ns = s->at[s->count - 1].time_ns, step_ns = time_ns - last_ns;
+        if (step_ns <= 0 && step_ns > -1000000000) {
+            s->dropped++;
+            return OK;
+        }
+        if (step_ns <= 0 || step_ns > 60000000000) {
+            s->offset_ns -= step_ns - 33000000;
+            s->jumps++;
+            time_ns = last_ns + 33000000;
+        }
+    }
+    if (s->count == s->capacity) {
+        const int64_t capacity = s->capacity ? 2 * s->capacity : 1024;
+        struct joint_sample *at = realloc(s->at, (size_t)capacity * sizeof *at);
+        if (!at)
+            return fail(ERR_MEMORY, "no memory for a movement's joints");
+        s->at = at;
+        s->capacity = capacity;
+    }
+    s->at[s->count] = *sample;
+    s->at[s->count++].time_ns = time_ns;
+    return OK;
+}
+
+void joint_samples_start_at_zero(struct joint_samples *s)
+{
+    for (int64_t i = s->count - 1; i >= 0; i--)
+        s->at[i].time_ns -= s->at[0].time_ns;
+}
+
+// ------------------------------------------------------------- takes
+
+static struct vec3 level_from_world(struct vec3 w) { return v3(w.x, -w.z, w.y); }
+
+static struct joint_sample sample_of(const struct take_entry *entry)
+{
+    struct joint_sample s = {.time_ns = entry->time_ns, .skeleton = entry->skeleton};
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        s.sigma_m[j] = default_sigma_m(s.skeleton.confidence[j]);
+        if (entry->located)
+            s.skeleton.joint[j] = level_from_world(pose_apply(entry->world_from_camera, s.skeleton.joint[j]));
+        if (!v3_finite(s.skeleton.joint[j]))
+            s.skeleton.confidence[j] = 0;
+    }
+    return s;
+}
+
+static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
+{
+    enum status status = OK;
+    bool located = false;
+    for (int64_t i = 0; i < take_frame_count(take); i++)
+        located = located || take_entry(take, i)->located;
+    for (int64_t i = 0; i < take_frame_count(take) && status == OK; i++) {
+        const struct take_entry *entry = take_entry(take, i);
+        if (!entry->has_skeleton || (located && !entry->located))
+            continue;
+        const struct joint_sample sample = sample_of(entry);
+        status = joint_samples_add(out, &sample);
+    }
+    if (status == OK && !out->count)
+        status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: nobody was tracked in it", name, path);
+    if (status == OK && !located)
+        joint_samples_level(out);
+    return status;
+}
+
+enum status joint_samples_read_take(const char *path, const char *name, struct joint_samples *out)
+{
+    struct recording *r = NULL;
+    struct take *take = NULL;
+    *out = (struct joint_samples){0};
+    enum status status = recording_open(&r, path);
+    if (status == OK && !name) {
+        if (recording_take_count(r) == 1)
+            name = recording_take_name(r, 0);
+        else if (!recording_take_count(r))
+            status = fail(ERR_INPUT, "%s holds no take; record one with reenact-capture record", path);
+        else
+            status =
+                fail(ERR_INPUT, "%s holds %d takes; say which one, with --take or --with-take NAME ('%s' is the first)",
+                     path, recording_take_count(r), recording_take_name(r, 0));
+    }
+    if (status == OK)
+        status = take_open(&take, r, name);
+    if (status == OK)
+        status = read_take(take, path, name, out);
+    take_close(&take);
+    recording_free(&r);
+    if (status == OK)
+        joint_samples_start_at_zero(out);
+    else
+        joint_samples_free(out);
+    return status;
+}
+
+// ------------------------------------------------------------- gravity from standing
+
+static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+
+static double cosine(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
+
+// The direction from the feet to the neck of a person whose legs and trunk are straight and together.
+static bool standing_axis(const struct skeleton *s, struct vec3 *axis)
+{
+    static const enum joint needed[] = {JOINT_NECK,      JOINT_LEFT_HIP,   JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
+                                        JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(needed); i++)
+        if (!known(s, needed[i]))
+            return false;
+    const struct vec3 *p = s->joint;
+    const struct vec3 hips = v3_mix(p[JOINT_LEFT_HIP], p[JOINT_RIGHT_HIP], 0.5),
+                      feet = v3_mix(p[JOINT_LEFT_FOOT], p[JOINT_RIGHT_FOOT], 0.5), trunk = v3_sub(p[JOINT_NECK], hips);
+    const double straight = 0.966; // 15 degrees
+    for (int side = 0; side < 2; side++) {
+        const struct vec3 hip = p[side ? JOINT_RIGHT_HIP : JOINT_LEFT_HIP],
+                          knee = p[side ? JOINT_RIGHT_KNEE : JOINT_LEFT_KNEE],
+                          foot = p[side ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT];
+        if (cosine(v3_sub(hip, knee), v3_sub(knee, foot)) < straight || cosine(v3_sub(hip, foot), trunk) < straight)
+            return false;
+    }
+    *axis = v3_unit(v3_sub(p[JOINT_NECK], feet));
+    return true;
+}
+
+void joint_samples_level(struct joint_samples *s)
+{
+    struct vec3 sum = {0, 0, 0}, axis;
+    double seconds = 0;
+    for (int64_t i = 0; i + 1 < s->count; i++) {
+        const double step = (double)(s->at[i + 1].time_ns - s->at[i].time_ns) * 1e-9;
+        if (step > 0.2 || !standing_axis(&s->at[i].skeleton, &axis))
+            continue;
+        sum = v3_add(sum, v3_scale(axis, step));
+        seconds += step;
+    }
+    const struct vec3 up = v3(0, -1, 0), mean = v3_unit(sum);
+    const double tilt = portable_acos(fmin(1, fmax(-1, v3_dot(mean, up))));
+    if (seconds < 1 || tilt < 0.0524 || tilt > 0.611)
+        return;
+    const struct quat level = quat_between(mean, up);
+    for (int64_t i = 0; i < s->count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            s->at[i].skeleton.joint[j] = quat_rotate(level, s->at[i].skeleton.joint[j]);
+    s->tilt_rad = tilt;
+}

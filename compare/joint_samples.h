@@ -1,0 +1,54 @@
+// Joints over time as they come from a recording or a joints-csv file, before anything is computed from them.
+//
+// Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
+// place is rotated so from the place's z; of another take the camera counts as held level unless the person says
+// otherwise: samples_level() below. A joints-csv file has y down by its definition and is taken at its word.
+#pragma once
+#include "capture/recording/recording.h"
+
+struct joint_sample {
+    int64_t time_ns;
+    struct skeleton skeleton;
+    float sigma_m[JOINT_COUNT]; // standard deviation of a joint's error, per axis
+};
+
+struct joint_samples {
+    struct joint_sample *at; // malloc'ed; times rise strictly, the first is 0
+    int64_t count, capacity;
+    int64_t dropped; // rows or frames left out: a number was not finite, or its time was not later than the last one's
+    int64_t jumps;   // of the clock, closed up
+    int64_t offset_ns; // added to the clock so far, because of them
+    bool sigma_given;  // false: sigma_m is default_sigma_m()
+    double tilt_rad;   // by how much samples_level() turned them
+};
+void joint_samples_free(struct joint_samples *s); // zeroed is fine; leaves it zeroed
+
+// Of a joint of this confidence where the source gives none: 12 mm where observed, 5 cm where inferred. By hand, so
+// that directions have the error that this project's tracker had in a rendered film of a walk (2 degrees in the
+// median).
+float default_sigma_m(float confidence);
+
+// Appends one; time_ns in any clock. A sample that is up to a second earlier than the last one is dropped. A clock that
+// goes back further, or ahead by more than a minute, has jumped: the sample follows the last one after 33 ms.
+MUST_CHECK enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample);
+void joint_samples_start_at_zero(struct joint_samples *s); // times count from the first sample
+
+// Reads a joints-csv file: timestamp,joint,x_m,y_m,z_m,confidence[,sigma_m], a header, any line ends. Rows of one time
+// are one sample; rows that hold no finite number or an unknown joint's name are left out; a joint that is missing is
+// unknown. ERR_INPUT: not such a file, or no usable row; the sentence names file and line. ERR_MISSING, ERR_IO,
+// ERR_MEMORY. On failure *out is zeroed.
+MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
+bool is_joints_csv(const char *path); // by its first line
+
+// Reads a take's skeletons. `name` NULL: the file's only take. ERR_INPUT: it has several, or the take has no skeleton.
+// Else as recording_open and take_open. On failure *out is zeroed.
+MUST_CHECK enum status joint_samples_read_take(const char *path, const char *name, struct joint_samples *out);
+
+// Exchanges left and right of arms, legs or all where a tracker confused them for some frames: wherever the way of the
+// joints to the next frame is much shorter under exchanged names, the names changed there; those that more frames had
+// stay. Where neither is in the clear majority nothing is changed. Returns how many frames were changed.
+int64_t joint_samples_mend_sides(struct joint_samples *s);
+
+// Rotates all samples about the level axes so that the person stands upright, on average over the frames in which legs
+// and trunk are straight; only where there is a second of them and the tilt is between 3 and 35 degrees.
+void joint_samples_level(struct joint_samples *s);

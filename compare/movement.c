@@ -1,0 +1,389 @@
+#include "compare/movement.h"
+
+#include "base/portable_math.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double PI = 3.14159265358979323846;
+
+void movement_free(struct movement *m)
+{
+    free(m->frames);
+    *m = (struct movement){0};
+}
+
+enum part mirrored_part(enum part p)
+{
+    static const enum part other[PART_COUNT] = {
+        [PART_HEAD] = PART_HEAD,
+        [PART_UPPER_TORSO] = PART_UPPER_TORSO,
+        [PART_LOWER_TORSO] = PART_LOWER_TORSO,
+        [PART_LEFT_UPPER_ARM] = PART_RIGHT_UPPER_ARM,
+        [PART_LEFT_FOREARM] = PART_RIGHT_FOREARM,
+        [PART_RIGHT_UPPER_ARM] = PART_LEFT_UPPER_ARM,
+        [PART_RIGHT_FOREARM] = PART_LEFT_FOREARM,
+        [PART_LEFT_THIGH] = PART_RIGHT_THIGH,
+        [PART_LEFT_SHIN] = PART_RIGHT_SHIN,
+        [PART_RIGHT_THIGH] = PART_LEFT_THIGH,
+        [PART_RIGHT_SHIN] = PART_LEFT_SHIN,
+    };
+    return other[p];
+}
+
+// From the end nearer the waist. part_ends has the trunk's from the neck down.
+static const struct part_ends outward[PART_COUNT] = {
+    [PART_HEAD] = {JOINT_NECK, JOINT_HEAD},
+    [PART_UPPER_TORSO] = {JOINT_TORSO, JOINT_NECK},
+    [PART_LOWER_TORSO] = {JOINT_WAIST, JOINT_TORSO},
+    [PART_LEFT_UPPER_ARM] = {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+    [PART_LEFT_FOREARM] = {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+    [PART_RIGHT_UPPER_ARM] = {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
+    [PART_RIGHT_FOREARM] = {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+    [PART_LEFT_THIGH] = {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+    [PART_LEFT_SHIN] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+    [PART_RIGHT_THIGH] = {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
+    [PART_RIGHT_SHIN] = {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+};
+
+// ------------------------------------------------------------- one instant
+
+struct upright {
+    struct vec3 left, ahead, up;
+    double sigma_heading;
+};
+
+// By the hips; by the shoulders where a hip is unknown. False: neither pair, or it is vertical.
+static bool upright_of(const struct vec3 joint[JOINT_COUNT], const float sigma_m[JOINT_COUNT],
+                       const bool known[JOINT_COUNT], struct upright *u)
+{
+    static const enum joint pairs[2][2] = {{JOINT_LEFT_HIP, JOINT_RIGHT_HIP},
+                                           {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER}};
+    u->up = v3(0, -1, 0);
+    for (int k = 0; k < 2; k++) {
+        const enum joint l = pairs[k][0], r = pairs[k][1];
+        if (!known[l] || !known[r])
+            continue;
+        struct vec3 left = v3_sub(joint[l], joint[r]);
+        left.y = 0;
+        const double width = v3_length(left);
+        if (width < 0.02)
+            continue;
+        u->left = v3_scale(left, 1 / width);
+        u->ahead = v3_cross(u->left, u->up);
+        // Both ends of a pair move with one rigid pelvis or chest: a half of independent errors remains. By hand.
+        u->sigma_heading = 0.5 * sqrt((double)sigma_m[l] * sigma_m[l] + (double)sigma_m[r] * sigma_m[r]) / width;
+        return true;
+    }
+    return false;
+}
+
+static void in_frame(const struct upright *u, struct vec3 v, float out[3])
+{
+    out[0] = (float)v3_dot(v, u->left);
+    out[1] = (float)v3_dot(v, u->ahead);
+    out[2] = (float)v3_dot(v, u->up);
+}
+
+static void direction_of(const struct upright *u, const struct vec3 joint[JOINT_COUNT],
+                         const float sigma_m[JOINT_COUNT], enum joint from, enum joint to, float direction[3],
+                         float *sigma)
+{
+    const struct vec3 v = v3_sub(joint[to], joint[from]);
+    const double length = v3_length(v);
+    in_frame(u, v3_unit(v), direction);
+    const double across2 =
+        ((double)sigma_m[from] * sigma_m[from] + (double)sigma_m[to] * sigma_m[to]) / fmax(length * length, 1e-4);
+    const double level2 = (double)direction[0] * direction[0] + (double)direction[1] * direction[1];
+    if (sigma)
+        *sigma = (float)fmin(PI, sqrt(across2 + 0.5 * level2 * u->sigma_heading * u->sigma_heading));
+}
+
+void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const float sigma_m[JOINT_COUNT],
+                                const bool known[JOINT_COUNT], struct movement_frame *out)
+{
+    struct upright u;
+    *out = (struct movement_frame){0};
+    if (!upright_of(joint, sigma_m, known, &u))
+        return;
+    out->heading = (float)portable_atan2(u.left.z, u.left.x);
+    for (int p = 0; p < PART_COUNT; p++) {
+        const enum joint from = outward[p].from, to = outward[p].to;
+        if (!known[from] || !known[to] || v3_distance(joint[from], joint[to]) < 1e-3)
+            continue;
+        direction_of(&u, joint, sigma_m, from, to, out->direction[p], &out->sigma[p]);
+        out->known |= (uint16_t)(1u << p);
+    }
+    if (known[JOINT_LEFT_SHOULDER] && known[JOINT_RIGHT_SHOULDER]) {
+        direction_of(&u, joint, sigma_m, JOINT_RIGHT_SHOULDER, JOINT_LEFT_SHOULDER, out->shoulders, NULL);
+        out->known |= (uint16_t)(1u << PART_COUNT);
+    }
+}
+
+// ------------------------------------------------------------- resampling
+
+enum { MOST_GAP_NS = 250000000, KERNEL_HALF = 4 }; // KERNEL_HALF: 2.7 standard deviations of 1.5 frames
+
+// One joint over the movement's frames.
+struct joint_line {
+    struct vec3 *position; // interpolated over gaps of any length, held at the ends
+    float *sigma_m;
+    bool *known;
+};
+
+static void resample_joint(const struct joint_samples *s, enum joint j, int32_t count, struct joint_line *line)
+{
+    int64_t before = -1, after = -1;
+    for (int64_t i = 0; i < s->count && after < 0; i++)
+        if (s->at[i].skeleton.confidence[j] > 0)
+            after = i;
+    for (int32_t f = 0; f < count; f++) {
+        const int64_t time_ns = (int64_t)((double)f * 1e9 / MOVEMENT_RATE_HZ);
+        while (after >= 0 && s->at[after].time_ns <= time_ns) {
+            before = after;
+            int64_t next = after + 1;
+            while (next < s->count && !(s->at[next].skeleton.confidence[j] > 0))
+                next++;
+            after = next < s->count ? next : -1;
+        }
+        line->known[f] = false;
+        line->sigma_m[f] = 0;
+        line->position[f] = v3(0, 0, 0);
+        if (before < 0 && after < 0)
+            continue;
+        const struct joint_sample *a = &s->at[before < 0 ? after : before], *b = &s->at[after < 0 ? before : after];
+        const int64_t gap_ns = b->time_ns - a->time_ns;
+        const double t = gap_ns > 0 ? (double)(time_ns - a->time_ns) / (double)gap_ns : 0;
+        line->position[f] = v3_mix(a->skeleton.joint[j], b->skeleton.joint[j], t);
+        line->sigma_m[f] = a->sigma_m[j] > b->sigma_m[j] ? a->sigma_m[j] : b->sigma_m[j];
+        line->known[f] = gap_ns > 0 ? gap_ns <= MOST_GAP_NS : llabs(time_ns - a->time_ns) <= MOST_GAP_NS / 2;
+    }
+}
+
+static void smooth_joint(const struct joint_line *line, int32_t count, struct vec3 *scratch)
+{
+    double kernel[KERNEL_HALF + 1];
+    for (int k = 0; k <= KERNEL_HALF; k++)
+        kernel[k] = portable_exp(-0.5 * k * k / (1.5 * 1.5));
+    for (int32_t f = 0; f < count; f++) {
+        struct vec3 sum = {0, 0, 0};
+        double weight = 0;
+        // As far to one side as to the other, so that an end is not drawn inwards.
+        int half = KERNEL_HALF;
+        half = f < half ? f : half;
+        half = count - 1 - f < half ? count - 1 - f : half;
+        for (int k = -half; k <= half; k++) {
+            const double w = kernel[abs(k)];
+            sum = v3_add(sum, v3_scale(line->position[f + k], w));
+            weight += w;
+        }
+        scratch[f] = v3_scale(sum, 1 / weight);
+    }
+    memcpy(line->position, scratch, (size_t)count * sizeof *scratch);
+}
+
+// ------------------------------------------------------------- the whole
+
+static void unwrap_heading(struct movement *m)
+{
+    for (int32_t f = 1; f < m->count; f++) {
+        const double turns = floor(((double)m->frames[f].heading - m->frames[f - 1].heading) / (2 * PI) + 0.5);
+        m->frames[f].heading -= (float)(2 * PI * turns);
+    }
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static enum status summarise(struct movement *m)
+{
+    float *values = malloc((size_t)m->count * sizeof *values);
+    if (!values)
+        return fail(ERR_MEMORY, "no memory for a movement");
+    for (int p = 0; p < PART_COUNT; p++) {
+        int32_t count = 0;
+        for (int32_t f = 0; f < m->count; f++)
+            if (m->frames[f].known >> p & 1)
+                values[count++] = m->frames[f].sigma[p];
+        if (count)
+            qsort(values, (size_t)count, sizeof *values, ascending);
+        m->sigma_typical[p] = count ? values[count / 2] : 0;
+        if (count > 0 && 10 * (int64_t)count >= m->count)
+            m->ever_known |= (uint16_t)(1u << p);
+    }
+    free(values);
+    return OK;
+}
+
+struct lines {
+    struct joint_line joint[JOINT_COUNT];
+    struct vec3 *scratch;
+};
+
+static bool lines_open(struct lines *l, int32_t count)
+{
+    bool have = (l->scratch = malloc((size_t)count * sizeof *l->scratch));
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct joint_line *line = &l->joint[j];
+        line->position = malloc((size_t)count * sizeof *line->position);
+        line->sigma_m = malloc((size_t)count * sizeof *line->sigma_m);
+        line->known = malloc((size_t)count * sizeof *line->known);
+        have = have && line->position && line->sigma_m && line->known;
+    }
+    return have;
+}
+
+static void lines_close(struct lines *l)
+{
+    free(l->scratch);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        free(l->joint[j].position);
+        free(l->joint[j].sigma_m);
+        free(l->joint[j].known);
+    }
+}
+
+// Directions over gaps come from bridged joints and are marked unknown.
+static void frame_of(const struct lines *l, const bool ever[JOINT_COUNT], int32_t f, struct movement_frame *out)
+{
+    struct vec3 joint[JOINT_COUNT];
+    float sigma_m[JOINT_COUNT];
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        joint[j] = l->joint[j].position[f];
+        sigma_m[j] = l->joint[j].sigma_m[f];
+    }
+    movement_frame_from_joints(joint, sigma_m, ever, out);
+    const bool hips = l->joint[JOINT_LEFT_HIP].known[f] && l->joint[JOINT_RIGHT_HIP].known[f],
+               shoulders = l->joint[JOINT_LEFT_SHOULDER].known[f] && l->joint[JOINT_RIGHT_SHOULDER].known[f];
+    for (int p = 0; p < PART_COUNT; p++)
+        if (!l->joint[outward[p].from].known[f] || !l->joint[outward[p].to].known[f] || !(hips || shoulders))
+            out->known &= (uint16_t) ~(1u << p);
+    if (!shoulders)
+        out->known &= (uint16_t) ~(1u << PART_COUNT);
+}
+
+enum status movement_from_samples(const struct joint_samples *samples, struct movement *out)
+{
+    struct lines lines = {0};
+    bool ever[JOINT_COUNT] = {0};
+    *out = (struct movement){0};
+    for (int64_t i = 0; i < samples->count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            ever[j] = ever[j] || samples->at[i].skeleton.confidence[j] > 0;
+    if (!(ever[JOINT_LEFT_HIP] && ever[JOINT_RIGHT_HIP]) && !(ever[JOINT_LEFT_SHOULDER] && ever[JOINT_RIGHT_SHOULDER]))
+        return fail(ERR_INPUT,
+                    "neither both hips nor both shoulders are known at any time, so there is nothing to compare");
+    const double seconds = (double)samples->at[samples->count - 1].time_ns * 1e-9;
+    out->count = (int32_t)(seconds * MOVEMENT_RATE_HZ + 1e-6) + 1;
+    out->frames = calloc((size_t)out->count, sizeof *out->frames);
+    enum status status =
+        lines_open(&lines, out->count) && out->frames ? OK : fail(ERR_MEMORY, "no memory for a movement");
+    for (int j = 0; j < JOINT_COUNT && status == OK; j++) {
+        resample_joint(samples, (enum joint)j, out->count, &lines.joint[j]);
+        smooth_joint(&lines.joint[j], out->count, lines.scratch);
+    }
+    for (int32_t f = 0; f < out->count && status == OK; f++)
+        frame_of(&lines, ever, f, &out->frames[f]);
+    if (status == OK) {
+        unwrap_heading(out);
+        status = summarise(out);
+    }
+    lines_close(&lines);
+    if (status != OK)
+        movement_free(out);
+    return status;
+}
+
+enum status movement_read(const char *path, const char *take, struct movement *out, struct movement_source *source)
+{
+    struct joint_samples samples = {0};
+    *out = (struct movement){0};
+    *source = (struct movement_source){0};
+    enum status status;
+    if (!is_joints_csv(path))
+        status = joint_samples_read_take(path, take, &samples);
+    else if (take)
+        return fail(ERR_INPUT, "%s is a joints-csv file and holds no takes; leave the take's name out", path);
+    else
+        status = joint_samples_read_csv(path, &samples);
+    if (status == OK) {
+        source->frames_side_mended = joint_samples_mend_sides(&samples);
+        source->frames_dropped = samples.dropped;
+        source->clock_jumps = samples.jumps;
+        source->tilt_rad = samples.tilt_rad;
+        source->sigma_given = samples.sigma_given;
+        status = movement_from_samples(&samples, out);
+    }
+    if (status == ERR_INPUT && samples.count)
+        status = fail(ERR_INPUT, "%s: %s", path, status_message());
+    joint_samples_free(&samples);
+    return status;
+}
+
+enum status movement_mirror(const struct movement *m, struct movement *out)
+{
+    *out = *m;
+    out->frames = malloc((size_t)m->count * sizeof *out->frames);
+    if (!out->frames) {
+        *out = (struct movement){0};
+        return fail(ERR_MEMORY, "no memory for a mirrored movement");
+    }
+    out->ever_known = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        out->sigma_typical[p] = m->sigma_typical[mirrored_part((enum part)p)];
+        out->ever_known |= (uint16_t)((m->ever_known >> mirrored_part((enum part)p) & 1) << p);
+    }
+    for (int32_t f = 0; f < m->count; f++) {
+        const struct movement_frame *from = &m->frames[f];
+        struct movement_frame *to = &out->frames[f];
+        to->known = (uint16_t)(from->known & 1u << PART_COUNT);
+        to->heading = -from->heading;
+        // Reversed, because its ends exchange names, and then mirrored.
+        to->shoulders[0] = from->shoulders[0];
+        to->shoulders[1] = -from->shoulders[1];
+        to->shoulders[2] = -from->shoulders[2];
+        for (int p = 0; p < PART_COUNT; p++) {
+            const enum part q = mirrored_part((enum part)p);
+            to->direction[p][0] = -from->direction[q][0];
+            to->direction[p][1] = from->direction[q][1];
+            to->direction[p][2] = from->direction[q][2];
+            to->sigma[p] = from->sigma[q];
+            to->known |= (uint16_t)((from->known >> q & 1) << p);
+        }
+    }
+    return OK;
+}
+
+void movement_equal_say(const struct movement *m, double scale[PART_COUNT])
+{
+    for (int p = 0; p < PART_COUNT; p++) {
+        double sum[3] = {0}, count = 0;
+        for (int32_t f = 0; f < m->count; f++) {
+            if (!(m->frames[f].known >> p & 1))
+                continue;
+            for (int k = 0; k < 3; k++)
+                sum[k] += m->frames[f].direction[p][k];
+            count++;
+        }
+        const double mean2 = count > 0 ? (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / (count * count) : 1;
+        scale[p] = 1 / sqrt(1 + fmax(0, 1 - mean2) / 0.1);
+    }
+}
+
+enum status movement_features(const struct movement *m, uint16_t parts, const double *scale,
+                              struct feature_frame **frames)
+{
+    static_assert(3 * PART_COUNT <= FEATURE_NUMBERS, "a feature frame holds all parts");
+    *frames = calloc((size_t)m->count, sizeof **frames);
+    if (!*frames)
+        return fail(ERR_MEMORY, "no memory for a movement's features");
+    for (int32_t f = 0; f < m->count; f++)
+        for (int p = 0; p < PART_COUNT; p++)
+            for (int k = 0; k < 3 && (parts >> p & 1); k++)
+                (*frames)[f].number[3 * p + k] =
+                    (int16_t)floor(m->frames[f].direction[p][k] * FEATURE_UNIT * (scale ? scale[p] : 1) + 0.5);
+    return OK;
+}

@@ -1,0 +1,66 @@
+// One movement, ready to be compared: the directions of the body's eleven parts at 30 Hz in the person's own upright
+// frame, so that place, facing, build and sensor do not matter.
+//
+// The upright frame: x to the person's left, the horizontal direction from the right hip to the left; z up; y ahead,
+// horizontal. (Left-handed; nothing here depends on that.) A part's direction points from its end nearer the waist to
+// the other: waist to torso, torso to neck, neck to head, shoulder to elbow, elbow to hand, hip to knee, knee to foot.
+//
+// Joints are interpolated to 30 Hz and smoothed by a Gaussian of 0.05 s (chosen by hand: half the swing time of the
+// fastest blows here). A joint unknown for more than a quarter of a second leaves its parts unknown; for the time
+// alignment only, such a gap is bridged linearly.
+#pragma once
+#include "compare/alignment.h"
+#include "compare/joint_samples.h"
+
+#define MOVEMENT_RATE_HZ 30.0
+enum { MOVEMENT_STEP_NS = 33333333 };
+
+struct movement_frame {
+    float direction[PART_COUNT][3]; // unit vectors, upright frame
+    float sigma[PART_COUNT];        // standard deviation of a direction, rad about each axis across it
+    float shoulders[3];             // unit vector from the right shoulder to the left, upright frame
+    float heading;                  // of the hips' axis about the vertical, rad, unwrapped from frame to frame
+    uint16_t known;                 // bit p: part p; bit PART_COUNT: shoulders
+};
+
+struct movement {
+    struct movement_frame *frames;   // [count], malloc'ed
+    int32_t count;                   // frame i is at i / MOVEMENT_RATE_HZ seconds after the first sample
+    uint16_t ever_known;             // parts known in at least a tenth of the frames
+    float sigma_typical[PART_COUNT]; // median over the frames that know the part, rad
+};
+void movement_free(struct movement *m); // zeroed is fine; leaves it zeroed
+
+// ERR_INPUT: neither hips nor shoulders are ever known, so there is no upright frame. ERR_MEMORY. On failure *out is
+// zeroed. The samples' axes are joint_samples.h's.
+MUST_CHECK enum status movement_from_samples(const struct joint_samples *samples, struct movement *out);
+
+// From a recording (take NULL: its only one) or a joints-csv file. ERR_INPUT: a take's name was given for a csv file;
+// else as joint_samples_read_*.
+struct movement_source {
+    int64_t frames_dropped, frames_side_mended, clock_jumps;
+    double tilt_rad; // the camera's, found by the person's standing; 0: not tilted, or gravity is known
+    bool sigma_given;
+};
+MUST_CHECK enum status movement_read(const char *path, const char *take, struct movement *out,
+                                     struct movement_source *source);
+
+// As in a mirror: left and right parts exchanged, x reversed. ERR_MEMORY.
+MUST_CHECK enum status movement_mirror(const struct movement *m, struct movement *out);
+
+// Feature frames for align(): parts that are in `parts`, others 0. malloc'ed. scale: [PART_COUNT] 0..1 of each part's
+// numbers; NULL: 1. ERR_MEMORY.
+MUST_CHECK enum status movement_features(const struct movement *m, uint16_t parts, const double *scale,
+                                         struct feature_frame **frames);
+
+// Scales by which each part that moves has about the same say, however far it swings: 1 / sqrt(1 + variance / (18
+// degrees)^2), the variance of its directions in m; so that one limb's timing does not decide the time alignment.
+// The 18 degrees by hand.
+void movement_equal_say(const struct movement *m, double scale[PART_COUNT]);
+
+// The part on the other side; the trunk's and the head's is itself.
+enum part mirrored_part(enum part p);
+
+// One instant, for live judging as for movement_from_samples, which does the same after interpolating and smoothing.
+void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const float sigma_m[JOINT_COUNT],
+                                const bool known[JOINT_COUNT], struct movement_frame *out);

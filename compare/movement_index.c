@@ -1,0 +1,174 @@
+#include "compare/movement_index.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { BLOCK = 8, MOST_QUERY = 3000 };
+
+struct box {
+    int16_t low[FEATURE_NUMBERS], high[FEATURE_NUMBERS];
+};
+
+struct movement_index {
+    struct features frames;
+    struct box *boxes;
+    int32_t blocks;
+};
+
+static void box_of(const struct features *f, int32_t first, struct box *box)
+{
+    memcpy(box->low, f->frames[first].number, sizeof box->low);
+    memcpy(box->high, f->frames[first].number, sizeof box->high);
+    for (int32_t i = first + 1; i < first + BLOCK && i < f->count; i++)
+        for (int n = 0; n < FEATURE_NUMBERS; n++) {
+            const int16_t x = f->frames[i].number[n];
+            box->low[n] = x < box->low[n] ? x : box->low[n];
+            box->high[n] = x > box->high[n] ? x : box->high[n];
+        }
+}
+
+static int32_t box_distance(const struct box *a, const struct box *b)
+{
+    int32_t sum = 0;
+    for (int n = 0; n < FEATURE_NUMBERS; n++) {
+        const int16_t below = (int16_t)(a->low[n] - b->high[n]), above = (int16_t)(b->low[n] - a->high[n]);
+        int16_t d = below > above ? below : above;
+        d = d > 0 ? d : 0;
+        sum += d * d;
+    }
+    return sum;
+}
+
+enum status movement_index_open(struct movement_index **out, const struct features *f)
+{
+    *out = NULL;
+    if (f->count <= 0)
+        return fail(ERR_INPUT, "a movement without frames cannot be searched");
+    struct movement_index *m = calloc(1, sizeof *m);
+    const int32_t blocks = (f->count + BLOCK - 1) / BLOCK;
+    if (m)
+        m->boxes = malloc((size_t)blocks * sizeof *m->boxes);
+    if (!m || !m->boxes) {
+        movement_index_close(&m);
+        return fail(ERR_MEMORY, "no memory to index a movement");
+    }
+    m->frames = *f;
+    m->blocks = blocks;
+    for (int32_t k = 0; k < blocks; k++)
+        box_of(f, k * BLOCK, &m->boxes[k]);
+    *out = m;
+    return OK;
+}
+
+void movement_index_close(struct movement_index **m)
+{
+    if (*m) {
+        free((*m)->boxes);
+        free(*m);
+    }
+    *m = NULL;
+}
+
+// rest[q][k]: what the query's frames from block q on cost at least on a path that starts in block k; one row more than
+// the query has blocks, of zeros. distance: scratch, a number for each block of the index.
+static void bound_starts(const struct movement_index *m, const struct features *query, int32_t step, int64_t *rest,
+                         int32_t *distance)
+{
+    const int32_t reach = (2 * query->count + BLOCK - 1) / BLOCK + 1; // blocks that a path may touch
+    const int32_t query_blocks = (query->count + BLOCK - 1) / BLOCK;
+    memset(rest + (size_t)query_blocks * (size_t)m->blocks, 0, (size_t)m->blocks * sizeof *rest);
+    for (int32_t q = query_blocks - 1; q >= 0; q--) {
+        const int32_t first = q * BLOCK;
+        const int64_t *after = rest + (size_t)(q + 1) * (size_t)m->blocks;
+        int64_t *bound = rest + (size_t)q * (size_t)m->blocks;
+        struct box box;
+        box_of(query, first, &box);
+        const int32_t frames = query->count - first < BLOCK ? query->count - first : BLOCK;
+        for (int32_t k = 0; k < m->blocks; k++)
+            distance[k] = box_distance(&box, &m->boxes[k]);
+        // Frame first of the query is reached at the earliest at the start, and no path goes on beyond `reach`.
+        for (int32_t k = 0; k < m->blocks; k++) {
+            int32_t least = distance[k];
+            for (int32_t n = k + 1; n < k + reach && n < m->blocks; n++)
+                least = distance[n] < least ? distance[n] : least;
+            // A frame of the query is arrived at in a step of both, 2 c, or of its own, c + step.
+            bound[k] = after[k] + (int64_t)frames * (least + (least < step ? least : step));
+        }
+    }
+}
+
+struct row {
+    int64_t price;
+    int32_t start;
+};
+
+// The best path from a start in block k. scratch: 2 (2 query + BLOCK) rows.
+static void align_from(const struct movement_index *m, const struct features *query, int32_t step, int32_t k,
+                       const int64_t *rest, struct row *scratch, struct movement_match *best)
+{
+    const int32_t first = k * BLOCK, left = m->frames.count - first;
+    const int32_t width = 2 * query->count + BLOCK < left ? 2 * query->count + BLOCK : left;
+    struct row *above = scratch, *here = scratch + width;
+    best->tried++;
+    for (int32_t i = 0; i < query->count; i++) {
+        int64_t least = INT64_MAX;
+        for (int32_t j = 0; j < width; j++) {
+            const int64_t c = feature_cost(&query->frames[i], &m->frames.frames[first + j]);
+            struct row r = {INT64_MAX / 2, j};
+            if (!i && j < BLOCK)
+                r = (struct row){2 * c, j};
+            if (i && j && above[j - 1].price + 2 * c < r.price)
+                r = (struct row){above[j - 1].price + 2 * c, above[j - 1].start};
+            if (i && above[j].price + c + step < r.price)
+                r = (struct row){above[j].price + c + step, above[j].start};
+            if (j && here[j - 1].price + c + step < r.price)
+                r = (struct row){here[j - 1].price + c + step, here[j - 1].start};
+            if (j - r.start >= 2 * query->count)
+                r.price = INT64_MAX / 2;
+            here[j] = r;
+            least = r.price < least ? r.price : least;
+        }
+        // What is left of this block of the query is not counted.
+        if (least + rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k] >= best->price)
+            return;
+        struct row *swap = above;
+        above = here;
+        here = swap;
+    }
+    for (int32_t j = 0; j < width; j++)
+        if (above[j].price < best->price) {
+            best->price = above[j].price;
+            best->first = first + above[j].start;
+            best->end = first + j + 1;
+        }
+}
+
+enum status movement_index_find(const struct movement_index *m, const struct features *query, int32_t step,
+                                struct movement_match *out)
+{
+    if (query->count <= 0 || query->count > MOST_QUERY)
+        return fail(ERR_INPUT, "a piece of 1 to %d frames can be searched, not of %d", MOST_QUERY, (int)query->count);
+    const size_t query_blocks = ((size_t)query->count + BLOCK - 1) / BLOCK;
+    int64_t *bound = malloc((query_blocks + 1) * (size_t)m->blocks * sizeof *bound);
+    int32_t *distance = malloc((size_t)m->blocks * sizeof *distance);
+    struct row *scratch = malloc(2 * (size_t)(2 * query->count + BLOCK) * sizeof *scratch);
+    struct movement_match best = {.price = INT64_MAX / 4};
+    const bool have = bound && distance && scratch;
+    if (have) {
+        bound_starts(m, query, step, bound, distance);
+        int32_t likely = 0;
+        for (int32_t k = 1; k < m->blocks; k++)
+            likely = bound[k] < bound[likely] ? k : likely;
+        align_from(m, query, step, likely, bound, scratch, &best);
+        const int64_t known = best.price;
+        best.price = known + 1; // so that an earlier one of the same price is taken
+        for (int32_t k = 0; k < m->blocks; k++)
+            if (bound[k] < best.price)
+                align_from(m, query, step, k, bound, scratch, &best);
+        *out = best;
+    }
+    free(bound);
+    free(distance);
+    free(scratch);
+    return have ? OK : fail(ERR_MEMORY, "no memory to search a movement");
+}

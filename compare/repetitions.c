@@ -1,0 +1,440 @@
+#include "compare/repetitions.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    THIN = 4,            // 30 Hz to 7.5 Hz
+    MOST_SEARCHED = 900, // thinned frames in which a cycle is searched: two minutes
+    LEAST_CYCLE = 6,     // thinned frames: 0.8 s
+    MOST_LAGS = 12,      // candidates for the length
+    SHIFTS = 12,         // candidates for the start, in a cycle
+    TREND = 2,           // cycles to both sides over which a mean is taken out
+};
+// As shares of the mean cost of two frames of the movement. By hand, on exercises 1 and 2 of KIMORE.
+static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
+// A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
+static const double MOST_PRICE = 0.45;
+// A longer cycle must be cheaper than a shorter one by this factor and by this.
+static const double LONGER_GAIN = 0.6, LONGER_MARGIN = 0.03;
+
+void repetition_list_free(struct repetition_list *l)
+{
+    free(l->spans);
+    *l = (struct repetition_list){0};
+}
+
+// ------------------------------------------------------------- one-pass search
+
+struct model {
+    const struct feature_frame *cycle;
+    int32_t length;
+    int64_t idle, stay; // prices
+};
+
+struct trace {
+    int64_t *here, *before;             // [length + 1] prices; the last is idle
+    int32_t *start_here, *start_before; // frame where the cycle that is being gone through began
+    uint8_t *idle_from_end;             // [count] idle after a completed cycle
+    int32_t *end_start;                 // [count] the start of the cycle that is completed at this frame
+    int64_t *end_price, *idle_price;    // [count]
+    uint8_t *started_from_end;          // [count] a cycle beginning here follows a completed one
+};
+
+static bool trace_open(struct trace *t, int32_t length, int32_t count)
+{
+    const size_t n = (size_t)length + 1, m = (size_t)count;
+    t->here = malloc(n * sizeof *t->here);
+    t->before = malloc(n * sizeof *t->before);
+    t->start_here = malloc(n * sizeof *t->start_here);
+    t->start_before = malloc(n * sizeof *t->start_before);
+    t->idle_from_end = calloc(m, 1);
+    t->started_from_end = calloc(m, 1);
+    t->end_start = malloc(m * sizeof *t->end_start);
+    t->end_price = malloc(m * sizeof *t->end_price);
+    t->idle_price = malloc(m * sizeof *t->idle_price);
+    return t->here && t->before && t->start_here && t->start_before && t->idle_from_end && t->started_from_end &&
+           t->end_start && t->end_price && t->idle_price;
+}
+
+static void trace_close(struct trace *t)
+{
+    free(t->here);
+    free(t->before);
+    free(t->start_here);
+    free(t->start_before);
+    free(t->idle_from_end);
+    free(t->started_from_end);
+    free(t->end_start);
+    free(t->end_price);
+    free(t->idle_price);
+}
+
+static const int64_t NEVER = INT64_MAX / 4;
+
+// The cheapest place to come from for place k at frame j.
+static void advance(const struct model *m, struct trace *t, int32_t j, int32_t k, int64_t entry)
+{
+    int64_t best = j ? t->before[k] + m->stay : NEVER;
+    int32_t start = j ? t->start_before[k] : 0;
+    if (j && k > 0 && t->before[k - 1] < best) {
+        best = t->before[k - 1];
+        start = t->start_before[k - 1];
+    }
+    if (j && k > 1 && t->before[k - 2] + m->stay < best) {
+        best = t->before[k - 2] + m->stay;
+        start = t->start_before[k - 2];
+    }
+    // The first and the last fifth of a cycle may be missing, at the price of idling through them.
+    if (5 * k <= m->length && entry + m->idle * k < best) {
+        best = entry + m->idle * k;
+        start = j;
+    }
+    t->here[k] = best;
+    t->start_here[k] = start;
+}
+
+// Goes through all frames. The prices at the end are in idle_price and end_price.
+static void explain(const struct model *m, const struct features *f, struct trace *t)
+{
+    for (int32_t j = 0; j < f->count; j++) {
+        const int64_t idle_before = j ? t->idle_price[j - 1] : 0, end_before = j ? t->end_price[j - 1] : NEVER;
+        const int64_t entry = idle_before < end_before ? idle_before : end_before;
+        t->started_from_end[j] = end_before < idle_before;
+        t->idle_from_end[j] = end_before < idle_before;
+        t->idle_price[j] = entry + m->idle;
+        for (int32_t k = 0; k < m->length; k++) {
+            advance(m, t, j, k, entry);
+            if (t->here[k] < NEVER)
+                t->here[k] += feature_cost(&m->cycle[k], &f->frames[j]);
+        }
+        t->end_price[j] = NEVER;
+        for (int32_t k = m->length - 1; 5 * (m->length - 1 - k) <= m->length; k--)
+            if (t->here[k] < NEVER && t->here[k] + m->idle * (m->length - 1 - k) < t->end_price[j]) {
+                t->end_price[j] = t->here[k] + m->idle * (m->length - 1 - k);
+                t->end_start[j] = t->start_here[k];
+            }
+        int64_t *swap = t->before;
+        t->before = t->here;
+        t->here = swap;
+        int32_t *swap_start = t->start_before;
+        t->start_before = t->start_here;
+        t->start_here = swap_start;
+    }
+}
+
+// Follows the explanation back from the last frame. spans NULL: only counts.
+static int32_t spans_of(const struct trace *t, int32_t count, struct repetition_span *spans)
+{
+    int32_t found = 0;
+    bool in_cycle = count && t->end_price[count - 1] < t->idle_price[count - 1];
+    for (int32_t j = count - 1; j >= 0;) {
+        if (in_cycle) {
+            if (spans)
+                spans[found] = (struct repetition_span){t->end_start[j], j + 1};
+            found++;
+            const int32_t start = t->end_start[j];
+            in_cycle = t->started_from_end[start];
+            j = start - 1;
+        } else {
+            in_cycle = t->idle_from_end[j];
+            j--;
+        }
+    }
+    for (int32_t k = 0; spans && k < found / 2; k++) {
+        const struct repetition_span swap = spans[k];
+        spans[k] = spans[found - 1 - k];
+        spans[found - 1 - k] = swap;
+    }
+    return found;
+}
+
+static enum status search(const struct model *m, const struct features *f, struct repetition_list *out, int64_t *price)
+{
+    struct trace t = {0};
+    enum status status = trace_open(&t, m->length, f->count) ? OK : fail(ERR_MEMORY, "no memory to find repetitions");
+    if (status == OK) {
+        explain(m, f, &t);
+        *price = t.end_price[f->count - 1] < t.idle_price[f->count - 1] ? t.end_price[f->count - 1]
+                                                                        : t.idle_price[f->count - 1];
+        out->count = spans_of(&t, f->count, NULL);
+        out->spans = malloc((size_t)(out->count ? out->count : 1) * sizeof *out->spans);
+        if (out->spans)
+            spans_of(&t, f->count, out->spans);
+        else
+            status = fail(ERR_MEMORY, "no memory to find repetitions");
+    }
+    trace_close(&t);
+    return status;
+}
+
+// ------------------------------------------------------------- the cycle
+
+struct thinned {
+    struct feature_frame *frames;
+    struct features all;
+};
+
+static enum status thin(const struct features *f, struct thinned *out)
+{
+    const int32_t count = (f->count + THIN - 1) / THIN;
+    out->frames = malloc((size_t)count * sizeof *out->frames);
+    if (!out->frames)
+        return fail(ERR_MEMORY, "no memory to find repetitions");
+    for (int32_t i = 0; i < count; i++)
+        out->frames[i] = f->frames[i * THIN];
+    out->all = (struct features){out->frames, count};
+    return OK;
+}
+
+// The part of the movement, of at most MOST_SEARCHED frames, in which successive frames differ most in sum.
+static struct features liveliest(const struct features *f)
+{
+    if (f->count <= MOST_SEARCHED)
+        return *f;
+    int64_t sum = 0, best = -1;
+    int32_t at = 0;
+    for (int32_t i = 1; i < f->count; i++) {
+        sum += feature_cost(&f->frames[i], &f->frames[i - 1]);
+        if (i > MOST_SEARCHED)
+            sum -= feature_cost(&f->frames[i - MOST_SEARCHED], &f->frames[i - MOST_SEARCHED - 1]);
+        if (i >= MOST_SEARCHED && sum > best) {
+            best = sum;
+            at = i - MOST_SEARCHED + 1;
+        }
+    }
+    return (struct features){f->frames + at, MOST_SEARCHED};
+}
+
+// Mean cost of two frames `lag` apart; [count / 2 + 1] numbers. Returns the mean over all lags.
+static double self_costs(const struct features *f, double *cost)
+{
+    double sum = 0;
+    const int32_t most = f->count / 2;
+    for (int32_t lag = 1; lag <= most; lag++) {
+        double of_lag = 0;
+        for (int32_t i = 0; i + lag < f->count; i++)
+            of_lag += feature_cost(&f->frames[i], &f->frames[i + lag]);
+        cost[lag] = of_lag / (f->count - lag);
+        sum += cost[lag];
+    }
+    return most ? sum / most : 0;
+}
+
+// The lags with the lowest local minima, at most MOST_LAGS, shortest first.
+static int choose_lags(const double *cost, int32_t most, double mean, int32_t lag[MOST_LAGS])
+{
+    int count = 0;
+    for (int32_t k = LEAST_CYCLE; k <= most; k++) {
+        const bool lowest = cost[k] < cost[k - 1] && (k == most || cost[k] <= cost[k + 1]);
+        if (!lowest || cost[k] > 0.9 * mean)
+            continue;
+        if (count < MOST_LAGS) {
+            lag[count++] = k;
+            continue;
+        }
+        int worst = 0;
+        for (int n = 1; n < count; n++)
+            worst = cost[lag[n]] > cost[lag[worst]] ? n : worst;
+        if (cost[k] < cost[lag[worst]]) {
+            memmove(&lag[worst], &lag[worst + 1], (size_t)(count - worst - 1) * sizeof *lag);
+            lag[count - 1] = k;
+        }
+    }
+    return count;
+}
+
+// Does a cycle from `first` go somewhere, compared with what the movement's frames differ by?
+static bool goes_somewhere(const struct features *f, int32_t first, int32_t length, double mean)
+{
+    int32_t most = 0;
+    for (int32_t k = 1; k < length; k++) {
+        const int32_t c = feature_cost(&f->frames[first], &f->frames[first + k]);
+        most = c > most ? c : most;
+    }
+    return most >= mean;
+}
+
+struct best_cycle {
+    struct repetition_span span;
+    double price; // mean, outside the cycle itself, as a share of the mean cost
+    double mean;  // cost of two frames, trend taken out
+};
+
+// Mean cost of two frames of the movement.
+static double mean_cost(const struct features *f)
+{
+    double sum = 0;
+    int64_t count = 0;
+    for (int32_t i = 0; i < f->count; i++)
+        for (int32_t k = i % 7; k < f->count; k += 7, count++)
+            sum += feature_cost(&f->frames[i], &f->frames[k]);
+    return count ? sum / (double)count : 0;
+}
+
+static enum status try_starts(const struct features *f, int32_t lag, struct best_cycle *of_lag)
+{
+    const int32_t shift = lag / SHIFTS > 0 ? lag / SHIFTS : 1;
+    const double mean = of_lag->mean;
+    enum status status = OK;
+    for (int32_t first = 0; first + lag <= f->count && status == OK; first += shift) {
+        if (!goes_somewhere(f, first, lag, mean))
+            continue;
+        const struct model m = {f->frames + first, lag, (int64_t)(IDLE * mean), (int64_t)(STAY * mean)};
+        struct repetition_list found = {0};
+        int64_t price = 0;
+        status = search(&m, f, &found, &price);
+        const double share = (double)price / mean / (f->count - lag);
+        if (status == OK && found.count >= 2 && share < of_lag->price) {
+            of_lag->span = (struct repetition_span){first, first + lag};
+            of_lag->price = share;
+        }
+        repetition_list_free(&found);
+    }
+    return status;
+}
+
+// Takes out the mean over `half` frames to both sides: people shift their stance from one repetition to the next.
+static enum status detrend(const struct features *f, int32_t half, struct feature_frame **out)
+{
+    struct feature_frame *to = *out = malloc((size_t)f->count * sizeof **out);
+    if (!to)
+        return fail(ERR_MEMORY, "no memory to find repetitions");
+    for (int n = 0; n < FEATURE_NUMBERS; n++) {
+        int64_t sum = 0;
+        int32_t first = 0, end = 0;
+        for (int32_t i = 0; i < f->count; i++) {
+            for (; end < f->count && end <= i + half; end++)
+                sum += f->frames[end].number[n];
+            for (; first < i - half; first++)
+                sum -= f->frames[first].number[n];
+            to[i].number[n] = (int16_t)(f->frames[i].number[n] - sum / (end - first));
+        }
+    }
+    return OK;
+}
+
+static enum status try_lag(const struct features *f, int32_t lag, struct best_cycle *best)
+{
+    struct best_cycle of_lag = {.price = 1e9};
+    struct feature_frame *level = NULL;
+    enum status status = detrend(f, TREND * lag, &level);
+    if (status == OK) {
+        const struct features flat = {level, f->count};
+        of_lag.mean = mean_cost(&flat);
+        if (of_lag.mean > 0)
+            status = try_starts(&flat, lag, &of_lag);
+    }
+    free(level);
+    if (of_lag.price < LONGER_GAIN * best->price - LONGER_MARGIN)
+        *best = of_lag;
+    return status;
+}
+
+static void thicken(struct repetition_list *l, int32_t count)
+{
+    for (int32_t k = 0; k < l->count; k++) {
+        l->spans[k].first *= THIN;
+        l->spans[k].end = l->spans[k].end * THIN < count ? l->spans[k].end * THIN : count;
+    }
+}
+
+// Numbers that vary little beside the one that varies most hold noise: they become 0.
+static void quieten(struct feature_frame *f, int32_t count)
+{
+    double variance[FEATURE_NUMBERS], most = 0;
+    for (int n = 0; n < FEATURE_NUMBERS; n++) {
+        double sum = 0, square = 0;
+        for (int32_t i = 0; i < count; i++) {
+            sum += f[i].number[n];
+            square += (double)f[i].number[n] * f[i].number[n];
+        }
+        variance[n] = square / count - sum / count * (sum / count);
+        most = fmax(most, variance[n]);
+    }
+    for (int n = 0; n < FEATURE_NUMBERS; n++)
+        for (int32_t i = 0; i < count && variance[n] < QUIET * most; i++)
+            f[i].number[n] = 0;
+}
+
+static enum status find(const struct features *f, int32_t count, struct repetition_list *out)
+{
+    const struct features searched = liveliest(f);
+    const int32_t most = searched.count / 2;
+    double *cost = malloc(((size_t)most + 2) * sizeof *cost);
+    if (!cost)
+        return fail(ERR_MEMORY, "no memory to find repetitions");
+    int32_t lag[MOST_LAGS];
+    cost[0] = 0;
+    const double mean = self_costs(&searched, cost);
+    const int lags = mean > 0 ? choose_lags(cost, most, mean, lag) : 0;
+    struct best_cycle best = {.price = 1e9};
+    enum status status = OK;
+    free(cost);
+    for (int k = 0; k < lags && status == OK; k++)
+        status = try_lag(&searched, lag[k], &best);
+    if (status != OK || best.price > MOST_PRICE)
+        return status;
+    const int32_t length = best.span.end - best.span.first, at = (int32_t)(searched.frames - f->frames);
+    struct feature_frame *level = NULL;
+    int64_t price;
+    status = detrend(f, TREND * length, &level);
+    if (status == OK) {
+        const struct model m = {level + at + best.span.first, length, (int64_t)(IDLE * best.mean),
+                                (int64_t)(STAY * best.mean)};
+        const struct features all = {level, f->count};
+        status = search(&m, &all, out, &price);
+    }
+    free(level);
+    out->cycle = (struct repetition_span){(at + best.span.first) * THIN, (at + best.span.end) * THIN};
+    if (status == OK && out->count >= 2)
+        thicken(out, count);
+    else
+        repetition_list_free(out);
+    return status;
+}
+
+enum status repetitions_find(const struct features *f, struct repetition_list *out)
+{
+    struct thinned t = {0};
+    *out = (struct repetition_list){0};
+    if (f->count < 2 * LEAST_CYCLE * THIN)
+        return OK;
+    enum status status = thin(f, &t);
+    if (status == OK) {
+        quieten(t.frames, t.all.count);
+        status = find(&t.all, f->count, out);
+    }
+    free(t.frames);
+    if (status != OK)
+        repetition_list_free(out);
+    return status;
+}
+
+enum status repetitions_of(const struct features *cycle, const struct features *f, struct repetition_list *out)
+{
+    struct thinned c = {0}, t = {0};
+    *out = (struct repetition_list){0};
+    enum status status = thin(cycle, &c);
+    if (status == OK)
+        status = thin(f, &t);
+    if (status == OK) {
+        double mean = 0;
+        for (int32_t i = 0; i < c.all.count; i++)
+            for (int32_t k = 0; k < c.all.count; k += 3)
+                mean += feature_cost(&c.frames[i], &c.frames[k]);
+        mean /= (double)c.all.count * ((c.all.count + 2) / 3);
+        // Another person's cycle is never as near as one's own: idle costs what a wrong pose of the cycle does.
+        const struct model m = {c.frames, c.all.count, (int64_t)mean, (int64_t)(STAY * mean)};
+        int64_t price;
+        status = search(&m, &t.all, out, &price);
+    }
+    if (status == OK)
+        thicken(out, f->count);
+    else
+        repetition_list_free(out);
+    free(c.frames);
+    free(t.frames);
+    return status;
+}

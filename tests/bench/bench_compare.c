@@ -1,0 +1,208 @@
+// Stage "compare": time alignment of two movements, error against time: ours (exact, pruned), the plain full dynamic
+// programme, and FastDTW (Salvador & Chan 2007) at several radii; movements of 300 frames of a person whose every bone
+// swings on its own, the attempt at a changing pace with noise. The error is the excess price over the optimum, in
+// percent. Before the table: finding a second's movement in an hour.
+#include "tests/bench/bench.h"
+#include "tests/support/limbs.h"
+
+#include "compare/movement.h"
+#include "compare/movement_index.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { ITEMS = 12, FRAMES = 300, HOUR = 108000, SECOND = 30, QUERIES = 20 };
+static const uint64_t SEED = 2026;
+
+struct pair {
+    struct feature_frame *a, *b;
+    struct features fa, fb;
+    int64_t best;
+};
+
+static const struct alignment_prices prices = {11 * FEATURE_UNIT * FEATURE_UNIT / 10 * 3,
+                                               11 * FEATURE_UNIT *FEATURE_UNIT / 10 * 3,
+                                               11 * FEATURE_UNIT *FEATURE_UNIT / 50};
+
+// Features of a person's movement at the given times.
+static enum status features_at(const struct limbs *limbs, const double *time_s, int count, double noise_m,
+                               struct rng *rng, struct feature_frame **out)
+{
+    struct joint_samples samples = {0};
+    struct movement m = {0};
+    enum status status = OK;
+    for (int i = 0; i < count && status == OK; i++) {
+        struct joint_sample s = {.time_ns = (int64_t)(i / MOVEMENT_RATE_HZ * 1e9 + 0.5),
+                                 .skeleton = limbs_at(limbs, time_s[i], noise_m, rng)};
+        for (int j = 0; j < JOINT_COUNT; j++)
+            s.sigma_m[j] = default_sigma_m(1);
+        status = joint_samples_add(&samples, &s);
+    }
+    if (status == OK)
+        status = movement_from_samples(&samples, &m);
+    if (status == OK)
+        status = movement_features(&m, m.ever_known, NULL, out);
+    joint_samples_free(&samples);
+    movement_free(&m);
+    return status;
+}
+
+static enum status make_pair(struct pair *p, struct rng *rng)
+{
+    const struct limbs limbs = limbs_random(rng);
+    double a_s[FRAMES], b_s[FRAMES], time_s = 0, pace = 1;
+    for (int i = 0; i < FRAMES; i++) {
+        a_s[i] = i / MOVEMENT_RATE_HZ;
+        b_s[i] = time_s;
+        pace += 0.05 * rng_normal(rng) + 0.05 * (1 - pace);
+        time_s += fmax(0, pace) / MOVEMENT_RATE_HZ;
+    }
+    enum status status = features_at(&limbs, a_s, FRAMES, 0.005, rng, &p->a);
+    if (status == OK)
+        status = features_at(&limbs, b_s, FRAMES, 0.02, rng, &p->b);
+    p->fa = (struct features){p->a, FRAMES};
+    p->fb = (struct features){p->b, FRAMES};
+    struct alignment x = {0};
+    if (status == OK)
+        status = align_plain(&p->fa, &p->fb, &prices, &x);
+    p->best = x.price;
+    alignment_free(&x);
+    return status;
+}
+
+struct contender {
+    const struct pair *pairs;
+    int radius; // 0: exact; -1: plain
+};
+
+static enum status measure(void *self, int item, struct bench_measure *out)
+{
+    const struct contender *c = self;
+    const struct pair *p = &c->pairs[item];
+    struct alignment x = {0};
+    const double started_ms = bench_clock_ms();
+    enum status status;
+    if (c->radius < 0)
+        status = align_plain(&p->fa, &p->fb, &prices, &x);
+    else if (!c->radius)
+        status = align(&p->fa, &p->fb, &prices, &x);
+    else
+        status = align_corridor(&p->fa, &p->fb, &prices, c->radius, &x);
+    out->time_ms = bench_clock_ms() - started_ms;
+    out->error = 100 * ((double)x.price / (double)p->best - 1);
+    out->extra[0] = (double)x.cells / (FRAMES * FRAMES);
+    alignment_free(&x);
+    return status;
+}
+
+static double scalar_cost(const struct feature_frame *a, const struct feature_frame *b)
+{
+    double sum = 0;
+    for (int k = 0; k < 3 * PART_COUNT; k++) {
+        const double d = (double)a->number[k] - b->number[k];
+        sum += d * d;
+    }
+    return sum;
+}
+
+// What a user writes: all cells, in doubles, the whole table kept.
+static enum status measure_textbook(void *self, int item, struct bench_measure *out)
+{
+    static double price[FRAMES][FRAMES];
+    const struct pair *p = &((const struct contender *)self)->pairs[item];
+    const double started_ms = bench_clock_ms();
+    double best = INFINITY;
+    for (int i = 0; i < FRAMES; i++)
+        for (int j = 0; j < FRAMES; j++) {
+            const double c = scalar_cost(&p->a[i], &p->b[j]);
+            double least = (double)prices.skip_a * i + (double)prices.skip_b * j + 2 * c;
+            if (i && j)
+                least = fmin(least, price[i - 1][j - 1] + 2 * c);
+            if (i)
+                least = fmin(least, price[i - 1][j] + c + prices.step);
+            if (j)
+                least = fmin(least, price[i][j - 1] + c + prices.step);
+            price[i][j] = least;
+            best =
+                fmin(best, least + (double)prices.skip_a * (FRAMES - 1 - i) + (double)prices.skip_b * (FRAMES - 1 - j));
+        }
+    out->time_ms = bench_clock_ms() - started_ms;
+    out->error = 100 * (best / (double)p->best - 1);
+    out->extra[0] = 1;
+    return OK;
+}
+
+static enum status search_an_hour(struct rng *rng)
+{
+    const struct limbs limbs = limbs_random(rng);
+    double *time_s = malloc(HOUR * sizeof *time_s), worst_ms = 0, sum_ms = 0;
+    struct feature_frame *frames = NULL, *query = NULL;
+    struct movement_index *index = NULL;
+    int right = 0;
+    enum status status = time_s ? OK : fail(ERR_MEMORY, "no memory for an hour");
+    for (int i = 0; i < HOUR && status == OK; i++)
+        time_s[i] = i / MOVEMENT_RATE_HZ;
+    if (status == OK)
+        status = features_at(&limbs, time_s, HOUR, 0.005, rng, &frames);
+    const struct features hour = {frames, HOUR};
+    double started_ms = bench_clock_ms();
+    if (status == OK)
+        status = movement_index_open(&index, &hour);
+    const double open_ms = bench_clock_ms() - started_ms;
+    for (int k = 0; k < QUERIES && status == OK; k++) {
+        const int at = (int)(rng_uniform(rng) * (HOUR - 2 * SECOND));
+        double query_s[SECOND];
+        for (int i = 0; i < SECOND; i++)
+            query_s[i] = (at + 1.25 * i) / MOVEMENT_RATE_HZ;
+        status = features_at(&limbs, query_s, SECOND, 0.02, rng, &query);
+        const struct features wanted = {query, SECOND};
+        struct movement_match found = {0};
+        started_ms = bench_clock_ms();
+        if (status == OK)
+            status = movement_index_find(index, &wanted, prices.step, &found);
+        const double ms = bench_clock_ms() - started_ms;
+        worst_ms = fmax(worst_ms, ms);
+        sum_ms += ms;
+        free(query);
+        right += abs(found.first - at) <= 5;
+    }
+    if (status == OK)
+        printf(
+            "compare: a second found in an hour: %.2f ms, at most %.2f ms, %d of %d right; index opened in %.0f ms\n",
+            sum_ms / QUERIES, worst_ms, right, QUERIES, open_ms);
+    movement_index_close(&index);
+    free(frames);
+    free(time_s);
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    static struct pair pairs[ITEMS];
+    struct rng rng = {SEED};
+    enum status status = OK;
+    printf("compare: seed %llu\n", (unsigned long long)SEED);
+    status = search_an_hour(&rng);
+    for (int i = 0; i < ITEMS && status == OK; i++)
+        status = make_pair(&pairs[i], &rng);
+    struct contender exact = {pairs, 0}, plain = {pairs, -1}, r1 = {pairs, 1}, r3 = {pairs, 3}, r10 = {pairs, 10},
+                     r30 = {pairs, 30};
+    const struct bench_contender contenders[] = {
+        {"ours, exact", measure, &exact, false},      {"plain, textbook", measure_textbook, &plain, true},
+        {"plain, our costs", measure, &plain, false}, {"FastDTW, radius 1", measure, &r1, false},
+        {"FastDTW, radius 3", measure, &r3, false},   {"FastDTW, radius 10", measure, &r10, false},
+        {"FastDTW, radius 30", measure, &r30, false},
+    };
+    if (status == OK)
+        status = bench_run(b, contenders, COUNT_OF(contenders), ITEMS);
+    for (int i = 0; i < ITEMS; i++) {
+        free(pairs[i].a);
+        free(pairs[i].b);
+    }
+    return status;
+}
+
+const struct bench_stage bench_stage_compare = {
+    "compare",        "time alignment of two movements, next to the plain way and FastDTW",
+    "excess_percent", "time_ms",
+    {"cells"},        run};

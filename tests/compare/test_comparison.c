@@ -1,0 +1,472 @@
+// Two movements compared, on a person made of exact joints: what is said about known differences, what must not matter,
+// and the hard cases.
+#include "compare/comparison.h"
+#include "compare/findings.h"
+#include "compare/live_judge.h"
+#include "compare/report.h"
+#include "tests/support/exercise.h"
+#include "tests/support/test.h"
+
+#include <stdio.h>
+
+static struct rng rng = {7};
+
+static void movement_of(struct joint_samples *s, struct movement *out)
+{
+    joint_samples_mend_sides(s);
+    EXPECT_STATUS(movement_from_samples(s, out), OK);
+    joint_samples_free(s);
+}
+
+static struct movement make(const struct exercise *e)
+{
+    struct joint_samples s;
+    struct movement m;
+    exercise_samples(e, &rng, &s);
+    movement_of(&s, &m);
+    return m;
+}
+
+static struct comparison compare(const struct exercise *a, const struct exercise *b)
+{
+    struct movement ma = make(a), mb = make(b);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&ma, &mb, &c), OK);
+    return c;
+}
+
+// A single repetition, so that findings are about it and not about repetitions.
+static struct exercise once(void)
+{
+    struct exercise e = exercise_default();
+    e.seconds = 3;
+    return e;
+}
+
+static void print_findings(const struct comparison *c)
+{
+    print_message("score %.2f\n", c->score);
+    for (int k = 0; k < c->finding_count; k++)
+        print_message("  %s %s: %s\n", finding_kind_name(c->findings[k].kind), c->findings[k].part,
+                      c->findings[k].sentence);
+}
+
+static const struct finding *find(const struct comparison *c, enum finding_kind kind)
+{
+    for (int k = 0; k < c->finding_count; k++)
+        if (c->findings[k].kind == kind)
+            return &c->findings[k];
+    return NULL;
+}
+
+static double worst_posture(const struct comparison *c)
+{
+    double worst = 0;
+    for (int k = 0; k < c->finding_count; k++)
+        if (c->findings[k].kind == FINDING_POSTURE)
+            worst = fmax(worst, fabs(c->findings[k].amount));
+    return worst;
+}
+
+static void test_place_facing_size_and_rate_do_not_matter(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.size = 1.3;
+    b.yaw_rad = 2.4;
+    b.x_m = -1.2;
+    b.z_m = 5;
+    struct comparison c = compare(&a, &b);
+    EXPECT_NEAR(c.score, 100, 0.01);
+    EXPECT_INT(c.finding_count, 0);
+    comparison_free(&c);
+    // What B differs by is judged alike, wherever either stands.
+    struct exercise wrong = a, wrong_elsewhere = b;
+    wrong.right_elbow_rad = wrong_elsewhere.right_elbow_rad = 0.5;
+    wrong.wrong_from_s = wrong_elsewhere.wrong_from_s = 0.5;
+    wrong.wrong_to_s = wrong_elsewhere.wrong_to_s = 2;
+    struct comparison here = compare(&a, &wrong), there = compare(&a, &wrong_elsewhere);
+    EXPECT_AT_MOST(here.score, 99);
+    EXPECT_NEAR(there.score, here.score, 0.01);
+    comparison_free(&here);
+    comparison_free(&there);
+    b.rate_hz = 50;
+    c = compare(&a, &b);
+    EXPECT_AT_LEAST(c.score, 99);
+    comparison_free(&c);
+}
+
+static void test_a_bent_elbow_is_named_first(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.right_elbow_rad = 0.42; // 24 degrees
+    b.wrong_from_s = 0.8;
+    b.wrong_to_s = 2.4;
+    struct comparison c = compare(&a, &b);
+    if (c.finding_count != 1)
+        print_findings(&c);
+    EXPECT_AT_LEAST(c.finding_count, 1);
+    EXPECT_INT(c.findings[0].kind, FINDING_POSTURE);
+    EXPECT_INT(strcmp(c.findings[0].part, "right_forearm"), 0);
+    EXPECT_NEAR(c.findings[0].amount, 24, 3);
+    EXPECT_NEAR(c.findings[0].from_s, 0.8, 0.15);
+    EXPECT_NEAR(c.findings[0].to_s, 2.4, 0.15);
+    EXPECT_TRUE(strstr(c.findings[0].sentence, "Right elbow 2") && strstr(c.findings[0].sentence, "more bent"));
+    comparison_free(&c);
+}
+
+// The larger the error the lower the score.
+static void test_score_falls_with_the_error(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    double before = 100.001;
+    for (int k = 0; k <= 8; k++) {
+        struct exercise b = a;
+        b.right_elbow_rad = k * 0.12;
+        b.wrong_from_s = 0.5;
+        b.wrong_to_s = 2.5;
+        struct comparison c = compare(&a, &b);
+        if (!(c.score < before))
+            print_error("error %d: score %.3f after %.3f\n", k, c.score, before);
+        EXPECT_TRUE(c.score < before);
+        before = c.score;
+        comparison_free(&c);
+    }
+}
+
+static void test_tempo_is_no_posture(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.tempo = 0.7;
+    b.seconds = 3 / 0.7;
+    struct comparison c = compare(&a, &b);
+    EXPECT_AT_MOST(worst_posture(&c), 10);
+    const struct finding *f = find(&c, FINDING_TIMING);
+    if (!f)
+        print_findings(&c);
+    EXPECT_TRUE(f && strstr(f->sentence, "too slow"));
+    EXPECT_AT_LEAST(c.score, 90);
+    comparison_free(&c);
+}
+
+static void test_pauses_of_either(void **state)
+{
+    (void)state;
+    struct exercise a = once(), b = once();
+    b.pause_at_s = 1;
+    b.pause_s = 0.8;
+    b.seconds = 3.8;
+    struct comparison c = compare(&a, &b);
+    const struct finding *f = find(&c, FINDING_TIMING);
+    if (!f || !strstr(f->sentence, "paused"))
+        print_findings(&c);
+    EXPECT_TRUE(f && strstr(f->sentence, "paused"));
+    EXPECT_AT_MOST(worst_posture(&c), 10);
+    EXPECT_TRUE(!find(&c, FINDING_EXTRA) && !find(&c, FINDING_MISSING));
+    comparison_free(&c);
+    c = compare(&b, &a); // a reference with a pause
+    EXPECT_AT_MOST(worst_posture(&c), 10);
+    EXPECT_TRUE(!find(&c, FINDING_EXTRA) && !find(&c, FINDING_MISSING));
+    EXPECT_AT_LEAST(c.score, 85);
+    comparison_free(&c);
+}
+
+static void test_a_late_arm_is_no_posture(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.right_arm_late_s = 0.3;
+    struct comparison c = compare(&a, &b);
+    const struct finding *f = find(&c, FINDING_TIMING);
+    if (!f || worst_posture(&c) > 10 || !strstr(f->sentence, "Right arm"))
+        print_findings(&c);
+    EXPECT_TRUE(f && strstr(f->sentence, "Right arm") && strstr(f->sentence, "late"));
+    EXPECT_AT_MOST(worst_posture(&c), 10);
+    comparison_free(&c);
+}
+
+static void test_mirrored_is_named(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.mirrored = true;
+    struct comparison c = compare(&a, &b);
+    EXPECT_TRUE(c.mirrored);
+    EXPECT_AT_LEAST(c.finding_count, 1);
+    EXPECT_INT(c.findings[0].kind, FINDING_MIRRORED);
+    comparison_free(&c);
+}
+
+static void test_range(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.range = 0.6;
+    struct comparison c = compare(&a, &b);
+    const struct finding *f = find(&c, FINDING_RANGE);
+    if (!f)
+        print_findings(&c);
+    EXPECT_TRUE(f && f->amount < 0);
+    comparison_free(&c);
+}
+
+static void test_repetitions_are_counted_and_judged(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default(), b = exercise_default();
+    a.seconds = 15;
+    b.seconds = 12;
+    b.right_elbow_rad = 0.6;
+    b.wrong_from_s = 6.5;
+    b.wrong_to_s = 8.5;
+    struct comparison c = compare(&a, &b);
+    EXPECT_INT(c.repetitions.reference_count, 5);
+    EXPECT_INT(c.repetitions.count, 4);
+    EXPECT_TRUE(find(&c, FINDING_MISSING) != NULL);
+    for (int k = 0; k < c.repetitions.count; k++)
+        if (k != 2)
+            EXPECT_AT_LEAST(c.repetitions.at[k].score, c.repetitions.at[2].score + 5);
+    comparison_free(&c);
+    // The reference done once, the attempt four times.
+    a.seconds = 3;
+    c = compare(&a, &b);
+    EXPECT_INT(c.repetitions.reference_count, 1);
+    EXPECT_INT(c.repetitions.count, 4);
+    comparison_free(&c);
+}
+
+// ------------------------------------------------------------- hard cases
+
+static void test_standing_still(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.still = true;
+    struct comparison c = compare(&a, &b);
+    EXPECT_AT_MOST(c.score, 60);
+    EXPECT_AT_LEAST(c.finding_count, 1);
+    comparison_free(&c);
+    c = compare(&b, &b); // both still: the same
+    EXPECT_NEAR(c.score, 100, 0.01);
+    comparison_free(&c);
+}
+
+static void test_one_frame(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.seconds = 1 / b.rate_hz;
+    struct comparison c = compare(&a, &b);
+    EXPECT_INT(c.b.count, 1);
+    EXPECT_AT_MOST(c.score, 60);
+    comparison_free(&c);
+    c = compare(&b, &a);
+    comparison_free(&c);
+}
+
+static void test_an_hour(void **state)
+{
+    (void)state;
+    struct exercise a = once(), b = once();
+    b.seconds = 3600;
+    b.rate_hz = 15;
+    struct comparison c = compare(&a, &b);
+    EXPECT_NEAR(c.repetitions.count, 1200, 2);
+    comparison_free(&c);
+}
+
+static void test_unknown_joints(void **state)
+{
+    (void)state;
+    const struct exercise e = once();
+    struct joint_samples s;
+    struct movement a = make(&e), b;
+    exercise_samples(&e, &rng, &s);
+    for (int64_t i = 0; i < s.count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            s.at[i].skeleton.confidence[j] = 0;
+    EXPECT_STATUS(movement_from_samples(&s, &b), ERR_INPUT);
+    joint_samples_free(&s);
+    // A limb that is never seen: unknown, and not held against anybody.
+    exercise_samples(&e, &rng, &s);
+    for (int64_t i = 0; i < s.count; i++)
+        s.at[i].skeleton.confidence[JOINT_RIGHT_HAND] = 0;
+    movement_of(&s, &b);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_NEAR(c.score, 100, 0.01);
+    struct part_difference parts[PART_COUNT];
+    part_differences(&c.a, &c.b, &c.timeline, 40, parts);
+    EXPECT_INT(parts[PART_RIGHT_FOREARM].verdict, VERDICT_UNKNOWN);
+    EXPECT_INT(parts[PART_LEFT_FOREARM].verdict, VERDICT_SAME);
+    comparison_free(&c);
+}
+
+static void test_a_clock_that_jumps(void **state)
+{
+    (void)state;
+    const struct exercise e = once();
+    const int64_t jumps[] = {-1000000000000, 7200000000000};
+    for (int k = 0; k < 2; k++) {
+        struct joint_samples s, t = {0};
+        struct movement a = make(&e), b;
+        exercise_samples(&e, &rng, &s);
+        for (int64_t i = 0; i < s.count; i++) {
+            s.at[i].time_ns += i > 40 ? jumps[k] : 0;
+            EXPECT_STATUS(joint_samples_add(&t, &s.at[i]), OK);
+        }
+        EXPECT_INT(t.jumps, 1);
+        joint_samples_free(&s);
+        movement_of(&t, &b);
+        struct comparison c;
+        EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+        EXPECT_AT_LEAST(c.score, 99);
+        comparison_free(&c);
+    }
+}
+
+static void exchange(struct skeleton *s, enum joint l, enum joint r)
+{
+    const struct vec3 swap = s->joint[l];
+    s->joint[l] = s->joint[r];
+    s->joint[r] = swap;
+}
+
+static void test_left_and_right_confused_for_some_frames(void **state)
+{
+    (void)state;
+    const struct exercise e = once();
+    struct joint_samples s;
+    struct movement a = make(&e), b;
+    exercise_samples(&e, &rng, &s);
+    for (int64_t i = 30; i < 45; i++) {
+        struct skeleton *k = &s.at[i].skeleton;
+        exchange(k, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
+        exchange(k, JOINT_LEFT_ELBOW, JOINT_RIGHT_ELBOW);
+        exchange(k, JOINT_LEFT_HAND, JOINT_RIGHT_HAND);
+        exchange(k, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
+        exchange(k, JOINT_LEFT_KNEE, JOINT_RIGHT_KNEE);
+        exchange(k, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT);
+    }
+    movement_of(&s, &b);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_NEAR(c.score, 100, 0.01);
+    comparison_free(&c);
+}
+
+static void test_walking_half_a_cycle_late(void **state)
+{
+    (void)state;
+    struct exercise a = exercise_default();
+    a.walking = true;
+    a.seconds = 5;
+    struct exercise b = a;
+    b.begin_s = 0.5;
+    struct comparison c = compare(&a, &b);
+    if (c.score < 90)
+        print_findings(&c);
+    EXPECT_AT_LEAST(c.score, 90);
+    EXPECT_TRUE(!find(&c, FINDING_MISSING));
+    EXPECT_AT_MOST(worst_posture(&c), 10);
+    comparison_free(&c);
+}
+
+static void test_noise_is_not_found(void **state)
+{
+    (void)state;
+    struct exercise a = once();
+    a.noise_m = 0.01;
+    struct comparison c = compare(&a, &a);
+    if (worst_posture(&c) > 0)
+        print_findings(&c);
+    EXPECT_AT_MOST(worst_posture(&c), 0);
+    EXPECT_AT_LEAST(c.score, 90);
+    comparison_free(&c);
+}
+
+static void test_reports_hold_what_was_found(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.right_elbow_rad = 0.5;
+    b.wrong_to_s = 3;
+    struct comparison c = compare(&a, &b);
+    char *json = report_json(&c), *csv = report_csv(&c), *html = report_html(&c, "A <b>", "B"), *text = report_text(&c);
+    EXPECT_TRUE(json && strstr(json, "\"score\"") && strstr(json, "\"right_forearm\"") &&
+                strstr(json, "\"repetitions\""));
+    EXPECT_TRUE(csv && strstr(csv, "right_elbow_deg"));
+    EXPECT_TRUE(html && strstr(html, "Right elbow") && strstr(html, "A &lt;b&gt;") && strstr(html, "<svg"));
+    EXPECT_TRUE(text && strstr(text, "Right elbow"));
+    free(json);
+    free(csv);
+    free(html);
+    free(text);
+    comparison_free(&c);
+}
+
+// Frame by frame, without looking ahead: the time is found, and the bent elbow while it is bent.
+static void test_live(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise b = a;
+    b.right_elbow_rad = 0.5;
+    b.wrong_from_s = 1;
+    b.wrong_to_s = 2;
+    struct movement ma = make(&a), mb = make(&b);
+    struct live_judge *judge;
+    EXPECT_STATUS(live_judge_open(&judge, &ma), OK);
+    for (int32_t f = 0; f < mb.count; f++) {
+        int32_t reference;
+        struct part_difference parts[PART_COUNT];
+        live_judge_frame(judge, &mb.frames[f], &reference, parts);
+        if (f > 20 && f < 75)
+            EXPECT_NEAR(reference, f, 5);
+        if (f > 35 && f < 55)
+            EXPECT_INT(parts[PART_RIGHT_FOREARM].verdict, VERDICT_DIFFERENT);
+        if (f > 20 && f < 75)
+            EXPECT_TRUE(parts[PART_LEFT_FOREARM].verdict != VERDICT_DIFFERENT);
+    }
+    live_judge_close(&judge);
+    movement_free(&ma);
+    movement_free(&mb);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_place_facing_size_and_rate_do_not_matter),
+        cmocka_unit_test(test_a_bent_elbow_is_named_first),
+        cmocka_unit_test(test_score_falls_with_the_error),
+        cmocka_unit_test(test_tempo_is_no_posture),
+        cmocka_unit_test(test_pauses_of_either),
+        cmocka_unit_test(test_a_late_arm_is_no_posture),
+        cmocka_unit_test(test_mirrored_is_named),
+        cmocka_unit_test(test_range),
+        cmocka_unit_test(test_repetitions_are_counted_and_judged),
+        cmocka_unit_test(test_standing_still),
+        cmocka_unit_test(test_one_frame),
+        cmocka_unit_test(test_an_hour),
+        cmocka_unit_test(test_unknown_joints),
+        cmocka_unit_test(test_a_clock_that_jumps),
+        cmocka_unit_test(test_left_and_right_confused_for_some_frames),
+        cmocka_unit_test(test_walking_half_a_cycle_late),
+        cmocka_unit_test(test_noise_is_not_found),
+        cmocka_unit_test(test_live),
+        cmocka_unit_test(test_reports_hold_what_was_found),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
