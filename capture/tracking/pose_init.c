@@ -404,15 +404,18 @@ static bool fit_turn(struct fit_task *task, const struct person_measures *measur
 
 static double energy_with_shape(const struct fit_result *r) { return r->energy + shape_log_odds(&r->shape); }
 
-// Refines the start in scratch->trial into scratch->best and compares it with the followed body.
+// Refines the start in scratch->trial into scratch->best and compares it with the followed body. feet: they are
+// visible; of depth only they tell which way a person faces.
 static bool is_start_likelier(struct fit_task *task, const struct body_pose *followed, const struct body_shape *shape,
-                              struct fit_scratch *scratch)
+                              bool feet, struct fit_scratch *scratch)
 {
     struct pose_candidates rough = no_candidates(task, true);
     keep_best(&rough, &scratch->trial, ARMS_DOWN);
     choose_best(task, &rough, scratch);
     body_evaluate(task, followed, shape, &scratch->trial);
     bool turned = v3_dot(ahead_of(followed), ahead_of(&scratch->best.pose)) < 0;
+    if (turned && !feet && !task->points)
+        return false;
     return energy_with_shape(&scratch->trial) - energy_with_shape(&scratch->best) >
            (turned ? RESTART_TURNED_LOG_ODDS : RESTART_LOG_ODDS);
 }
@@ -430,7 +433,8 @@ bool pose_restart(struct fit_task *task, const struct body_pose *followed, int t
         if (fit_turn(task, &s, turn, scratch) &&
             largest_distance(&scratch->trial.build, &scratch->best.build) > SAME_POSE_M) {
             scratch->other_rate = energy_with_shape(&scratch->trial) / fmax(1, energy_with_shape(&scratch->best));
-            if (scratch->other_rate < RESTART_RATE && is_start_likelier(task, &pose, &before.shape.mean, scratch))
+            if (scratch->other_rate < RESTART_RATE &&
+                is_start_likelier(task, &pose, &before.shape.mean, !s.legs_cropped, scratch))
                 return true;
         }
     }

@@ -8,22 +8,14 @@
 #include <string.h>
 
 // Chosen by hand; docs/results.md measures the outcome.
-#define GAP_NS              200000000 // frames further apart than this are not one motion
-#define AGREE_M             0.06      // two estimates of a limb about this far apart are half averaged
-#define FACING_DIFFERS_M    0.15      // trunks further apart face opposite ways
-#define FRAME_LOG_ODDS_MAX  3         // bound for one frame, which may be wrong
-#define CHANGE_M            0.05      // a limb that moves this far between frames costs 1 in log-odds; for 30 Hz
-#define CHANGE_LOG_ODDS_MAX 50.0
-#define WALK_LOG_ODDS       1.5 // in a frame, for walking ahead at WALK_M_S or faster
-#define WALK_M_S            0.5
-#define IMPOSSIBLE          1e6
-#define WINDOW_NS           500000000 // jitter is averaged over this time to both sides
-#define LINE_M              0.010     // off the line between two frames; more is motion
-#define SPEED_MAX_M_S       6.5       // of a thrown punch, as in pose_filter.c
+#define GAP_NS        200000000 // frames further apart than this are not one motion
+#define AGREE_M       0.06      // two estimates of a limb about this far apart are half averaged
+#define WINDOW_NS     500000000 // jitter is averaged over this time to both sides
+#define LINE_M        0.010     // off the line between two frames; more is motion
+#define SPEED_MAX_M_S 6.5       // of a thrown punch, as in pose_filter.c
 enum {
     SMOOTHING_ITERATIONS = 2, // the second finds the lines between smoothed points
     SPEED_ITERATIONS = 60,
-    STEPS = 5,             // frames to both sides over which walking is measured; for 30 Hz
     REPAIR_ITERATIONS = 40 // bounding speeds changes lengths and vice versa: alternated until they agree
 };
 
@@ -205,158 +197,7 @@ enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t ind
     return OK;
 }
 
-// ------------------------------------------------------------- deciding
-
-enum { TRUNK = LIMB_COUNT };             // beside the limbs: which way the person faces
-enum { STATES = ESTIMATES * ESTIMATES }; // choices of estimates for a left and a right limb
-
-static uint8_t state_of(enum estimate left, enum estimate right) { return (uint8_t)(left * ESTIMATES + right); }
-static enum estimate left_estimate(int state) { return (enum estimate)(state / ESTIMATES); }
-static enum estimate right_estimate(int state) { return (enum estimate)(state % ESTIMATES); }
-
-static double limb_distance(const struct skeleton *a, const struct skeleton *b, int k)
-{
-    if (k < LIMB_COUNT)
-        return fmax(v3_distance(a->joint[body_limbs[k].bend], b->joint[body_limbs[k].bend]),
-                    v3_distance(a->joint[body_limbs[k].tip], b->joint[body_limbs[k].tip]));
-    double most = 0;
-    for (int i = 0; i < LIMB_COUNT; i++)
-        most = fmax(most, v3_distance(a->joint[body_limbs[i].root], b->joint[body_limbs[i].root]));
-    return most;
-}
-
-bool smoother_facing_differs(const struct smoother_frame *m)
-{
-    return limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
-}
-
-// Log-odds that the person walks ahead and not backwards with the facing of estimate w.
-static double walking_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, enum estimate w)
-{
-    int64_t from = i > STEPS ? i - STEPS : 0, to = i + STEPS < count ? i + STEPS : count - 1;
-    const struct vec3 *j = m[i].estimate[w].joint;
-    struct vec3 left = v3_sub(j[JOINT_LEFT_HIP], j[JOINT_RIGHT_HIP]), up = v3_sub(j[JOINT_NECK], j[JOINT_WAIST]),
-                way = v3_sub(m[to].estimate[FORWARD].joint[JOINT_WAIST], m[from].estimate[FORWARD].joint[JOINT_WAIST]);
-    double dt_s = 1e-9 * (double)(m[to].time_ns - m[from].time_ns);
-    if (!(dt_s > 0))
-        return 0;
-    return WALK_LOG_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (dt_s * WALK_M_S)));
-}
-
-// Log-odds against each facing in frame i (emissions).
-static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
-{
-    const struct smoother_frame *at = &m[i];
-    bool flipped = at->has_backward && smoother_facing_differs(at);
-    for (int state = 0; state < STATES; state++)
-        against[state] = IMPOSSIBLE;
-    double *ahead = &against[state_of(FORWARD, FORWARD)], *back = &against[state_of(BACKWARD, BACKWARD)];
-    *ahead = 0;
-    if (!at->has_backward)
-        return;
-    *back = 0;
-    if (!flipped)
-        return;
-    *ahead = fmax(-FRAME_LOG_ODDS_MAX, fmin(FRAME_LOG_ODDS_MAX, at->odds.whole_body)) -
-             walking_log_odds(m, count, i, FORWARD);
-    *back = -walking_log_odds(m, count, i, BACKWARD);
-}
-
-// Log-odds against each choice of estimates for a pair of limbs, `first` and the next (emissions).
-static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
-{
-    bool flipped = at->has_backward && smoother_facing_differs(at);
-    double least = IMPOSSIBLE;
-    for (int state = 0; state < STATES; state++) {
-        enum estimate left = left_estimate(state), right = right_estimate(state);
-        const double(*odds)[2] = (const double(*)[2])at->odds.pair[first / 2];
-        against[state] = odds[left == FORWARD][right == FORWARD] -
-                         (left == ALTERNATIVE ? at->alternative_odds[first] : 0) -
-                         (right == ALTERNATIVE ? at->alternative_odds[first + 1] : 0);
-        bool there = (left != ALTERNATIVE || at->alternative_odds[first] > 0) &&
-                     (right != ALTERNATIVE || at->alternative_odds[first + 1] > 0);
-        if (!at->has_backward || flipped)
-            there = left == right && left == (flipped ? at->facing : FORWARD);
-        if (!there)
-            against[state] = IMPOSSIBLE;
-        least = fmin(least, against[state]);
-    }
-    for (int state = 0; state < STATES; state++)
-        if (against[state] < IMPOSSIBLE)
-            against[state] = fmin(FRAME_LOG_ODDS_MAX, against[state] - least);
-}
-
-// Log-odds against part k jumping from estimate v in the frame before `m` to estimate w in it (transitions).
-static void find_changes(const struct smoother_frame *m, int k, double change[ESTIMATES][ESTIMATES])
-{
-    for (int v = 0; v < ESTIMATES; v++)
-        for (int w = 0; w < ESTIMATES; w++)
-            change[v][w] = fmin(limb_distance(&m->estimate[w], &m[-1].estimate[v], k) / CHANGE_M, CHANGE_LOG_ODDS_MAX);
-}
-
-// -log of the sum of the choices' odds.
-static double soft_min(const double against[STATES])
-{
-    double least = INFINITY, sum = 0;
-    for (int s = 0; s < STATES; s++)
-        least = fmin(least, against[s]);
-    for (int s = 0; s < STATES; s++)
-        sum += portable_exp(least - against[s]);
-    return least - portable_log(sum);
-}
-
-// Emissions of one frame, and transitions from the frame before, of a pair of limbs, `first` and the next, or of the
-// trunk (TRUNK).
-struct chain_step {
-    double against[STATES], change[STATES][STATES];
-};
-
-static void find_step(const struct smoother_frame *m, int64_t count, int64_t i, int first, struct chain_step *out)
-{
-    double left[ESTIMATES][ESTIMATES] = {0}, right[ESTIMATES][ESTIMATES] = {0};
-    if (first == TRUNK)
-        find_trunk_log_odds(m, count, i, out->against);
-    else
-        find_pair_log_odds(&m[i], first, out->against);
-    if (i)
-        find_changes(&m[i], first, left);
-    if (i && first != TRUNK)
-        find_changes(&m[i], first + 1, right);
-    for (int r = 0; r < STATES; r++)
-        for (int s = 0; s < STATES; s++)
-            out->change[r][s] = left[left_estimate(r)][left_estimate(s)] + right[right_estimate(r)][right_estimate(s)];
-}
-
-// The posterior probability of each choice in each of `count` frames over all sequences of choices (forward-backward
-// algorithm, Rabiner 1989, in log-odds). Legs may be exchanged in one of the passes, so that the states are pairs.
-static void forward_backward(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES])
-{
-    struct chain_step step;
-    double sum[STATES], after[STATES] = {0};
-    for (int64_t i = 0; i < count; i++) { // forward variables: log-odds against each state up to here
-        find_step(m, count, i, first, &step);
-        for (int s = 0; s < STATES; s++) {
-            for (int r = 0; i && r < STATES; r++)
-                sum[r] = posterior[i - 1][r] + step.change[r][s];
-            posterior[i][s] = step.against[s] + (i ? soft_min(sum) : 0);
-        }
-    }
-    for (int64_t i = count - 1; i >= 0; i--) {
-        for (int s = 0; s < STATES; s++)
-            posterior[i][s] += after[s];
-        double all = soft_min(posterior[i]);
-        for (int s = 0; s < STATES; s++)
-            posterior[i][s] = portable_exp(all - posterior[i][s]);
-        find_step(m, count, i, first, &step);
-        double then[STATES];
-        memcpy(then, after, sizeof then);
-        for (int r = 0; r < STATES; r++) {
-            for (int s = 0; s < STATES; s++)
-                sum[s] = step.change[r][s] + step.against[s] + then[s];
-            after[r] = soft_min(sum);
-        }
-    }
-}
+// ------------------------------------------------------------- merging
 
 // The point between the forward and the backward estimate of a joint, and its covariance.
 static struct vec3 mixed_joint(const struct smoother_frame *m, enum joint j, double backward_share,
@@ -402,7 +243,7 @@ static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum esti
     *covariance = joint_covariance(&m->estimate[ALTERNATIVE], joint);
     if (source == ALTERNATIVE)
         return m->estimate[ALTERNATIVE].joint[joint];
-    double off = limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
+    double off = smoother_limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
            other = 0.5 * portable_exp(-off * off);
     return mixed_joint(m, joint, source == BACKWARD ? 1 - other : other, covariance);
 }
@@ -539,7 +380,7 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
         body_forward_kinematics(shape, &m[i].pose, &build);
         memcpy(m[i].estimate[FORWARD].joint, build.joint, sizeof build.joint);
     }
-    forward_backward(m, count, TRUNK, scratch->posterior);
+    smoother_find_posterior(m, count, TRUNK, scratch->posterior);
     for (int64_t i = 0; i < count; i++) {
         const double *posterior = scratch->posterior[i];
         const double forward = posterior[state_of(FORWARD, FORWARD)],
@@ -549,7 +390,7 @@ static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t
         merge_estimates(&m[i]);
     }
     for (int first = 0; first < LIMB_COUNT; first += 2) {
-        forward_backward(m, count, first, scratch->posterior);
+        smoother_find_posterior(m, count, first, scratch->posterior);
         for (int64_t i = 0; i < count; i++)
             merge_pair(&m[i], first, scratch->posterior[i]);
     }

@@ -1,4 +1,5 @@
-// What the smoother keeps of each frame: skeleton_smoother.c fills and smooths it, smoother_confidence.c judges it.
+// What the smoother keeps of each frame: skeleton_smoother.c fills and smooths it, smoother_choice.c chooses between
+// estimates, smoother_confidence.c judges the result.
 #pragma once
 #include "capture/tracking/skeleton_smoother.h"
 
@@ -26,8 +27,26 @@ struct smoother_frame {
     struct skeleton result;         // in the end in the colour camera's axes
 };
 
+// ------------------------------------------------------------- smoother_choice.c
+
+enum { TRUNK = LIMB_COUNT };             // beside the limbs: which way the person faces
+enum { STATES = ESTIMATES * ESTIMATES }; // choices of estimates for a left and a right limb
+
+static inline uint8_t state_of(enum estimate left, enum estimate right) { return (uint8_t)(left * ESTIMATES + right); }
+static inline enum estimate left_estimate(int state) { return (enum estimate)(state / ESTIMATES); }
+static inline enum estimate right_estimate(int state) { return (enum estimate)(state % ESTIMATES); }
+
+// How far a limb, or the roots of all limbs (TRUNK), is apart: the largest distance of its joints.
+double smoother_limb_distance(const struct skeleton *a, const struct skeleton *b, int k);
+
 // The trunks of the passes are so far apart that they face opposite ways.
 bool smoother_facing_differs(const struct smoother_frame *m);
+
+// The posterior probability of each choice in each of `count` frames over all sequences of choices (forward-backward
+// algorithm, Rabiner 1989, in log-odds). Legs may be exchanged in one of the passes, so that the states are pairs.
+void smoother_find_posterior(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES]);
+
+// ------------------------------------------------------------- smoother_confidence.c
 
 // Of one frame, after smoother_decide_confidence.
 void smoother_find_features(const struct smoother_frame *m, struct smoothed_features out[JOINT_COUNT]);

@@ -19,7 +19,7 @@ static void expect_frame(const struct bone_frame *f)
 
 static struct skeleton random_skeleton(struct rng *rng)
 {
-    struct skeleton s;
+    struct skeleton s = {0};
     for (int j = 0; j < JOINT_COUNT; j++) {
         s.joint[j] = rng_normal3(rng, 1);
         s.confidence[j] = 1;
@@ -30,7 +30,7 @@ static struct skeleton random_skeleton(struct rng *rng)
 // Upright, facing -z (the camera), arms hanging slightly outwards; camera axes.
 static struct skeleton upright(void)
 {
-    struct skeleton s;
+    struct skeleton s = {0};
     static const double at[JOINT_COUNT][3] = {
         [JOINT_HEAD] = {0, -0.25, 0},
         [JOINT_NECK] = {0, 0, 0},

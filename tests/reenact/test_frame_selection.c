@@ -9,7 +9,7 @@ enum { FRAMES = 60, SEED = 20140701 };
 
 static struct skeleton random_skeleton(struct rng *rng, double unknown)
 {
-    struct skeleton s;
+    struct skeleton s = {0};
     for (int j = 0; j < JOINT_COUNT; j++) {
         s.joint[j] = v3_add(v3(0, 0, 3), rng_normal3(rng, 1));
         s.confidence[j] = rng_uniform(rng) < unknown ? 0 : 1;
@@ -180,7 +180,7 @@ static struct skeleton standing(double angle)
         [JOINT_RIGHT_KNEE] = {-0.12, -0.98, 0.03},
         [JOINT_RIGHT_FOOT] = {-0.12, -1.4, 0},
     };
-    struct skeleton s;
+    struct skeleton s = {0};
     for (int j = 0; j < JOINT_COUNT; j++) {
         double left = at[j][0], front = at[j][2];
         s.joint[j] =

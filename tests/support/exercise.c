@@ -86,7 +86,7 @@ struct skeleton exercise_at(const struct exercise *e, double time_s, struct rng 
 {
     const struct pose_angles a = angles_at(e, time_s);
     struct vec3 joint[JOINT_COUNT];
-    struct skeleton s;
+    struct skeleton s = {0};
     pose(&a, joint);
     if (e->mirrored)
         exchange_sides(joint);

@@ -116,7 +116,7 @@ struct skeleton whole_body(double arm)
         [JOINT_RIGHT_KNEE] = {-0.14, 0.5, 0},
         [JOINT_RIGHT_FOOT] = {-0.16, 0.9, 0},
     };
-    struct skeleton s;
+    struct skeleton s = {0};
     for (int j = 0; j < JOINT_COUNT; j++) {
         s.joint[j] = v3(at[j][0], at[j][1], 2.5 + at[j][2]);
         s.confidence[j] = 1;
