@@ -55,7 +55,8 @@ static struct joint_sample sample_of(const struct take_entry *entry)
 {
     struct joint_sample s = {.time_ns = entry->time_ns, .skeleton = entry->skeleton};
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s.sigma_m[j] = default_sigma_m(s.skeleton.confidence[j]);
+        const double sigma_m = joint_sigma_m(&entry->skeleton, (enum joint)j);
+        s.sigma_m[j] = sigma_m > 0 ? (float)sigma_m : default_sigma_m(s.skeleton.confidence[j]);
         if (entry->located)
             s.skeleton.joint[j] = level_from_world(pose_apply(entry->world_from_camera, s.skeleton.joint[j]));
         if (!v3_finite(s.skeleton.joint[j]))
