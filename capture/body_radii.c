@@ -157,14 +157,20 @@ static double walk_to_edge(const struct projected_skeleton *seen, const struct p
     return walk->furthest_px;
 }
 
+// A joint that is not seen and may be anywhere. One that is only less sure to be right is used: where it is wrong, the
+// surface is seldom at the bone's depth along the whole part, which is checked.
+static bool is_guessed(const struct skeleton *s, enum joint j)
+{
+    return s->confidence[j] < 1 && !(joint_sigma_m(s, j) <= SEEN_SIGMA_MAX_M);
+}
+
 double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,
                                const uint16_t *depth, const uint8_t *mask, enum part part)
 {
     struct projected_skeleton seen = project_skeleton(calibration, skeleton);
     struct part_ends ends = part_ends[part];
-    // A guessed joint is not used.
-    if (!seen.usable[ends.from] || !seen.usable[ends.to] || skeleton->confidence[ends.from] < 1 ||
-        skeleton->confidence[ends.to] < 1)
+    if (!seen.usable[ends.from] || !seen.usable[ends.to] || is_guessed(skeleton, ends.from) ||
+        is_guessed(skeleton, ends.to))
         return 0;
     struct pixel a = seen.pixel[ends.from], b = seen.pixel[ends.to];
     double length_px = portable_hypot(b.x - a.x, b.y - a.y);
