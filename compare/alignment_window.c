@@ -65,10 +65,16 @@ struct programme {
     int32_t best_a, best_b;
 };
 
+// Prices of the cells from which a cell can be reached.
+struct neighbors {
+    int64_t above_left, above, left;
+};
+
 // The best way to cell (i, j) before its own cost: which step, and its price without c and with `twice` if 2 c follow.
-static inline int64_t arrive(const struct programme *p, int64_t above_left, int64_t above, int64_t left, int32_t i,
-                             int32_t j, int32_t c, uint8_t *from)
+static inline int64_t arrive(const struct programme *p, struct neighbors near, int32_t i, int32_t j, int32_t c,
+                             uint8_t *from)
 {
+    const int64_t above_left = near.above_left, above = near.above, left = near.left;
     const int64_t skipped = (int64_t)p->prices->skip_a * i + (int64_t)p->prices->skip_b * j;
     int64_t before = above_left < skipped ? above_left : skipped;
     *from = above_left <= skipped ? FROM_BOTH : FROM_START;
@@ -85,13 +91,12 @@ static inline int64_t arrive(const struct programme *p, int64_t above_left, int6
 }
 
 // The least that any way to the cell costs, before its cost is known.
-static inline int64_t at_least(const struct programme *p, int64_t above_left, int64_t above, int64_t left, int32_t i,
-                               int32_t j)
+static inline int64_t at_least(const struct programme *p, struct neighbors near, int32_t i, int32_t j)
 {
     int64_t least = (int64_t)p->prices->skip_a * i + (int64_t)p->prices->skip_b * j;
-    least = above_left < least ? above_left : least;
-    least = above < least ? above : least;
-    return left < least ? left : least;
+    least = near.above_left < least ? near.above_left : least;
+    least = near.above < least ? near.above : least;
+    return near.left < least ? near.left : least;
 }
 
 static void fill_row(struct programme *p, int32_t i)
@@ -106,10 +111,11 @@ static void fill_row(struct programme *p, int32_t i)
         const int64_t above = p->above[j];
         const int64_t limit = rest ? bound->best - rest[j / bound->block] : ALIGNMENT_INFINITE;
         int64_t price = ALIGNMENT_INFINITE;
-        if (at_least(p, above_left, above, left, i, j) <= limit) {
+        const struct neighbors near = {above_left, above, left};
+        if (at_least(p, near, i, j) <= limit) {
             const int32_t c = cost_of(row, &p->b->frames[j]);
             p->cells++;
-            price = arrive(p, above_left, above, left, i, j, c, &from[j]);
+            price = arrive(p, near, i, j, c, &from[j]);
             const int64_t total = price + (int64_t)p->prices->skip_a * (p->a->count - 1 - i) +
                                   (int64_t)p->prices->skip_b * (p->b->count - 1 - j);
             if (total < p->best) {

@@ -1,5 +1,5 @@
-// Findings of a comparison in plain English, worst first, kinds kept apart: a slow pupil is not told that the elbow is
-// wrong.
+// Findings of a comparison in plain English, worst first, kinds kept apart: a slow pupil does not read that the elbow
+// is wrong.
 //
 //   posture   a joint or part is held differently. Judged joint by joint, each against the part that carries it (thighs
 //             against the hips, a forearm against the upper arm), so that a leaning trunk is one finding and not five.

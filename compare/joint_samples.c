@@ -79,7 +79,7 @@ static enum status read_take(const struct take *take, const char *path, const ch
         status = joint_samples_add(out, &sample);
     }
     if (status == OK && !out->count)
-        status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: nobody was tracked in it", name, path);
+        status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: no person was tracked in it", name, path);
     if (status == OK && !located)
         joint_samples_level(out);
     return status;

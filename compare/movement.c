@@ -85,11 +85,17 @@ static void in_frame(const struct upright *u, struct vec3 v, float out[3])
     out[2] = (float)v3_dot(v, u->up);
 }
 
-static void direction_of(const struct upright *u, const struct vec3 joint[JOINT_COUNT],
-                         const float sigma_m[JOINT_COUNT], enum joint from, enum joint to, float direction[3],
-                         float *sigma)
+struct measured_joints {
+    const struct vec3 *joint; // [JOINT_COUNT]
+    const float *sigma_m;
+};
+
+static void direction_of(const struct upright *u, struct measured_joints joints, struct part_ends ends,
+                         float direction[3], float *sigma)
 {
-    const struct vec3 v = v3_sub(joint[to], joint[from]);
+    const enum joint from = ends.from, to = ends.to;
+    const float *sigma_m = joints.sigma_m;
+    const struct vec3 v = v3_sub(joints.joint[to], joints.joint[from]);
     const double length = v3_length(v);
     in_frame(u, v3_unit(v), direction);
     const double across2 =
@@ -102,6 +108,7 @@ static void direction_of(const struct upright *u, const struct vec3 joint[JOINT_
 void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const float sigma_m[JOINT_COUNT],
                                 const bool known[JOINT_COUNT], struct movement_frame *out)
 {
+    const struct measured_joints joints = {joint, sigma_m};
     struct upright u;
     *out = (struct movement_frame){0};
     if (!upright_of(joint, sigma_m, known, &u))
@@ -111,11 +118,11 @@ void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const floa
         const enum joint from = outward[p].from, to = outward[p].to;
         if (!known[from] || !known[to] || v3_distance(joint[from], joint[to]) < 1e-3)
             continue;
-        direction_of(&u, joint, sigma_m, from, to, out->direction[p], &out->sigma[p]);
+        direction_of(&u, joints, (struct part_ends){from, to}, out->direction[p], &out->sigma[p]);
         out->known |= (uint16_t)(1u << p);
     }
     if (known[JOINT_LEFT_SHOULDER] && known[JOINT_RIGHT_SHOULDER]) {
-        direction_of(&u, joint, sigma_m, JOINT_RIGHT_SHOULDER, JOINT_LEFT_SHOULDER, out->shoulders, NULL);
+        direction_of(&u, joints, (struct part_ends){JOINT_RIGHT_SHOULDER, JOINT_LEFT_SHOULDER}, out->shoulders, NULL);
         out->known |= (uint16_t)(1u << PART_COUNT);
     }
 }

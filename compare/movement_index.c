@@ -102,10 +102,17 @@ struct row {
     int32_t start;
 };
 
+struct sought {
+    const struct features *query;
+    int32_t step; // price of a step in one of the two alone
+};
+
 // The best path from a start in block k. scratch: 2 (2 query + BLOCK) rows.
-static void align_from(const struct movement_index *m, const struct features *query, int32_t step, int32_t k,
-                       const int64_t *rest, struct row *scratch, struct movement_match *best)
+static void align_from(const struct movement_index *m, struct sought sought, int32_t k, const int64_t *rest,
+                       struct row *scratch, struct movement_match *best)
 {
+    const struct features *query = sought.query;
+    const int32_t step = sought.step;
     const int32_t first = k * BLOCK, left = m->frames.count - first;
     const int32_t width = 2 * query->count + BLOCK < left ? 2 * query->count + BLOCK : left;
     struct row *above = scratch, *here = scratch + width;
@@ -159,12 +166,12 @@ enum status movement_index_find(const struct movement_index *m, const struct fea
         int32_t likely = 0;
         for (int32_t k = 1; k < m->blocks; k++)
             likely = bound[k] < bound[likely] ? k : likely;
-        align_from(m, query, step, likely, bound, scratch, &best);
+        align_from(m, (struct sought){query, step}, likely, bound, scratch, &best);
         const int64_t known = best.price;
         best.price = known + 1; // so that an earlier one of the same price is taken
         for (int32_t k = 0; k < m->blocks; k++)
             if (bound[k] < best.price)
-                align_from(m, query, step, k, bound, scratch, &best);
+                align_from(m, (struct sought){query, step}, k, bound, scratch, &best);
         *out = best;
     }
     free(bound);

@@ -44,12 +44,17 @@ static double farthest_part(const struct movement_frame *x, const struct movemen
     return sqrt(second2);
 }
 
+struct pose_pair {
+    const struct movement_frame *before, *after;
+};
+
 // Does the movement leave both poses within first..end - 1?
-static bool has_content(const struct movement *m, int32_t first, int32_t end, const struct movement_frame *before,
-                        const struct movement_frame *after, uint16_t parts, double chord)
+static bool has_content(const struct movement *m, int32_t first, int32_t end, struct pose_pair poses, uint16_t parts,
+                        double chord)
 {
     for (int32_t f = first; f < end; f++)
-        if (farthest_part(&m->frames[f], before, parts) > chord && farthest_part(&m->frames[f], after, parts) > chord)
+        if (farthest_part(&m->frames[f], poses.before, parts) > chord &&
+            farthest_part(&m->frames[f], poses.after, parts) > chord)
             return true;
     return false;
 }
@@ -77,9 +82,10 @@ static enum status look_for_jump(struct walk *w, int32_t j, int32_t next)
     const struct movement_frame before = movement_at(w->a, from), after = movement_at(w->a, to);
     // Out and back to the same pose: less of it may be the same movement with a smaller range.
     const bool back = farthest_part(&before, &after, w->parts) < MOVED_CHORD;
-    const bool content =
-        has_content(w->a, piece.a_first, piece.a_end, &before, &after, w->parts, back ? ADDED_CHORD : MOVED_CHORD);
-    if (!content && back && has_content(w->a, piece.a_first, piece.a_end, &before, &after, w->parts, MOVED_CHORD))
+    const bool content = has_content(w->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, w->parts,
+                                     back ? ADDED_CHORD : MOVED_CHORD);
+    if (!content && back &&
+        has_content(w->a, piece.a_first, piece.a_end, (struct pose_pair){&before, &after}, w->parts, MOVED_CHORD))
         return OK;
     piece.kind = content ? PIECE_MISSING : PIECE_PAUSE_SKIPPED;
     piece.turned_rad = turned(w->a, piece.a_first, piece.a_end);
@@ -96,9 +102,10 @@ static enum status look_for_halt(struct walk *w, int32_t first, int32_t end)
     const int32_t a_first = (int32_t)w->reference[first], a_end = (int32_t)w->reference[end - 1] + 1;
     struct piece piece = {.a_first = a_first, .a_end = a_end, .b_first = first, .b_end = end};
     const struct movement_frame before = movement_at(w->a, a_first), after = movement_at(w->a, a_end - 1);
-    const bool content =
-        end - first >= LEAST_PIECE && has_content(w->b, first, end, &before, &after, w->parts, ADDED_CHORD) &&
-        has_content(w->b, first, end, &w->b->frames[first], &w->b->frames[end - 1], w->parts, ADDED_CHORD);
+    const bool content = end - first >= LEAST_PIECE &&
+                         has_content(w->b, first, end, (struct pose_pair){&before, &after}, w->parts, ADDED_CHORD) &&
+                         has_content(w->b, first, end, (struct pose_pair){&w->b->frames[first], &w->b->frames[end - 1]},
+                                     w->parts, ADDED_CHORD);
     piece.kind = content ? PIECE_EXTRA : PIECE_PAUSE;
     piece.turned_rad = turned(w->b, first, end);
     if (content)

@@ -1,7 +1,7 @@
 // Repetitions in a movement, and which of them resemble a given one.
 //
 // A repetition model is one cycle, a template of T frames. A movement is explained by it frame by frame: either idle,
-// at a fixed price, or at some place of the cycle, which goes on by 0 to 2 places a frame and starts anew after its
+// at a fixed price, or at some place of the cycle, which goes on by 0 to 2 places a frame and starts again after its
 // end; the cheapest explanation is found by dynamic programming (the one-pass algorithm for connected words, Ney 1984,
 // with one word). A cycle that is not gone through to its end is none, so getting into position is not counted.
 //

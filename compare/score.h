@@ -1,4 +1,4 @@
-// How well an attempt matches a reference, as one number. 100: the same movement, by anybody, anywhere.
+// How well an attempt matches a reference, as one number. 100: the same movement, by any person, anywhere.
 //
 // Of every part: the distance of its two directions over the pairs of the alignment (so that what only the reference
 // goes through counts, too), with half of their constant offset taken

@@ -62,7 +62,7 @@ struct point_evidence {
 };
 
 // At most this many points of an image count as independent, and none has an energy beyond POINT_ENERGY_MAX. A network
-// that errs errs in many neighbouring points at once. If left and right are exchanged all over a person who faces the
+// that errs errs in many neighbouring points together. If left and right are exchanged all over a person who faces the
 // camera, most points are off by many standard deviations: about 18 log-odds in one image. That is enough to outweigh
 // what depth has for a body that faces the wrong way, which is little, and too little to move what depth shows: a
 // forearm that leaves its surface costs 20 and more.

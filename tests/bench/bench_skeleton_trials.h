@@ -11,7 +11,7 @@ MUST_CHECK enum status trial_motions(struct bench *b, const char *folder);
 MUST_CHECK enum status trial_bodies(struct bench *b);
 
 // Random short films (tests/support/dice_plan.h) in the world's own motions and, where `motions` is not NULL, those of
-// its BVH files: how often the skeleton is wrong, by cause, and the command that makes each of the worst films anew.
+// its BVH files: how often the skeleton is wrong, by cause, and the command that makes each of the worst films again.
 // ERR_MISSING: no such file there. ERR_IO: what the films could not be written to.
 MUST_CHECK enum status trial_dice(struct bench *b, const struct bench_dice *dice, const char *motions);
 

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-// None of these films shows somebody still and from behind throughout, which depth alone cannot tell from the front.
+// None of these films shows a person still and from behind throughout, which depth alone cannot tell from the front.
 enum { FILMS = 4, SEED = 12 };
 static const double SECONDS = 2;
 

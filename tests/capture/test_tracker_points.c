@@ -256,7 +256,7 @@ static void test_person_whom_colour_does_not_show(void **state)
     print_message("believed after %d frames\n", k);
     EXPECT_INT(k, 60);
     tracked_film_close(&f);
-    tracked_film_open(&f, "woman", "still"); // and with points at once
+    tracked_film_open(&f, "woman", "still"); // and with points from the first frame on
     tracked_film_shoot(&f, from, 0, 1);
     set_points(&f, TRUE_POINTS, from, 0);
     EXPECT_STATUS(tracker_next(f.tracker, 0, f.depth, &got, NULL), OK);

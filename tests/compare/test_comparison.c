@@ -298,7 +298,7 @@ static void test_unknown_joints(void **state)
             s.at[i].skeleton.confidence[j] = 0;
     EXPECT_STATUS(movement_from_samples(&s, &b), ERR_INPUT);
     joint_samples_free(&s);
-    // A limb that is never seen: unknown, and not held against anybody.
+    // A limb that is never seen: unknown, and not counted as different.
     exercise_samples(&e, &rng, &s);
     for (int64_t i = 0; i < s.count; i++)
         s.at[i].skeleton.confidence[JOINT_RIGHT_HAND] = 0;

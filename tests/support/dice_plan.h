@@ -2,7 +2,7 @@
 // measuring how often the tracked skeleton is wrong.
 //
 // Film `index` of a seed depends on these two, on the length and on the list of motions alone: one film can be made
-// anew without the others. Drawn are: the figure, uniformly; the motion, uniformly; the stretch of it, the sensor's
+// again without the others. Drawn are: the figure, uniformly; the motion, uniformly; the stretch of it, the sensor's
 // height and direction and the direction the actor faces, uniformly; the situation, as dice_situation_share says; the
 // place, uniformly in distance and bearing among those where the situation comes true (checked on the true joints);
 // 640x480 in one film of four, else 320x240; a swept room in half of the films.

@@ -1,5 +1,6 @@
 // A person doing an exercise, as joints with exact truth: both arms are raised sideways and lowered while the knees
-// bend, and the right hand does more than the left, so that left and right can be told apart. One repetition takes 3 s.
+// bend, and the right hand does more than the left, so that left and right can be distinguished. One repetition takes 3
+// s.
 #pragma once
 #include "capture/recording/skeleton.h"
 #include "compare/joint_samples.h"
