@@ -430,8 +430,10 @@ const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index
     return s->frame[index].person >= 0 ? &s->frame[index].result : NULL;
 }
 
-void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT])
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT],
+                             float widening[JOINT_COUNT])
 {
     assert(index >= 0 && index < s->count);
     smoother_find_features(&s->frame[index], out);
+    memcpy(widening, s->frame[index].widening, sizeof s->frame[index].widening);
 }

@@ -14,7 +14,7 @@
 // restored.
 //
 // Frames in which the forward pass found no person stay without one. Pure: no file, no clock; one take, one thread.
-// Memory: 3904 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
+// Memory: 3968 bytes a frame, and 256 for each with points of its colour image, in arrays that double when full: an
 // hour at 30 Hz uses 422 MB of 512 MB allocated, with points of every third image 431 of 528 MB. smoother_solve takes
 // another 120 bytes a frame while it runs.
 #pragma once
@@ -56,4 +56,6 @@ MUST_CHECK enum status smoother_solve(struct smoother *s);
 const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);
 
 // By what the frame's errors were judged (joint_error.h); of a frame with a person, after smoother_solve.
-void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT]);
+// widening: the factors by which the covariances grew because of them.
+void smoother_joint_features(const struct smoother *s, int64_t index, struct smoothed_features out[JOINT_COUNT],
+                             float widening[JOINT_COUNT]);

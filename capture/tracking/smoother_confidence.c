@@ -76,7 +76,8 @@ static void decide_confidence(struct smoother_frame *m)
         const bool shown = !(features[j].value[SMOOTHED_NOT_SHOWN] > 0);
         const struct joint_error error = joint_error_smoothed((enum joint)j, shown, &features[j]);
         struct covariance3 c = joint_covariance(&m->result, (enum joint)j);
-        c = covariance3_scale(&c, joint_error_factor(&error, &c));
+        m->widening[j] = (float)joint_error_factor(&error, &c);
+        c = covariance3_scale(&c, (double)m->widening[j]);
         joint_set_covariance(&m->result, (enum joint)j, &c);
         m->result.confidence[j] = confidence_of(joint_sigma_m(&m->result, (enum joint)j), error.is_seen);
     }

@@ -23,6 +23,7 @@ struct smoother_frame {
     double facing_doubt;            // the probability of the other one
     float around_odds[JOINT_COUNT]; // mean of the log-odds of being wrong, over half a second to both sides
     float open_m[JOINT_COUNT];      // spread of the choices that the posterior leaves open
+    float widening[JOINT_COUNT];    // factor by which the covariance grew in the end
     float moved_m[JOINT_COUNT];     // from the nearest point between the two passes
     struct skeleton result;         // in the end in the colour camera's axes
 };

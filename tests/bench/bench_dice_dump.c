@@ -90,8 +90,12 @@ static void print_features(FILE *file, const struct dice_film *film, int k, enum
         fprintf(file, ",%.4g", frame->evidence.smoothed[j].value[f]);
     for (int mode = 0; mode < DICE_MODES; mode++) {
         const struct dice_joint is = dice_joint_of(frame, (enum dice_mode)mode, j, &rig[mode]);
-        fprintf(file, ",%g,%.4f,%.4f,%.5g,%.5f", (double)is.confidence, is.error_m, is.less_m, is.mahalanobis2,
-                joint_sigma_m(&frame->track[mode], j));
+        // Of the covariance as it is before the models that are fitted to this.
+        const double widening = mode == DICE_ONLINE     ? (double)frame->evidence.online_widening[j]
+                                : mode == DICE_SMOOTHED ? (double)frame->evidence.smoothed_widening[j]
+                                                        : 1;
+        fprintf(file, ",%g,%.4f,%.4f,%.5g,%.5f", (double)is.confidence, is.error_m, is.less_m,
+                is.mahalanobis2 * widening, joint_sigma_m(&frame->track[mode], j) / sqrt(widening));
     }
     fputc('\n', file);
 }

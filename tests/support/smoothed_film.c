@@ -28,6 +28,13 @@ enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const ui
     return OK;
 }
 
+static void keep_online_evidence(struct film_evidence *e, const struct tracker *t)
+{
+    memcpy(e->pass[0], tracker_joint_features(t), sizeof e->pass[0]);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        e->online_widening[j] = (float)tracker_uncertainty_terms(t)[j].scale;
+}
+
 static enum status forward_backward(struct smoothed_film *f, struct tracker *tracker, struct smoother *smoother)
 {
     enum status status = OK;
@@ -41,7 +48,7 @@ static enum status forward_backward(struct smoothed_film *f, struct tracker *tra
         status = tracker_next(tracker, f->time_ns[k], f->depth[k], &f->online[k], NULL);
         f->found[k] = status == OK;
         if (f->found[k] && f->evidence)
-            memcpy(f->evidence[k].pass[0], tracker_joint_features(tracker), sizeof f->evidence[k].pass[0]);
+            keep_online_evidence(&f->evidence[k], tracker);
         if (status >= 0)
             status = smoother_push(smoother, tracker, f->time_ns[k], f->found[k] ? &f->online[k] : NULL);
     }
@@ -58,7 +65,7 @@ static enum status forward_backward(struct smoothed_film *f, struct tracker *tra
         if (smoothed)
             f->smoothed[k] = *smoothed;
         if (smoothed && f->evidence)
-            smoother_joint_features(smoother, k, f->evidence[k].smoothed);
+            smoother_joint_features(smoother, k, f->evidence[k].smoothed, f->evidence[k].smoothed_widening);
     }
     return status;
 }
