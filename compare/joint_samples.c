@@ -11,7 +11,7 @@ void joint_samples_free(struct joint_samples *s)
     *s = (struct joint_samples){0};
 }
 
-float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.012f : 0.05f; }
+float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.02f : 0.08f; }
 
 enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample)
 {
