@@ -10,9 +10,9 @@ const char *verdict_name(enum verdict v); // "unknown", "same", "different"
 #define DIFFERENT_RAD (10 * 3.14159265358979323846 / 180)
 
 // Of an angle between two directions and its standard deviation: which side of DIFFERENT_RAD it is on, at a level of
-// VERDICT_LEVEL for a Gaussian error; unknown where neither is that sure, or the standard deviation is above 15
+// VERDICT_LEVEL for a Gaussian error; unknown where neither is that sure, or the standard deviation is above 17
 // degrees.
-#define VERDICT_LEVEL 0.76
+#define VERDICT_LEVEL 0.73
 enum verdict verdict_of(double angle_rad, double sigma_rad);
 
 struct part_difference {
