@@ -124,6 +124,44 @@ char *report_json(const struct comparison *c)
     return end(&t);
 }
 
+static void json_text(FILE *to, const char *text)
+{
+    fputc('"', to);
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\')
+            fputc('\\', to);
+        if ((unsigned char)*text < 32)
+            fprintf(to, "\\u%04x", (unsigned char)*text);
+        else
+            fputc(*text, to);
+    }
+    fputc('"', to);
+}
+
+char *report_json_attempts(const struct report_attempt *attempts, int32_t count)
+{
+    struct text t;
+    FILE *to = begin(&t);
+    bool whole = to;
+    if (!to)
+        return NULL;
+    fputs("{\"attempts\": [", to);
+    for (int32_t k = 0; k < count; k++) {
+        char *report = report_json(attempts[k].c);
+        fprintf(to, "%s\n{\"name\": ", k ? "," : "");
+        json_text(to, attempts[k].name);
+        fprintf(to, ", \"report\": %s}", report ? report : "null");
+        whole = whole && report;
+        free(report);
+    }
+    fputs("]}\n", to);
+    char *bytes = end(&t);
+    if (whole)
+        return bytes;
+    free(bytes);
+    return NULL;
+}
+
 // ------------------------------------------------------------- CSV
 
 static void csv_number(FILE *to, double value, int digits)

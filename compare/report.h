@@ -11,9 +11,42 @@ char *report_json(const struct comparison *c);
 // standard deviation of their difference. Empty where unknown.
 char *report_csv(const struct comparison *c);
 
-// One self-contained page: score, findings, a strip over time for each part, stick figures of the worst moments side by
-// side; light and dark, wide and narrow. Names are shown as given.
-char *report_html(const struct comparison *c, const char *reference_name, const char *attempt_name);
+// One of several attempts at the same reference, `a`'s movement in all.
+struct report_attempt {
+    const struct comparison *c;
+    const char *name;
+    const struct report_moment *moments; // what is shown of it in pictures
+    int moment_count;
+};
+
+// All attempts as one JSON object: "attempts", in their order, each with "name" and report_json's "report".
+char *report_json_attempts(const struct report_attempt *attempts, int32_t count);
+
+// A person at an instant, as the caller drew it; png NULL: a stick figure is drawn instead.
+struct report_picture {
+    uint8_t *png; // malloc'ed
+    size_t png_size;
+    int width_px, height_px;
+    bool marked; // a line from from_px to to_px says which part is meant
+    double from_px[2], to_px[2];
+};
+
+// An instant of a finding, to be shown side by side. From both sides it is looked at from azimuth_rad in the person's
+// own upright frame: 0 from the front, positive from the person's left.
+struct report_moment {
+    int32_t finding;
+    int part; // of the attempt; -1: the whole body
+    double attempt_s, reference_s, azimuth_rad;
+    struct report_picture reference, attempt; // zeroed by report_moments
+};
+enum { REPORT_MOMENTS = 6 };
+int report_moments(const struct comparison *c, struct report_moment moments[REPORT_MOMENTS]); // how many
+void report_moments_free(struct report_moment *moments, int count);                           // their pictures
+
+// One self-contained page: score, findings, a strip over time for each part, pictures of the worst moments side by
+// side; of several attempts their scores over the attempts, and each attempt to be opened, the last one open. Light and
+// dark, wide and narrow. Names are shown as given.
+char *report_html(const struct report_attempt *attempts, int32_t count, const char *reference_name);
 
 // A few lines for a terminal.
 char *report_text(const struct comparison *c);

@@ -1,5 +1,5 @@
 // A comparison as one self-contained page.
-#include "compare/report.h"
+#include "compare/report_internal.h"
 
 #include "compare/findings.h"
 
@@ -8,20 +8,7 @@
 #include <string.h>
 
 static const double RAD = 180 / 3.14159265358979323846;
-enum { WORST = 6, CELLS = 240 };
-
-// Text from outside: file and take names.
-static void escaped(FILE *to, const char *text)
-{
-    for (; *text; text++)
-        switch (*text) {
-        case '<': fputs("&lt;", to); break;
-        case '>': fputs("&gt;", to); break;
-        case '&': fputs("&amp;", to); break;
-        case '"': fputs("&quot;", to); break;
-        default: fputc(*text, to);
-        }
-}
+enum { CELLS = 240 };
 
 static const char head[] =
     "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">"
@@ -35,6 +22,7 @@ static const char head[] =
     ".score{font-size:3.5rem;font-weight:700;line-height:1}.dim{color:var(--dim)}"
     "ol{padding-left:1.5rem}li{margin:.3rem 0}svg{display:block;width:100%;height:auto}"
     ".pairs{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:1rem}"
+    "summary{font-weight:600;padding:.4rem 0;cursor:pointer}"
     "figure{margin:0;border:1px solid var(--line);border-radius:.5rem;padding:.5rem}figcaption{font-size:.85rem}"
     ".bone{stroke-width:3;stroke-linecap:round;fill:none}.bad{stroke:var(--different);stroke-width:5}"
     "text{font:11px system-ui,sans-serif;fill:var(--dim)}table{border-collapse:collapse;width:100%}"
@@ -96,88 +84,6 @@ static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
     fputs("</svg>", to);
 }
 
-// ------------------------------------------------------------- stick figures
-
-// Unit bones of an average build, in the person's own frame; x, y: from the front, 100 units high.
-struct point {
-    double x, y, z;
-};
-
-static struct point along(struct point from, const float d[3], double length)
-{
-    return (struct point){from.x + length * d[0], from.y + length * d[1], from.z + length * d[2]};
-}
-
-// View from the front and a little from the side, the person's left on the viewer's right.
-static void bone(FILE *to, struct point a, struct point b, const char *class, double centre)
-{
-    const double side = 0.35;
-    fprintf(to, "<line class=\"bone %s\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>", class,
-            centre + a.x + side * a.y, 62 - a.z, centre + b.x + side * b.y, 62 - b.z);
-}
-
-static void figure(FILE *to, const struct movement_frame *f, const char *class, int bad, double centre)
-{
-    static const double length[PART_COUNT] = {
-        [PART_HEAD] = 11,         [PART_UPPER_TORSO] = 15,     [PART_LOWER_TORSO] = 12,   [PART_LEFT_UPPER_ARM] = 17,
-        [PART_LEFT_FOREARM] = 15, [PART_RIGHT_UPPER_ARM] = 17, [PART_RIGHT_FOREARM] = 15, [PART_LEFT_THIGH] = 24,
-        [PART_LEFT_SHIN] = 23,    [PART_RIGHT_THIGH] = 24,     [PART_RIGHT_SHIN] = 23,
-    };
-    const struct point waist = {0, 0, 0};
-    struct point torso = along(waist, f->direction[PART_LOWER_TORSO], length[PART_LOWER_TORSO]);
-    struct point neck = along(torso, f->direction[PART_UPPER_TORSO], length[PART_UPPER_TORSO]);
-    struct point ends[PART_COUNT];
-    for (int p = 0; p < PART_COUNT; p++) {
-        struct point from = waist;
-        const bool left = !strncmp(part_name((enum part)p), "left", 4);
-        const double aside = left ? 1 : -1;
-        if (p == PART_UPPER_TORSO)
-            from = torso;
-        else if (p == PART_HEAD)
-            from = neck;
-        else if (p == PART_LEFT_UPPER_ARM || p == PART_RIGHT_UPPER_ARM)
-            from = along(neck, f->shoulders, aside * 9);
-        else if (p == PART_LEFT_FOREARM || p == PART_LEFT_SHIN || p == PART_RIGHT_FOREARM || p == PART_RIGHT_SHIN)
-            from = ends[p - 1];
-        else if (p == PART_LEFT_THIGH || p == PART_RIGHT_THIGH)
-            from = (struct point){aside * 5, 0, -2};
-        ends[p] = along(from, f->direction[p], length[p]);
-        if (f->known >> p & 1)
-            bone(to, from, ends[p], p == bad ? "bad" : class, centre);
-    }
-}
-
-static int part_by_name(const char *name)
-{
-    for (int p = 0; p < PART_COUNT; p++)
-        if (!strcmp(name, part_name((enum part)p)))
-            return p;
-    return -1;
-}
-
-static void pictures(FILE *to, const struct comparison *c)
-{
-    int shown = 0;
-    for (int32_t k = 0; k < c->finding_count && shown < WORST; k++) {
-        const struct finding *f = &c->findings[k];
-        const int32_t at = (int32_t)((f->from_s + f->to_s) / 2 * MOVEMENT_RATE_HZ);
-        if ((f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE && f->kind != FINDING_MIRRORED) ||
-            at >= c->b.count || isnan(c->timeline.reference[at]))
-            continue;
-        const struct movement_frame reference = movement_at(&c->a, c->timeline.reference[at]);
-        fputs("<figure><svg viewBox=\"0 0 200 125\"><style>.a{stroke:var(--a)}.b{stroke:var(--b)}</style>", to);
-        figure(to, &reference, "a", -1, 55);
-        figure(to, &c->b.frames[at], "b", part_by_name(f->part), 145);
-        fprintf(
-            to,
-            "<text x=\"55\" y=\"122\" text-anchor=\"middle\">reference, %.1f s</text>"
-            "<text x=\"145\" y=\"122\" text-anchor=\"middle\">attempt, %.1f s</text></svg><figcaption>%s</figcaption>"
-            "</figure>",
-            (double)c->timeline.reference[at] / MOVEMENT_RATE_HZ, at / MOVEMENT_RATE_HZ, f->sentence);
-        shown++;
-    }
-}
-
 // ------------------------------------------------------------- tables
 
 static void ranges(FILE *to, const struct comparison *c)
@@ -209,38 +115,100 @@ static void repetitions(FILE *to, const struct comparison *c)
     fputs("</table>", to);
 }
 
-char *report_html(const struct comparison *c, const char *reference_name, const char *attempt_name)
+// ------------------------------------------------------------- progress
+
+// Scores of several attempts, in their order.
+static void progress(FILE *to, const struct report_attempt *attempts, int32_t count)
 {
-    char *bytes = NULL;
-    size_t size = 0;
+    enum { LEFT = 30, WIDTH = 780, HEIGHT = 120 };
+    const double step = count > 1 ? (double)WIDTH / (count - 1) : 0;
+    fprintf(to, "<h2>Progress</h2><svg viewBox=\"0 0 830 %d\" role=\"img\" aria-label=\"Score over attempts\">",
+            HEIGHT + 30);
+    for (int score = 0; score <= 100; score += 50)
+        fprintf(to,
+                "<line x1=\"%d\" x2=\"%d\" y1=\"%d\" y2=\"%d\" stroke=\"var(--line)\"/>"
+                "<text x=\"0\" y=\"%d\">%d</text>",
+                LEFT, LEFT + WIDTH + 20, HEIGHT + 10 - score * HEIGHT / 100, HEIGHT + 10 - score * HEIGHT / 100,
+                HEIGHT + 14 - score * HEIGHT / 100, score);
+    fputs("<polyline fill=\"none\" stroke=\"var(--a)\" stroke-width=\"2\" points=\"", to);
+    for (int32_t k = 0; k < count; k++)
+        fprintf(to, "%.1f,%.1f ", LEFT + 10 + k * step, HEIGHT + 10 - attempts[k].c->score * HEIGHT / 100);
+    fputs("\"/>", to);
+    for (int32_t k = 0; k < count; k++) {
+        const double x = LEFT + 10 + k * step, y = HEIGHT + 10 - attempts[k].c->score * HEIGHT / 100;
+        fprintf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"var(--a)\"><title>", x, y);
+        report_escaped(to, attempts[k].name);
+        fprintf(to, ": %.0f</title></circle><text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">%d</text>",
+                attempts[k].c->score, x, HEIGHT + 26, (int)k + 1);
+    }
+    fputs("</svg><ol>", to);
+    for (int32_t k = 0; k < count; k++) {
+        const struct comparison *c = attempts[k].c;
+        fputs("<li>", to);
+        report_escaped(to, attempts[k].name);
+        fprintf(to, ": <b>%.0f</b> <span class=\"dim\">%s</span></li>", c->score,
+                c->finding_count ? c->findings[0].sentence : "nothing was found");
+    }
+    fputs("</ol>", to);
+}
+
+// ------------------------------------------------------------- the page
+
+static bool attempt(FILE *to, const struct report_attempt *a)
+{
+    const struct comparison *c = a->c;
     uint8_t *cell = NULL;
-    FILE *to = open_memstream(&bytes, &size);
-    if (!to)
-        return NULL;
-    bool broken = verdicts_of(c, &cell) != OK;
-    fputs(head, to);
-    fputs("<h1>", to);
-    escaped(to, attempt_name);
-    fputs(" <span class=\"dim\">compared with</span> ", to);
-    escaped(to, reference_name);
-    fprintf(to, "</h1><div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2><ol>",
-            c->score);
+    const bool whole = verdicts_of(c, &cell) == OK;
+    fprintf(to, "<div class=\"score\">%.0f</div><div class=\"dim\">of 100</div><h2>What differs</h2><ol>", c->score);
     for (int32_t k = 0; k < c->finding_count; k++)
         fprintf(to, "<li>%s <span class=\"dim\">%s</span></li>", c->findings[k].sentence,
                 finding_kind_name(c->findings[k].kind));
     fputs(c->finding_count ? "</ol>" : "</ol><p>Nothing was found.</p>", to);
     fputs("<h2>Over time</h2>", to);
-    if (!broken)
+    if (whole)
         strip(to, c, cell);
-    fputs("<p class=\"dim\">Orange: more than 10° different. Green: the same. Grey: cannot tell.</p>"
-          "<h2>Worst moments</h2><div class=\"pairs\">",
-          to);
-    pictures(to, c);
+    fputs("<p class=\"dim\">Orange: more than 10° different. Green: the same. Grey: cannot tell.</p>", to);
+    if (a->moment_count)
+        fputs("<h2>Worst moments</h2>", to);
+    fputs("<div class=\"pairs\">", to);
+    report_figures(to, a);
     fputs("</div>", to);
     repetitions(to, c);
     ranges(to, c);
-    fputs("</html>\n", to);
     free(cell);
+    return whole;
+}
+
+char *report_html(const struct report_attempt *attempts, int32_t count, const char *reference_name)
+{
+    char *bytes = NULL;
+    size_t size = 0;
+    FILE *to = open_memstream(&bytes, &size);
+    if (!to)
+        return NULL;
+    fputs(head, to);
+    fputs("<h1>", to);
+    if (count == 1)
+        report_escaped(to, attempts[0].name);
+    else
+        fprintf(to, "%d attempts", (int)count);
+    fputs(" <span class=\"dim\">compared with</span> ", to);
+    report_escaped(to, reference_name);
+    fputs("</h1>", to);
+    bool broken = false;
+    if (count > 1)
+        progress(to, attempts, count);
+    for (int32_t k = 0; k < count; k++) {
+        // Of several the last is open.
+        if (count > 1) {
+            fprintf(to, "<details%s><summary>", k + 1 < count ? "" : " open");
+            report_escaped(to, attempts[k].name);
+            fprintf(to, ": %.0f</summary>", attempts[k].c->score);
+        }
+        broken = !attempt(to, &attempts[k]) || broken;
+        fputs(count > 1 ? "</details>" : "", to);
+    }
+    fputs("</html>\n", to);
     broken = ferror(to) || broken;
     if (!fclose(to) && !broken)
         return bytes;

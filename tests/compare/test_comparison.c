@@ -404,7 +404,17 @@ static void test_reports_hold_what_was_found(void **state)
     b.right_elbow_rad = 0.5;
     b.wrong_to_s = 3;
     struct comparison c = compare(&a, &b);
-    char *json = report_json(&c), *csv = report_csv(&c), *html = report_html(&c, "A <b>", "B"), *text = report_text(&c);
+    char *json = report_json(&c), *csv = report_csv(&c), *text = report_text(&c);
+    struct report_moment moments[REPORT_MOMENTS];
+    const int count = report_moments(&c, moments);
+    const struct report_attempt attempts[2] = {{&c, "B", moments, count}, {&c, "again \"B\"", NULL, 0}};
+    char *html = report_html(attempts, 1, "A <b>"), *both = report_html(attempts, 2, "A"),
+         *both_json = report_json_attempts(attempts, 2);
+    EXPECT_AT_LEAST(count, 1);
+    EXPECT_INT(moments[0].part, PART_RIGHT_FOREARM);
+    EXPECT_TRUE(!strstr(html, "Progress") && strstr(html, "Worst moments"));
+    EXPECT_TRUE(strstr(both, "Progress") && strstr(both, "again &quot;B&quot;"));
+    EXPECT_TRUE(strstr(both_json, "\"again \\\"B\\\"\""));
     EXPECT_TRUE(json && strstr(json, "\"score\"") && strstr(json, "\"right_forearm\"") &&
                 strstr(json, "\"repetitions\""));
     EXPECT_TRUE(csv && strstr(csv, "right_elbow_deg"));
@@ -413,6 +423,9 @@ static void test_reports_hold_what_was_found(void **state)
     free(json);
     free(csv);
     free(html);
+    free(both);
+    free(both_json);
+    report_moments_free(moments, count);
     free(text);
     comparison_free(&c);
 }
