@@ -170,18 +170,26 @@ static enum status judge(struct comparison *c)
     if (status == OK)
         status = pace_measure(&c->a, &c->judged, c->parts, &c->timeline, &c->pace);
     if (status == OK)
-        status = score_posture(&c->a, &c->judged, &c->alignment, 0, c->judged.count, &c->terms);
-    if (status == OK)
         status = body_angle_ranges(&c->a, c->pace.a_first, c->pace.a_end, c->range_a);
     if (status == OK)
         status = body_angle_ranges(&c->judged, c->pace.b_first, c->pace.b_end, c->range_b);
     const struct alignment_prices prices = prices_for(c->parts, NULL);
     if (status == OK)
         status = judge_repetitions(&c->a, &c->judged, c->parts, &prices, &c->repetitions);
+    const struct score_scope scope = {0, c->judged.count,
+                                      c->repetitions.reference_count >= 2 ? c->repetitions.moved : NULL};
+    if (status == OK)
+        status = score_posture(&c->a, &c->judged, &c->alignment, &scope, &c->terms);
     if (status != OK)
         return status;
     // Of repetitions there may be more or fewer, with rests between them: they say nothing of one performance's time.
+    // Each is judged against the one that it resembles most. That may be worse than the whole, where the cycles of the
+    // two begin at different places.
     if (c->repetitions.count >= 2 && c->repetitions.reference_count >= 2) {
+        double mean = 0;
+        for (int32_t k = 0; k < c->repetitions.count; k++)
+            mean += c->repetitions.at[k].terms.posture_rad / c->repetitions.count;
+        c->terms.posture_rad = fmin(c->terms.posture_rad, mean);
         c->score = score_from_terms(&c->terms);
         return findings_make(c);
     }

@@ -1,6 +1,8 @@
 #include "compare/repetition_judge.h"
 
+#include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { MOST_REFERENCES = 12 };
 
@@ -14,7 +16,44 @@ struct side {
     const struct movement *movement;
     struct feature_frame *frames;
     struct repetition_list list;
+    double moved[PART_COUNT]; // what its repetitions have in common
 };
+
+// The standard deviation of a part's directions over a cycle, after the mean over all repetitions; what a mean of so
+// many would have by chance is taken off.
+static void measure_moved(struct side *s)
+{
+    enum { BINS = 16 };
+    for (int p = 0; p < PART_COUNT; p++) {
+        double bin[BINS][4] = {{0}}, square = 0, all[4] = {0}, of_means = 0, bins = 0;
+        for (int32_t k = 0; k < s->list.count; k++) {
+            const struct repetition_span span = s->list.spans[k];
+            for (int32_t f = span.first; f < span.end; f++) {
+                const struct movement_frame *frame = &s->movement->frames[f];
+                if (!(frame->known >> p & 1))
+                    continue;
+                double *of = bin[(int64_t)(f - span.first) * BINS / (span.end - span.first)];
+                for (int n = 0; n < 3; n++)
+                    of[n] += frame->direction[p][n];
+                of[3]++;
+            }
+        }
+        for (int i = 0; i < BINS; i++) {
+            for (int n = 0; n < 4; n++)
+                all[n] += bin[i][n];
+            if (bin[i][3] > 0) {
+                const double mean2 =
+                    (bin[i][0] * bin[i][0] + bin[i][1] * bin[i][1] + bin[i][2] * bin[i][2]) / (bin[i][3] * bin[i][3]);
+                of_means += mean2;
+                square += 1 - mean2; // directions are unit vectors
+                bins++;
+            }
+        }
+        const double mean2 = all[3] > 0 ? (all[0] * all[0] + all[1] * all[1] + all[2] * all[2]) / (all[3] * all[3]) : 0;
+        const double within = bins > 0 ? square / bins : 0, between = bins > 0 ? of_means / bins - mean2 : 0;
+        s->moved[p] = sqrt(fmax(0, between - within / s->list.count));
+    }
+}
 
 static struct movement piece(const struct movement *m, struct repetition_span s)
 {
@@ -29,11 +68,12 @@ static enum status judge_pair(const struct side *a, struct repetition_span sa, c
                               struct judged_repetition *out)
 {
     const struct movement ma = piece(a->movement, sa), mb = piece(b->movement, sb);
+    const struct score_scope scope = {0, mb.count, a->list.count >= 2 ? a->moved : NULL};
     const struct features fa = {a->frames + sa.first, ma.count}, fb = {b->frames + sb.first, mb.count};
     struct alignment x = {0};
     enum status status = align(&fa, &fb, prices, &x);
     if (status == OK)
-        status = score_posture(&ma, &mb, &x, 0, mb.count, &out->terms);
+        status = score_posture(&ma, &mb, &x, &scope, &out->terms);
     alignment_free(&x);
     out->attempt = sb;
     out->reference = sa;
@@ -95,6 +135,9 @@ enum status judge_repetitions(const struct movement *a, const struct movement *b
     struct side sa = {.movement = a}, sb = {.movement = b};
     *out = (struct judged_repetitions){0};
     enum status status = find_both(&sa, &sb, parts);
+    if (status == OK && sa.list.count >= 2)
+        measure_moved(&sa);
+    memcpy(out->moved, sa.moved, sizeof out->moved);
     // One repetition alone is the movement itself.
     if (status == OK && sb.list.count >= 2)
         status = judge_all(&sa, &sb, prices, out);

@@ -14,6 +14,7 @@ struct judged_repetitions {
     struct judged_repetition *at; // malloc'ed, in B's order
     int32_t count;                // 0: B does not repeat anything
     int32_t reference_count;      // repetitions of A; 1: it is one performance
+    double moved[PART_COUNT];     // how much A's repetitions move each part alike, rad; only where there are several
 };
 void judged_repetitions_free(struct judged_repetitions *r); // zeroed is fine; leaves it zeroed
 

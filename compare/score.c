@@ -69,7 +69,7 @@ static double quantile(const struct part_sums *s)
     return 2;
 }
 
-static void weigh(const struct part_sums *sums, struct score_terms *out)
+static void weigh(const struct part_sums *sums, const double *reference_moved, struct score_terms *out)
 {
     double weight_sum = 0, sum = 0;
     int64_t most = 0;
@@ -84,7 +84,7 @@ static void weigh(const struct part_sums *sums, struct score_terms *out)
         for (int k = 0; k < 3; k++)
             mean2 += s->direction[k] * s->direction[k] / ((double)s->count * (double)s->count);
         // Directions are unit vectors: their variance is one less the square of their mean.
-        const double moved = sqrt(fmax(0, 1 - mean2));
+        const double moved = reference_moved ? reference_moved[p] : sqrt(fmax(0, 1 - mean2));
         out->part_rad[p] = (1 - UPPER_SHARE) * s->mean + UPPER_SHARE * quantile(s);
         out->weight[p] = moved + LEAST_WEIGHT_DEGREES * DEGREE;
         weight_sum += out->weight[p];
@@ -95,8 +95,8 @@ static void weigh(const struct part_sums *sums, struct score_terms *out)
         out->weight[p] /= weight_sum;
 }
 
-enum status score_posture(const struct movement *a, const struct movement *b, const struct alignment *x, int32_t first,
-                          int32_t end, struct score_terms *out)
+enum status score_posture(const struct movement *a, const struct movement *b, const struct alignment *x,
+                          const struct score_scope *scope, struct score_terms *out)
 {
     struct part_sums *sums = calloc(PART_COUNT, sizeof *sums);
     *out = (struct score_terms){0};
@@ -104,14 +104,14 @@ enum status score_posture(const struct movement *a, const struct movement *b, co
         return fail(ERR_MEMORY, "no memory to score a movement");
     for (int pass = 0; pass < 2; pass++)
         for (int32_t k = 0; k < x->count; k++) {
-            if (x->pairs[k].b < first || x->pairs[k].b >= end)
+            if (x->pairs[k].b < scope->first || x->pairs[k].b >= scope->end)
                 continue;
             const struct movement_frame *in_a = &a->frames[x->pairs[k].a], *in_b = &b->frames[x->pairs[k].b];
             for (int p = 0; p < PART_COUNT; p++)
                 if (in_a->known & in_b->known & 1u << p)
                     (pass ? measure : gather)(&sums[p], in_a, in_b, p);
         }
-    weigh(sums, out);
+    weigh(sums, scope->moved, out);
     free(sums);
     return OK;
 }

@@ -1,6 +1,7 @@
 // reenact compare: where two movements differ.
 #include "app/commands/commands.h"
 
+#include "app/commands/compare_pictures.h"
 #include "compare/findings.h"
 #include "compare/report.h"
 #include "platform/file.h"
@@ -9,39 +10,67 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { MOST_ATTEMPTS = 100 };
+
 struct compare_arguments {
-    const char *reference, *take, *with, *with_take, *html, *csv;
-    bool json, force;
+    const char *reference, *take, *html, *csv;
+    struct {
+        const char *path, *take;
+    } with[MOST_ATTEMPTS];
+    int attempts;
+    bool json, force, figures;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_WITH, KEY_WITH_TAKE, KEY_JSON, KEY_HTML, KEY_CSV, KEY_FORCE };
+enum { KEY_TAKE = COMMAND_KEY, KEY_WITH, KEY_WITH_TAKE, KEY_JSON, KEY_HTML, KEY_CSV, KEY_FORCE, KEY_FIGURES };
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the reference's take; needed where A holds several", 0},
-    {"with", KEY_WITH, "B", 0, "the attempt: a recording or a joints-csv file", 0},
-    {"with-take", KEY_WITH_TAKE, "NAME", 0, "the attempt's take", 0},
+    {"with", KEY_WITH, "B", 0, "the attempt: a recording or a joints-csv file; repeatable", 0},
+    {"with-take", KEY_WITH_TAKE, "NAME", 0, "the attempt's take; given again: one more attempt of the same recording",
+     0},
     {"html", KEY_HTML, "FILE", 0, "also write a page with pictures", 0},
+    {"figures", KEY_FIGURES, NULL, 0, "stick figures in the page, instead of people as recorded", 0},
     {"csv", KEY_CSV, "FILE", 0, "also write the joints' angles over time", 0},
     {"force", KEY_FORCE, NULL, 0, "write over files that exist", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
 
+// Another attempt by `path`. Its take, if any, follows.
+static void take_attempt(struct argp_state *state, struct compare_arguments *a, const char *path)
+{
+    if (a->attempts == MOST_ATTEMPTS)
+        argp_error(state, "at most %d attempts can be compared at once", MOST_ATTEMPTS);
+    a->with[a->attempts++].path = path;
+}
+
+static void take_take(struct argp_state *state, struct compare_arguments *a, const char *name)
+{
+    if (!a->attempts)
+        argp_error(state, "--with-take belongs to the --with before it");
+    if (a->with[a->attempts - 1].take)
+        take_attempt(state, a, a->with[a->attempts - 1].path);
+    a->with[a->attempts - 1].take = name;
+}
+
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct compare_arguments *a = state->input;
     switch (key) {
     case KEY_TAKE: a->take = value; return 0;
-    case KEY_WITH: a->with = value; return 0;
-    case KEY_WITH_TAKE: a->with_take = value; return 0;
+    case KEY_WITH: take_attempt(state, a, value); return 0;
+    case KEY_WITH_TAKE: take_take(state, a, value); return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_HTML: a->html = value; return 0;
     case KEY_CSV: a->csv = value; return 0;
+    case KEY_FIGURES: a->figures = true; return 0;
     case KEY_FORCE: a->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->reference, value); return 0;
     case ARGP_KEY_END:
         command_require(state, a->reference, "A");
-        command_require(state, a->with, "--with");
+        command_require(state, a->attempts ? a->with[0].path : NULL, "--with");
+        if (a->csv && a->attempts > 1)
+            argp_error(state, "--csv takes one attempt");
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -52,7 +81,10 @@ static enum status check_output(const struct compare_arguments *a, const char *p
 {
     if (!path)
         return OK;
-    if (!strcmp(path, a->reference) || !strcmp(path, a->with))
+    bool compared = !strcmp(path, a->reference);
+    for (int k = 0; k < a->attempts; k++)
+        compared = compared || !strcmp(path, a->with[k].path);
+    if (compared)
         return fail(ERR_INPUT, "%s is what is compared; give the report another name", path);
     if (!a->force && file_exists(path))
         return fail(ERR_EXISTS, "%s exists; give another name, or --force to write over it", path);
@@ -94,18 +126,84 @@ static void warn(const char *program, const char *path, const struct movement_so
                 path, (long long)s->frames_dropped);
 }
 
-static enum status read_both(const char *program, const struct compare_arguments *a, struct movement *reference,
-                             struct movement *attempt)
+// Everything of one run.
+struct compare_run {
+    const struct compare_arguments *arguments;
+    const char *program;
+    struct comparison comparisons[MOST_ATTEMPTS];
+    struct report_moment moments[MOST_ATTEMPTS][REPORT_MOMENTS];
+    struct report_attempt attempts[MOST_ATTEMPTS];
+};
+
+static enum status compare_attempt(struct compare_run *r, int k)
 {
+    const struct compare_arguments *a = r->arguments;
     struct movement_source source;
-    enum status status = movement_read(a->reference, a->take, reference, &source);
-    if (status != OK)
-        return status;
-    warn(program, a->reference, &source);
-    status = movement_read(a->with, a->with_take, attempt, &source);
+    struct movement reference = {0}, attempt = {0};
+    enum status status = movement_read(a->reference, a->take, &reference, &source);
+    if (status == OK && !k)
+        warn(r->program, a->reference, &source);
     if (status == OK)
-        warn(program, a->with, &source);
+        status = movement_read(a->with[k].path, a->with[k].take, &attempt, &source);
+    if (status == OK) {
+        warn(r->program, a->with[k].path, &source);
+        status = comparison_make(&reference, &attempt, &r->comparisons[k]);
+    }
+    movement_free(&reference);
+    movement_free(&attempt);
+    if (status == OK)
+        r->attempts[k] = (struct report_attempt){
+            &r->comparisons[k],
+            a->attempts > 1 && !a->with[k].take ? a->with[k].path : name_of(a->with[k].path, a->with[k].take),
+            r->moments[k], report_moments(&r->comparisons[k], r->moments[k])};
     return status;
+}
+
+// The moments of attempts first..end - 1 as pictures of this file's take, which is their own; first -1: of the
+// reference, for all of them. Where
+// none can be made there are stick figures, and why is said once.
+static void draw_moments(struct compare_run *r, const char *path, const char *take, int first, int end)
+{
+    struct compare_pictures *pictures = NULL;
+    const bool of_reference = first < 0;
+    int wanted = 0;
+    first = first < 0 ? 0 : first;
+    for (int k = first; k < end; k++)
+        wanted += r->attempts[k].moment_count;
+    if (!wanted || is_joints_csv(path))
+        return;
+    enum status status = compare_pictures_open(&pictures, path, take);
+    for (int k = first; k < end; k++)
+        for (int n = 0; n < r->attempts[k].moment_count && status >= OK; n++) {
+            struct report_moment *m = &r->moments[k][n];
+            status = compare_pictures_draw(pictures, of_reference ? m->reference_s : m->attempt_s, m->azimuth_rad,
+                                           of_reference ? -1 : m->part, of_reference ? &m->reference : &m->attempt);
+        }
+    if (status < OK)
+        fprintf(stderr, "%s: %s: %s; the page has stick figures instead\n", r->program, path, status_message());
+    compare_pictures_close(&pictures);
+}
+
+static enum status write_reports(struct compare_run *r)
+{
+    const struct compare_arguments *a = r->arguments;
+    enum status status = OK;
+    if (a->html && !a->figures) {
+        draw_moments(r, a->reference, a->take, -1, a->attempts);
+        for (int k = 0; k < a->attempts; k++)
+            draw_moments(r, a->with[k].path, a->with[k].take, k, k + 1);
+    }
+    if (a->html)
+        status = write_text(a->html, report_html(r->attempts, a->attempts, name_of(a->reference, a->take)));
+    if (status == OK && a->csv)
+        status = write_text(a->csv, report_csv(&r->comparisons[0]));
+    if (status != OK || a->json)
+        return status != OK       ? status
+               : a->attempts == 1 ? write_text(NULL, report_json(&r->comparisons[0]))
+                                  : write_text(NULL, report_json_attempts(r->attempts, a->attempts));
+    for (int k = 0; k < a->attempts && a->attempts > 1; k++)
+        printf("attempt %d, %s: %.0f\n", k + 1, r->attempts[k].name, r->comparisons[k].score);
+    return write_text(NULL, report_text(&r->comparisons[a->attempts - 1]));
 }
 
 int reenact_compare(int argc, char **argv)
@@ -116,28 +214,27 @@ int reenact_compare(int argc, char **argv)
         parse,
         "A --with B",
         "Compare the attempt B with the reference A: where they differ, in words and numbers. Both "
-        "are recordings or joints-csv files.",
+        "are recordings or joints-csv files. Of several attempts the scores are shown in their order.",
         NULL,
         NULL,
         NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    struct movement reference = {0}, attempt = {0};
-    struct comparison c = {0};
-    enum status status = check_output(&a, a.html);
+    struct compare_run *r = calloc(1, sizeof *r);
+    enum status status = r ? check_output(&a, a.html) : fail(ERR_MEMORY, "no memory to compare movements");
     if (status == OK)
         status = check_output(&a, a.csv);
+    if (r) {
+        r->arguments = &a;
+        r->program = argv[0];
+    }
+    for (int k = 0; k < a.attempts && status == OK; k++)
+        status = compare_attempt(r, k);
     if (status == OK)
-        status = read_both(argv[0], &a, &reference, &attempt);
-    if (status == OK)
-        status = comparison_make(&reference, &attempt, &c);
-    if (status == OK && a.html)
-        status = write_text(a.html, report_html(&c, name_of(a.reference, a.take), name_of(a.with, a.with_take)));
-    if (status == OK && a.csv)
-        status = write_text(a.csv, report_csv(&c));
-    if (status == OK)
-        status = write_text(NULL, a.json ? report_json(&c) : report_text(&c));
-    movement_free(&reference);
-    movement_free(&attempt);
-    comparison_free(&c);
+        status = write_reports(r);
+    for (int k = 0; k < a.attempts && r; k++) {
+        report_moments_free(r->moments[k], REPORT_MOMENTS);
+        comparison_free(&r->comparisons[k]);
+    }
+    free(r);
     return status == OK ? 0 : command_failed(argv[0]);
 }
