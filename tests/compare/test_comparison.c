@@ -118,23 +118,42 @@ static void test_a_bent_elbow_is_named_first(void **state)
     comparison_free(&c);
 }
 
-// The larger the error the lower the score.
+// How often a larger error has a lower score, of all pairs: Spearman's rank correlation of error and score, negated.
+static double rank_agreement(const double *score, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) {
+        double rank = 0;
+        for (int k = 0; k < count; k++)
+            rank += score[k] > score[i] ? 1 : score[k] == score[i] ? 0.5 : 0;
+        rank -= 0.5; // its own
+        sum += (rank - i) * (rank - i);
+    }
+    return 1 - 6 * sum / ((double)count * (count * count - 1));
+}
+
+// The larger the error the lower the score, of each of five joints, with noise.
 static void test_score_falls_with_the_error(void **state)
 {
     (void)state;
-    const struct exercise a = once();
-    double before = 100.001;
-    for (int k = 0; k <= 8; k++) {
-        struct exercise b = a;
-        b.right_elbow_rad = k * 0.12;
-        b.wrong_from_s = 0.5;
-        b.wrong_to_s = 2.5;
-        struct comparison c = compare(&a, &b);
-        if (!(c.score < before))
-            print_error("error %d: score %.3f after %.3f\n", k, c.score, before);
-        EXPECT_TRUE(c.score < before);
-        before = c.score;
-        comparison_free(&c);
+    enum { JOINTS = 5, SIZES = 8 };
+    struct exercise a = once();
+    a.noise_m = 0.008;
+    for (int joint = 0; joint < JOINTS; joint++) {
+        double score[SIZES];
+        for (int k = 0; k < SIZES; k++) {
+            struct exercise b = a;
+            double *const wrong[JOINTS] = {&b.right_elbow_rad, &b.left_elbow_rad, &b.left_arm_rad, &b.right_knee_rad,
+                                           &b.lean_rad};
+            *wrong[joint] = (k + 1) * 0.0873; // 5 to 40 degrees
+            b.wrong_from_s = 0.5;
+            b.wrong_to_s = 2.5;
+            struct comparison c = compare(&a, &b);
+            score[k] = c.score;
+            comparison_free(&c);
+        }
+        print_message("joint %d: score %.1f at 5 degrees, %.1f at 40\n", joint, score[0], score[SIZES - 1]);
+        EXPECT_AT_LEAST(rank_agreement(score, SIZES), 0.95);
     }
 }
 
@@ -241,6 +260,34 @@ static void test_repetitions_are_counted_and_judged(void **state)
     c = compare(&a, &b);
     EXPECT_INT(c.repetitions.reference_count, 1);
     EXPECT_INT(c.repetitions.count, 4);
+    comparison_free(&c);
+}
+
+// A tracker that loses the reference's legs, otherwise each time, has no say in what the exercise is.
+static void test_what_repetitions_do_not_share_does_not_count(void **state)
+{
+    (void)state;
+    struct exercise e = exercise_default();
+    struct joint_samples s;
+    e.seconds = 15;
+    e.noise_m = 0.01;
+    struct movement reference, attempt = make(&e);
+    exercise_samples(&e, &rng, &s);
+    struct vec3 astray[4] = {0};
+    for (int64_t i = 0; i < s.count; i++) {
+        static const enum joint legs[4] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
+        for (int k = 0; k < 4; k++) {
+            if (i % 23 == 0)
+                astray[k] = rng_normal3(&rng, 0.3);
+            s.at[i].skeleton.joint[legs[k]] = v3_add(s.at[i].skeleton.joint[legs[k]], astray[k]);
+        }
+    }
+    movement_of(&s, &reference);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&reference, &attempt, &c), OK);
+    EXPECT_INT(c.repetitions.count, 5);
+    EXPECT_AT_LEAST(c.terms.weight[PART_LEFT_FOREARM], 4 * c.terms.weight[PART_LEFT_SHIN]);
+    EXPECT_AT_LEAST(c.score, 75);
     comparison_free(&c);
 }
 
@@ -470,6 +517,7 @@ int main(void)
         cmocka_unit_test(test_mirrored_is_named),
         cmocka_unit_test(test_range),
         cmocka_unit_test(test_repetitions_are_counted_and_judged),
+        cmocka_unit_test(test_what_repetitions_do_not_share_does_not_count),
         cmocka_unit_test(test_standing_still),
         cmocka_unit_test(test_one_frame),
         cmocka_unit_test(test_an_hour),

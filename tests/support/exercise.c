@@ -35,8 +35,13 @@ static struct pose_angles angles_at(const struct exercise *e, double time_s)
         a = (struct pose_angles){
             {0.15, 0.15}, {0.4, 0.4}, {0.3 + 0.3 * swing, 0.3 - 0.3 * swing}, {0.4 * swing, -0.4 * swing}, 0.05};
     }
-    if (time_s >= e->wrong_from_s && time_s <= e->wrong_to_s)
+    if (time_s >= e->wrong_from_s && time_s <= e->wrong_to_s) {
         a.elbow[1] += e->right_elbow_rad;
+        a.elbow[0] += e->left_elbow_rad;
+        a.arm[0] += e->left_arm_rad;
+        a.knee[1] += e->right_knee_rad;
+        a.lean += e->lean_rad;
+    }
     return a;
 }
 
