@@ -257,6 +257,18 @@ static bool gain_explains(const struct series *s, int32_t count, double range_di
     return (fabs(gain - 1) > 0.12 && scaled < 0.2 * plain) || sqrt(plain) < 0.2 * range_difference;
 }
 
+// Of the joint's difference, mean over the frames that know it; degrees.
+static double mean_sigma(const struct series *s, int32_t count)
+{
+    double sum = 0, used = 0;
+    for (int32_t f = 0; f < count; f++)
+        if (!isnan(s->sigma[f])) {
+            sum += s->sigma[f];
+            used++;
+        }
+    return used > 0 ? sum / used : 0;
+}
+
 static enum status scan_range(struct judge *g, bool *found)
 {
     const struct body_joint *j = g->s.joint;
@@ -264,7 +276,8 @@ static enum status scan_range(struct judge *g, bool *found)
     const double range_a = ((double)a->high - a->low) * RAD, range_b = ((double)b->high - b->low) * RAD;
     *found = false;
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
-        range_a - range_b < fmax(12, 0.2 * range_a) || // going too far is posture: it has a place and a time
+        range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&g->s, g->count),
+                                 0.2 * range_a) || // going too far is posture: it has a place and a time
         !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD))
         return OK;
     static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
