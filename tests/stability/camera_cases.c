@@ -159,7 +159,7 @@ static struct answer ask_fusion(const double *in)
     struct pose_measurement m = {0};
     double by[6], start[36] = {0}, noise[36] = {0};
     for (int i = 0; i < 6; i++) {
-        start[7 * i] = 1e-6;
+        start[7 * i] = in[0];
         m.map_covariance[7 * i] = in[0];
         m.drift[7 * i] = m.noise[7 * i] = noise[7 * i] = in[0];
         m.offset[i] = 0.01;

@@ -113,16 +113,18 @@ static struct answer ask_mesh(const double *in)
 
 static struct answer slope_of_cap(const double *in) { return answer_value(isfinite(1 / in[0])); }
 
-// A frame that took in[0] ms among frames of 10 ms, with 16 ms to spend -> resolution after 300 frames.
+// A frame that took in[0] ms among frames of 10 ms, with 16 ms to spend -> whether the resolution falls when
+// frames then take 60 ms.
 static struct answer ask_governor(const double *in)
 {
     struct resolution_governor g = governor_start(16);
     for (int i = 0; i < 10; i++)
         (void)governor_update(&g, 10);
     (void)governor_update(&g, in[0]);
-    for (int i = 0; i < 300; i++)
-        (void)governor_update(&g, 60); // it must fall
-    return answer_value(governor_scale(&g) < 1);
+    bool fell = false;
+    for (int i = 0; i < 20; i++)
+        fell = governor_update(&g, 60) || fell;
+    return answer_value(fell);
 }
 
 static struct answer mean_with_it(const double *in)
@@ -211,8 +213,8 @@ static const struct stability_case cases[] = {
      .in = {-INFINITY, 0.3}, .exact = {0}, .exact_count = 1, .unit = "px"},
     {"screen bounds of a frustum of NaN", "the whole image", ANSWER_VALUE, ask_bounds, NULL, bounds_by_projection,
      .in = {NAN, NAN}, .exact = {0}, .exact_count = 1, .unit = "px"},
-    {"screen bounds of a frustum 1e300 wide", "clamped to twice the image", ANSWER_VALUE, ask_bounds, NULL,
-     bounds_by_projection, .in = {-1e300, 1e300}, .exact = {5121}, .exact_count = 1, .unit = "px"},
+    {"screen bounds of a frustum 1e300 wide", "the whole image", ANSWER_VALUE, ask_bounds, NULL, bounds_by_projection,
+     .in = {-1e300, 1e300}, .exact = {0}, .exact_count = 1, .unit = "px"},
     {"room drawn 100 m from the origin", "single precision suffices", ANSWER_VALUE, ask_far_room, NULL, far_as_stated,
      .in = {100}, .exact = {0}, .exact_count = 1, .tolerance = 1e-4, .unit = "m"},
     {"sides of a cylinder of no radius", "8 to 64 sides", ANSWER_VALUE, ask_sides, NULL, sides_by_formula, .in = {0, 1},

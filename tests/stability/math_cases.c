@@ -16,7 +16,6 @@ static struct answer ask_log(const double *in) { return known_or_not(portable_lo
 static struct answer ask_sin(const double *in) { return known_or_not(portable_sin(in[0])); }
 static struct answer ask_atan2(const double *in) { return known_or_not(portable_atan2(in[0], in[1])); }
 static struct answer ask_acos(const double *in) { return known_or_not(portable_acos(in[0])); }
-static struct answer ask_asin(const double *in) { return known_or_not(portable_asin(in[0])); }
 static struct answer ask_hypot(const double *in) { return known_or_not(portable_hypot(in[0], in[1])); }
 static struct answer ask_pow(const double *in) { return known_or_not(portable_pow(in[0], in[1])); }
 
@@ -39,10 +38,6 @@ static struct answer log_by_halves(const double *in)
 
 static struct answer by_quotient(const double *in) { return answer_value(portable_atan(in[0] / in[1])); }
 static struct answer acos_clamped(const double *in) { return answer_value(portable_acos(fmin(1, in[0]))); }
-static struct answer asin_by_tangent(const double *in)
-{
-    return answer_value(portable_atan(in[0] / sqrt(1 - in[0] * in[0])));
-}
 static struct answer by_multiplying(const double *in)
 {
     double product = 1;
@@ -61,7 +56,7 @@ static const struct stability_case cases[] = {
     {"log of the smallest denormal", "normalised first", ANSWER_VALUE, ask_log, NULL, log_of_bits, .in = {5e-324},
      .exact = {-744.4400719213812}, .exact_count = 1, .tolerance = 2e-13},
     {"log of 1 + 1e-7", "mantissa about 1, not below", ANSWER_VALUE, ask_log, NULL, log_by_halves, .in = {1 + 1e-7},
-     .exact = {9.9999999505838705e-08}, .exact_count = 1, .tolerance = 3e-23},
+     .exact = {9.9999995058387045e-08}, .exact_count = 1, .tolerance = 3e-23},
     {"log of -1", "NaN says unknown", ANSWER_UNKNOWN, ask_log, NULL, log_of_bits, .in = {-1}},
     {"sine of 100000", "pi in three parts", ANSWER_VALUE, ask_sin, &plain_sin, .in = {100000}, .tolerance = 2e-16},
     {"sine of 3000000", "pi in three parts", ANSWER_VALUE, ask_sin, &plain_sin, .in = {3e6}, .tolerance = 1e-14},
@@ -72,8 +67,6 @@ static const struct stability_case cases[] = {
      .exact = {-3.14159265358979323846}, .exact_count = 1},
     {"acos of 1 + 2^-52", "NaN says unknown", ANSWER_UNKNOWN, ask_acos, NULL, acos_clamped,
      .in = {0x1.0000000000001p+0}},
-    {"asin of 1 - 2^-53", "1 - x in place of 1 - x^2", ANSWER_VALUE, ask_asin, NULL, asin_by_tangent,
-     .in = {0x1.fffffffffffffp-1}, .exact = {1.5707963118937354}, .exact_count = 1, .tolerance = 3e-16},
     {"hypot of 3e200, 4e200", "no square overflows", ANSWER_VALUE, ask_hypot, &plain_hypot, .in = {3e200, 4e200},
      .tolerance = 1e185},
     {"hypot of 3e-200, 4e-200", "no square underflows", ANSWER_VALUE, ask_hypot, &plain_hypot, .in = {3e-200, 4e-200},

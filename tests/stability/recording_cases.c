@@ -215,7 +215,7 @@ static enum status patch(const char *path, enum where where, double number)
 }
 
 // Opens everything.
-static enum status read_file(const char *path, double *value)
+static enum status read_file(const char *path, enum where where, double *value)
 {
     struct recording *r = NULL;
     struct take *take = NULL;
@@ -229,7 +229,7 @@ static enum status read_file(const char *path, double *value)
     if (status == OK)
         status = take_read(take, take_frame_count(take) - 1, TAKE_COLOR | TAKE_DEPTH, &images);
     if (status == OK)
-        *value = (double)take_frame_count(take);
+        *value = where == BODY_RADIUS ? take_body(take)->radius_rate[1] : (double)take_frame_count(take);
     take_close(&take);
     place_free(&place);
     recording_free(&r);
@@ -249,9 +249,11 @@ static struct answer ask_reader(const double *in)
     if (status == OK)
         status = patch(path, (enum where)in[0], in[1]);
     assert(status == OK);
-    status = read_file(path, &value);
+    status = read_file(path, (enum where)in[0], &value);
     failure_keep(&kept, status);
     scratch_remove(&folder);
+    if (status == OK && (enum where)in[0] == BODY_RADIUS && value == 0)
+        return answer_of(ANSWER_UNKNOWN); // not measured
     return answer_status(failure_restore(&kept), value);
 }
 
@@ -290,7 +292,8 @@ static const struct stability_case cases[] = {
     READING("a joint at infinity", FRAME_JOINT, INFINITY),
     READING("a confidence of NaN", FRAME_CONFIDENCE, NAN),
     READING("a frame before the last one", FRAME_TIME, -1),
-    READING("a body's radius of infinity", BODY_RADIUS, INFINITY),
+    {"reading a body's radius of infinity", "not measured", ANSWER_UNKNOWN, ask_reader, NULL, as_it_is,
+     .in = {BODY_RADIUS, INFINITY}},
     READING("a tag with a side of NaN", PLACE_TAG_SIDE, NAN),
     READING("a tag's pose of infinity", PLACE_TAG_POSE, INFINITY),
     READING("a landmark at NaN", PLACE_POINT, NAN),
