@@ -85,6 +85,9 @@ void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 // it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
 
+// The same without its views, which take a thousand times longer to read: what a camera is located by.
+MUST_CHECK enum status recording_read_map(struct recording *r, struct place *out);
+
 int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
 const char *recording_take_name(const struct recording *r, int index);

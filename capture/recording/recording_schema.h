@@ -34,6 +34,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
 #define JOINT_ERROR_TABLE                                                                                              \
     "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+// What is kept of a take's preparation (prepared.h); made when it is first kept.
+#define PREPARED_TABLE                                                                                                 \
+    "CREATE TABLE IF NOT EXISTS prepared(id INTEGER PRIMARY KEY, version INTEGER, index_crc INTEGER, data BLOB,"       \
+    " crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.

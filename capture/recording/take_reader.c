@@ -320,6 +320,8 @@ void take_close(struct take **t)
 
 const struct calibration *take_calibration(const struct take *t) { return &t->index->calibration; }
 
+int64_t take_id(const struct take *t) { return t->index->id; }
+
 int64_t take_frame_count(const struct take *t) { return t->index->count; }
 
 const struct take_entry *take_entry(const struct take *t, int64_t index)

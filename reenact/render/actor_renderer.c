@@ -55,6 +55,11 @@ enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar)
     return status;
 }
 
+void renderer_finish_upload(struct renderer *p)
+{
+    p->upload_pending = p->upload_pending && p->avatar && !avatar_renderer_upload_step(p->avatar, SIZE_MAX);
+}
+
 const struct avatar *renderer_avatar(const struct renderer *p)
 {
     return p->avatar && !p->upload_pending ? avatar_renderer_avatar(p->avatar) : NULL;
