@@ -25,7 +25,7 @@ static inline lanes predict_lanes(lanes a, lanes b, lanes c)
 }
 
 // Contexts and numbers of the pixels from x on, from their levels and fills.
-static void code_block(const struct rows *r, int x, struct coded_block *to)
+static void code_block(struct rows *r, int x, struct coded_block *to)
 {
     lanes special = (lanes){0}, any_flat = special;
     for (int i = 0; i < BLOCK; i += LANES, x += LANES) {
@@ -48,7 +48,7 @@ static void code_block(const struct rows *r, int x, struct coded_block *to)
 }
 
 // All pixels of the block are flat and have the level to their left.
-static inline bool is_run(const struct rows *r, int x)
+static inline bool is_run(struct rows *r, int x)
 {
     lanes run = even_at(r, x) & (load(r->level + x - 1) == load(r->level_above + x)) &
                 (load(r->level + x) == load(r->level + x - 1));
@@ -59,7 +59,7 @@ static inline bool is_run(const struct rows *r, int x)
 }
 
 // Fills the block's holes; each depends on the pixel before it.
-static void fill_block(const struct rows *r, int x)
+static void fill_block(struct rows *r, int x)
 {
     lanes holes = (lanes){0};
     for (int i = 0; i < BLOCK; i += LANES) {
@@ -88,7 +88,7 @@ static inline void begin_run(struct pixel_encoder *e)
     e->run_position = rans_reserve(&e->range);
 }
 
-static inline void encode_flat(struct pixel_encoder *e, const struct rows *r, int x)
+static inline void encode_flat(struct pixel_encoder *e, struct rows *r, int x)
 {
     begin_run(e);
     if (r->level[x] == r->level[x - 1]) {
@@ -115,7 +115,7 @@ static void push_simple(struct pixel_encoder *e, int count, const struct coded_b
     e->run += flat;
 }
 
-static void push_block(struct pixel_encoder *e, const struct rows *r, int x, int count, const struct coded_block *block)
+static void push_block(struct pixel_encoder *e, struct rows *r, int x, int count, const struct coded_block *block)
 {
     const uint32_t all = sizeof(LEVEL) == 2 ? UINT16_MAX : UINT32_MAX; // a number is unsigned
     if (block->simple && (e->in_run || !block->any_flat)) {
@@ -129,7 +129,7 @@ static void push_block(struct pixel_encoder *e, const struct rows *r, int x, int
             rans_push(&e->range, block->context[i], (uint32_t)block->number[i] & all);
 }
 
-static void encode_row(struct pixel_encoder *e, const struct rows *r, int width)
+static void encode_row(struct pixel_encoder *e, struct rows *r, int width)
 {
     struct coded_block block;
     for (int x = 1; x <= width; x += BLOCK) {
@@ -149,17 +149,17 @@ static void encode_row(struct pixel_encoder *e, const struct rows *r, int width)
 
 enum status DEPTH_ENCODE(struct depth_coder *c, const uint16_t *depth, const struct depth_layout *l)
 {
-    struct rows r;
+    struct rows *r;
     enum status status = rows_begin(c, &r, l);
     if (status != OK)
         return status;
     struct pixel_encoder e = {.range = *c->range};
     for (int y = 0; y < l->height; y++) {
-        rows_next(&r, l->width);
+        rows_next(r, l->width);
         const uint16_t *from = depth + (size_t)y * (size_t)l->width;
         for (int x = 0; x < l->width; x++)
-            r.level[x + 1] = (LEVEL)c->level_of[from[x]];
-        encode_row(&e, &r, l->width);
+            r->level[x + 1] = (LEVEL)c->level_of[from[x]];
+        encode_row(&e, r, l->width);
     }
     if (e.in_run)
         rans_fill(&e.range, e.run_position, FLAT_RUN, e.run);

@@ -1,6 +1,6 @@
 // The pixels of a depth image to and from the entropy coder: prediction and contexts (depth_codec.h; docs/format.md
-// specifies both). The same code (depth_rows.inl, depth_encode.inl, depth_decode.inl) is compiled for levels of 16 bits,
-// eight of which a vector register holds, and of 32 bits. Internal to the depth codec.
+// specifies both). The same code (depth_rows.inl, depth_encode.inl, depth_decode.inl) is compiled for levels of 16
+// bits, eight of which a vector register holds, and of 32 bits. Internal to the depth codec.
 #pragma once
 #include "capture/recording/codec_internal.h"
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 enum { VECTOR_BYTES = 16, LANES = VECTOR_BYTES / (int)sizeof(LEVEL), BLOCK = 16, PAD = 2 * BLOCK };
+enum { ROW = 16384 + 2 + PAD }; // the widest image's
 
 typedef LEVEL lanes __attribute__((vector_size(VECTOR_BYTES))); // comparisons give all bits of a lane, or none
 
@@ -30,45 +31,39 @@ static inline bool no_bits(lanes v)
     return !(half[0] | half[1]);
 }
 
-// For the current row and the one above. [0] is left of the image, [width + 1] right of it. Above the first row is a row
-// of holes.
+// The current row and the one above. [0] is left of the image, [width + 1] right of it. Above the first row is a row of
+// holes. Arrays of fixed size, so that one register addresses all of them.
 struct rows {
-    LEVEL *level, *level_above, *filled, *filled_above;
+    LEVEL level[ROW], filled[ROW], level_above[ROW], filled_above[ROW];
     // For decoding, of each pixel, from the row above:
-    LEVEL *slopes; // 25 slope(d - b) + 5 slope(b - c) of the fills
-    LEVEL *holes;  // bits 1 and 2: b and d are holes
-    LEVEL *even;   // all bits: the levels of b, c and d are equal
+    LEVEL slopes[ROW]; // 25 slope(d - b) + 5 slope(b - c) of the fills
+    LEVEL holes[ROW];  // bits 1 and 2: b and d are holes
+    LEVEL even[ROW];   // all bits: the levels of b, c and d are equal
     LEVEL noise;
 };
 
-static enum status rows_begin(struct depth_coder *c, struct rows *r, const struct depth_layout *l)
+// *out belongs to the coder.
+static enum status rows_begin(struct depth_coder *c, struct rows **out, const struct depth_layout *l)
 {
-    enum { ROWS = 7 };
-    const size_t length = (size_t)l->width + 2 + PAD, bytes = ROWS * length * sizeof(LEVEL);
-    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, bytes);
+    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, sizeof **out);
     if (status != OK)
         return status;
-    memset(c->rows, 0, bytes);
-    LEVEL *first = (LEVEL *)(void *)c->rows; // aligned: fresh from realloc
-    *r = (struct rows){.level = first,
-                       .level_above = first + length,
-                       .filled = first + 2 * length,
-                       .filled_above = first + 3 * length,
-                       .slopes = first + 4 * length,
-                       .holes = first + 5 * length,
-                       .even = first + 6 * length,
-                       .noise = (LEVEL)l->noise};
+    struct rows *r = *out = (struct rows *)(void *)c->rows; // aligned: from realloc
+    const size_t used = ((size_t)l->width + 2 + PAD) * sizeof(LEVEL);
+    memset(r->level, 0, used);
+    memset(r->filled, 0, used);
+    memset(r->level_above, 0, used);
+    memset(r->filled_above, 0, used);
+    r->noise = (LEVEL)l->noise;
     return OK;
 }
 
 // The current row becomes the one above.
 static void rows_next(struct rows *r, int width)
 {
-    LEVEL *level = r->level_above, *filled = r->filled_above;
-    r->level_above = r->level;
-    r->filled_above = r->filled;
-    r->level = level;
-    r->filled = filled;
+    const size_t bytes = (size_t)width * sizeof(LEVEL);
+    memcpy(r->level_above + 1, r->level + 1, bytes);
+    memcpy(r->filled_above + 1, r->filled + 1, bytes);
     r->level[0] = r->level_above[0] = r->level_above[1];
     r->filled[0] = r->filled_above[0] = r->filled_above[1];
     r->level_above[width + 1] = r->level_above[width];

@@ -107,7 +107,8 @@ static inline bool rans_pull_bits(struct rans_coder *r, uint32_t symbol, uint32_
 }
 
 // states: r->states, as a constant where the caller can. False: the bytes are used up or invalid.
-static inline bool rans_pull(struct rans_coder *r, int states, int context, uint32_t *number)
+static inline __attribute__((always_inline)) bool rans_pull(struct rans_coder *r, int states, int context,
+                                                            uint32_t *number)
 {
     uint32_t state = r->state[0];
     const uint32_t slot = state & (RANS_SUM - 1);
