@@ -164,7 +164,7 @@ static enum status build_avatar(struct avatar_builder *p)
     enum status status = open_take(p, &recording, &take);
     if (status == OK && !(take_calibration(take)->depth.width > 0))
         status = NOTHING;
-    const bool found = status == OK && avatar_load(&kept, recording, take) == OK;
+    const bool found = status == OK && avatar_load(&kept, take) == OK;
     if (found)
         publish(p, AVATAR_FULL, &kept, OK);
     set_looked(p);

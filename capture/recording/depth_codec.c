@@ -40,18 +40,6 @@ void depth_coder_close(struct depth_coder **c)
     *c = NULL;
 }
 
-enum status depth_coder_grow(uint8_t **bytes, size_t *capacity, size_t wanted)
-{
-    if (wanted <= *capacity)
-        return OK;
-    uint8_t *grown = realloc(*bytes, wanted);
-    if (!grown)
-        return fail(ERR_MEMORY, "no memory for %zu bytes of an image", wanted);
-    *bytes = grown;
-    *capacity = wanted;
-    return OK;
-}
-
 // ------------------------------------------------------------- levels
 
 // Finds the distinct depths. Returns the number of levels (level 0 is always depth 0), or 0 if a level is the depth

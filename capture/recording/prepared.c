@@ -65,10 +65,9 @@ static enum status unpack(const uint8_t *packed, size_t packed_count, uint8_t **
     return OK;
 }
 
-enum status prepared_read(struct recording *r, const struct take *take, enum prepared_kind kind, int version,
-                          uint8_t **bytes, size_t *count)
+enum status prepared_read(const struct take *take, enum prepared_kind kind, int version, uint8_t **bytes, size_t *count)
 {
-    struct database *db = recording_database(r);
+    struct database *db = recording_database(take_recording(take));
     struct statement *s = NULL;
     bool there;
     enum status status = has_table(db, &there);

@@ -8,8 +8,8 @@ enum prepared_kind { PREPARED_AVATAR = 0 };
 
 // Reads what is kept of the take. The caller frees *bytes. NOTHING: there is none of this version that was made from
 // these frames. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status prepared_read(struct recording *r, const struct take *take, enum prepared_kind kind, int version,
-                                     uint8_t **bytes, size_t *count);
+MUST_CHECK enum status prepared_read(const struct take *take, enum prepared_kind kind, int version, uint8_t **bytes,
+                                     size_t *count);
 
 // Keeps it in the file, in one transaction of its own connection; replaces what is there, unless that is of a newer
 // version. NOTHING: the file is just being written or cannot be, and stays as it is. ERR_MEMORY. Any thread may call,

@@ -9,7 +9,7 @@
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
 
-enum { RECORDING_SCHEMA = 1 };
+enum { RECORDING_SCHEMA = 2 };
 
 struct recording_writer;
 struct recording;

@@ -119,5 +119,6 @@ void recording_remove_files(const char *path);
 
 // Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
 // newer schema; ERR_CORRUPT: tables are missing.
+MUST_CHECK enum status recording_raise_schema(struct database *db); // of an older file that is added to
 MUST_CHECK enum status recording_make_tables(struct database *db);
 MUST_CHECK enum status recording_check_tables(struct database *db);

@@ -150,12 +150,12 @@ enum status avatar_unpack(struct avatar *out, const struct take *take, const voi
                            : fail(ERR_CORRUPT, "what the recording keeps of the actor's model cannot be used");
 }
 
-enum status avatar_load(struct avatar *out, struct recording *recording, const struct take *take)
+enum status avatar_load(struct avatar *out, const struct take *take)
 {
     uint8_t *bytes;
     size_t count;
     *out = (struct avatar){0};
-    enum status status = prepared_read(recording, take, PREPARED_AVATAR, AVATAR_VERSION, &bytes, &count);
+    enum status status = prepared_read(take, PREPARED_AVATAR, AVATAR_VERSION, &bytes, &count);
     if (status != OK)
         return status;
     status = avatar_unpack(out, take, bytes, count);
@@ -166,4 +166,11 @@ enum status avatar_load(struct avatar *out, struct recording *recording, const s
 enum status avatar_save(const uint8_t *bytes, size_t count, const char *path, const struct take *take)
 {
     return prepared_write(path, take, PREPARED_AVATAR, AVATAR_VERSION, bytes, count);
+}
+
+enum status avatar_obtain(struct avatar *out, struct take *take, const struct source_rays *rays,
+                          const struct avatar_options *options)
+{
+    const enum status status = avatar_load(out, take);
+    return status == OK ? OK : avatar_make(out, take, rays, options);
 }

@@ -16,6 +16,10 @@ MUST_CHECK enum status avatar_unpack(struct avatar *out, const struct take *take
 
 // The take's avatar as the recording keeps it. NOTHING: it keeps none that this program could have made. ERR_IO,
 // ERR_MEMORY. *out as above.
-MUST_CHECK enum status avatar_load(struct avatar *out, struct recording *recording, const struct take *take);
+MUST_CHECK enum status avatar_load(struct avatar *out, const struct take *take);
 // Writes such bytes into the recording at `path`; NOTHING where that cannot be written just now. ERR_MEMORY.
 MUST_CHECK enum status avatar_save(const uint8_t *bytes, size_t count, const char *path, const struct take *take);
+
+// avatar_load or, where that finds nothing, avatar_make.
+MUST_CHECK enum status avatar_obtain(struct avatar *out, struct take *take, const struct source_rays *rays,
+                                     const struct avatar_options *options);
