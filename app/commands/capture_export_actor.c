@@ -2,6 +2,7 @@
 #include "app/commands/capture_export.h"
 
 #include "platform/output.h"
+#include "reenact/avatar/avatar_store.h"
 #include "reenact/export/actor_export.h"
 
 #include <stdlib.h>
@@ -55,7 +56,7 @@ enum status export_actor(const struct export_arguments *given, struct take *take
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
-        status = avatar_make(&avatar, take, rays, &how);
+        status = avatar_obtain(&avatar, take, rays, &how);
     if (status == NOTHING && !command_stopped())
         status = fail(ERR_INPUT, "the take shows too little of a person for a model");
     if (status == OK) {

@@ -9,7 +9,7 @@
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
 
-enum { RECORDING_SCHEMA = 1 };
+enum { RECORDING_SCHEMA = 2 };
 
 struct recording_writer;
 struct recording;
@@ -84,6 +84,9 @@ void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 // NOTHING: the file holds no place. ERR_CORRUPT, ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
 // it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
+
+// The same without its views, which take a thousand times longer to read: what a camera is located by.
+MUST_CHECK enum status recording_read_map(struct recording *r, struct place *out);
 
 int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.

@@ -320,6 +320,10 @@ void take_close(struct take **t)
 
 const struct calibration *take_calibration(const struct take *t) { return &t->index->calibration; }
 
+struct recording *take_recording(const struct take *t) { return t->recording; }
+
+int64_t take_id(const struct take *t) { return t->index->id; }
+
 int64_t take_frame_count(const struct take *t) { return t->index->count; }
 
 const struct take_entry *take_entry(const struct take *t, int64_t index)
