@@ -69,27 +69,13 @@ static void cut_margin(const struct image *picture, const uint8_t color[3], uint
     }
 }
 
-static enum status find_extent(const struct thing *thing, struct thing_model *m)
+struct extent {
+    int left, right, first, last; // inclusive
+};
+
+static enum status find_extent(const struct thing *thing, struct thing_model *m, struct extent *out)
 {
-    int left = m->width, right = -1, first = m->height, last = -1;
-    for (int y = 0; y < m->height; y++)
-        for (int x = 0; x < m->width; x++)
-            if (m->inside[y * m->width + x]) {
-                left = x < left ? x : left;
-                right = x > right ? x : right;
-                first = y < first ? y : first;
-                last = y;
-            }
-    if (right - left < 8 || last - first < 8)
-        return fail(ERR_INPUT, "the reference picture of '%s' shows nothing but its margin", thing->name);
-    m->middle_x = (left + right) / 2.0;
-    m->middle_y = (first + last) / 2.0;
-    m->metres_per_px[0] = thing->width_m / (right - left + 1);
-    m->metres_per_px[1] = thing->height_m / (last - first + 1);
-    const int least = right - left < last - first ? right - left : last - first;
-    // 1 %: from how far away the picture was taken is not known, and what stands out is nearer
-    m->size_sigma = sqrt(0.01 * 0.01 + 0.7 * 0.7 / ((double)least * least));
-    m->radius_m = thing->width_m / 2;
+    struct extent e = {m->width, -1, m->height, -1};
     for (int y = 0; y < m->height; y++) {
         int a = m->width, b = -1;
         for (int x = 0; x < m->width; x++)
@@ -97,9 +83,57 @@ static enum status find_extent(const struct thing *thing, struct thing_model *m)
                 a = x < a ? x : a;
                 b = x;
             }
-        m->half_width_m[y] = b < a ? 0 : (float)((b - a + 1) * 0.5 * m->metres_per_px[0]);
+        m->half_px[y] = b < a ? 0 : (float)(b - a + 1) / 2;
+        if (b < a)
+            continue;
+        e.left = a < e.left ? a : e.left;
+        e.right = b > e.right ? b : e.right;
+        e.first = y < e.first ? y : e.first;
+        e.last = y;
     }
-    return OK;
+    *out = e;
+    return e.right - e.left >= 8 && e.last - e.first >= 8
+               ? OK
+               : fail(ERR_INPUT, "the reference picture of '%s' shows nothing but its margin", thing->name);
+}
+
+static void scale_flat(const struct thing *thing, const struct extent *e, struct thing_model *m)
+{
+    const double w = e->right - e->left + 1, h = e->last - e->first + 1, least = w < h ? w : h;
+    m->scale[THING_FLAT] = (struct model_scale){
+        .x = (e->left + e->right) / 2.0,
+        .y = (e->first + e->last) / 2.0,
+        .metres_per_px = (thing->width_m + thing->height_m) / (w + h), // pixels are square
+        .size_sigma = sqrt(0.005 * 0.005 + 0.5 / (least * least)),
+    };
+}
+
+// A solid of revolution in perspective, seen from the height of its middle. Its silhouette lies further back than its
+// nearest line, so its picture is taller against its width than it is by about radius / distance. With that, the known
+// sizes tell the distance; roughly, because of rounding to pixels and millimetres, so that it is weighed against what
+// is usual for a photograph of a thing: 0.8 m, to a factor of two.
+static void scale_turned(const struct thing *thing, const struct extent *e, struct thing_model *m)
+{
+    const double w = e->right - e->left + 1, h = e->last - e->first + 1, radius = thing->width_m / 2;
+    const double usual = radius / 0.8, usual_sigma = 0.5 * usual;
+    const double measured = (h / w) / (thing->height_m / thing->width_m) - 1;
+    const double sigma = sqrt(1 / (w * w) + 1 / (h * h) + 0.004 * 0.004);
+    const double information = 1 / (sigma * sigma) + 1 / (usual_sigma * usual_sigma);
+    double growth = (measured / (sigma * sigma) + usual / (usual_sigma * usual_sigma)) / information;
+    growth = growth < usual / 4 ? usual / 4 : growth > usual * 4 ? usual * 4 : growth;
+    const double d = radius / growth;
+    // what the front's plane shows of the silhouette's half width, and of the upper and lower edge's height
+    const double half = d * radius / sqrt(d * d + 2 * d * radius);
+    const double top = m->half_px[e->first + 3], low = m->half_px[e->last - 3];
+    const double back_top = radius * (1 - top / (w / 2)), back_low = radius * (1 - low / (w / 2));
+    const double up = thing->height_m / 2 / (1 + (back_top > 0 ? back_top : 0) / d);
+    const double down = thing->height_m / 2 / (1 + (back_low > 0 ? back_low : 0) / d);
+    struct model_scale *s = &m->scale[THING_TURNED];
+    *s = (struct model_scale){.x = (e->left + e->right) / 2.0, .metres_per_px = (2 * half + up + down) / (w + h)};
+    s->y = (e->first + e->last) / 2.0 - (down - up) / 2 / s->metres_per_px;
+    s->size_sigma = 0.02; // with the distance's error
+    m->radius_m = radius;
+    m->distance_m = d;
 }
 
 static enum status make_levels(const struct thing *thing, struct thing_model *m)
@@ -139,18 +173,23 @@ enum status thing_model_make(const struct thing *thing, struct thing_model *out)
     const size_t pixels = (size_t)picture->width * (size_t)picture->height;
     *out = (struct thing_model){.width = picture->width, .height = picture->height};
     out->inside = malloc(pixels);
-    out->half_width_m = malloc((size_t)picture->height * sizeof *out->half_width_m);
+    out->half_px = malloc((size_t)picture->height * sizeof *out->half_px);
     uint8_t *plane = malloc(pixels);
     int32_t *stack = malloc((pixels + 1) * sizeof *stack);
     enum status status = OK;
-    if (!out->inside || !out->half_width_m || !plane || !stack) {
+    if (!out->inside || !out->half_px || !plane || !stack) {
         status = fail(ERR_MEMORY, "no memory for the picture of '%s'", thing->name);
     } else {
         uint8_t color[3];
         memset(out->inside, 1, pixels);
         if (margin_color(picture, plane, color))
             cut_margin(picture, color, out->inside, stack);
-        status = find_extent(thing, out);
+        struct extent extent;
+        status = find_extent(thing, out, &extent);
+        if (status == OK) {
+            scale_flat(thing, &extent, out);
+            scale_turned(thing, &extent, out);
+        }
     }
     if (status == OK)
         status = make_levels(thing, out);
@@ -166,7 +205,7 @@ enum status thing_model_make(const struct thing *thing, struct thing_model *out)
 void thing_model_free(struct thing_model *m)
 {
     free(m->inside);
-    free(m->half_width_m);
+    free(m->half_px);
     for (int i = 0; i < MODEL_LEVELS; i++)
         free(m->level[i].rgb);
     for (int i = 0; i < MODEL_CHANNELS; i++)
@@ -216,9 +255,29 @@ static bool well_inside(const struct thing_model *m, double x, double y, double 
     return true;
 }
 
+// The point of the solid of revolution that the picture shows at (x, y). False: beside it.
+static bool turned_point(const struct thing_model *m, double x, double y, struct vec3 *at, float *facing)
+{
+    const struct model_scale *s = &m->scale[THING_TURNED];
+    const int row = (int)floor(y + 0.5) < m->height ? (int)floor(y + 0.5) : m->height - 1;
+    const double px = (x - s->x) * s->metres_per_px, py = (y - s->y) * s->metres_per_px, d = m->distance_m,
+                 axis = m->radius_m;
+    const double half = m->half_px[row] * s->metres_per_px, r = half * (d + axis) / sqrt(d * d + half * half);
+    // the ray (px t, py t, d t - d) meets the circle x^2 + (z - axis)^2 = r^2
+    const double a = px * px + d * d, b = d * (d + axis), c = (d + axis) * (d + axis) - r * r, root = b * b - a * c;
+    if (!(root > 0) || !(r > 0))
+        return false;
+    const double t = (b - sqrt(root)) / a;
+    *at = v3(px * t, py * t, d * t - d);
+    const struct vec3 normal = v3_unit(v3(at->x, 0, at->z - axis)), ray = v3_unit(v3(-px, -py, -d));
+    *facing = (float)v3_dot(normal, ray);
+    return true;
+}
+
 void thing_sample(const struct thing_model *m, double px_per_metre, int most, struct thing_samples *out)
 {
-    const double spread = 1 / (px_per_metre * m->metres_per_px[0]); // picture's pixels for one of the image
+    const struct model_scale *flat = &m->scale[THING_FLAT];
+    const double spread = 1 / (px_per_metre * flat->metres_per_px); // picture's pixels for one of the image
     const double area = (double)m->width * m->height;
     double step = spread < 1 ? 1 : spread;
     while (area / (step * step) > most)
@@ -228,13 +287,11 @@ void thing_sample(const struct thing_model *m, double px_per_metre, int most, st
         for (double x = step / 2 - 0.5; x < m->width && out->count < most; x += step) {
             if (!well_inside(m, x, y, 0.9 * spread + 0.5))
                 continue;
-            const int row = (int)floor(y + 0.5) < m->height ? (int)floor(y + 0.5) : m->height - 1, i = out->count;
-            const double at_x = (x - m->middle_x) * m->metres_per_px[0], at_y = (y - m->middle_y) * m->metres_per_px[1];
-            const double r = m->half_width_m[row], inner = r * r - at_x * at_x;
-            out->at[THING_FLAT][i] = v3(at_x, at_y, 0);
-            out->at[THING_TURNED][i] = v3(at_x, at_y, m->radius_m - sqrt(inner > 0 ? inner : 0));
+            const int i = out->count;
+            out->at[THING_FLAT][i] = v3((x - flat->x) * flat->metres_per_px, (y - flat->y) * flat->metres_per_px, 0);
             out->facing[THING_FLAT][i] = 1;
-            out->facing[THING_TURNED][i] = r > 0 && inner > 0 ? (float)sqrt(inner / (r * r)) : 0;
+            if (!turned_point(m, x, y, &out->at[THING_TURNED][i], &out->facing[THING_TURNED][i]))
+                out->facing[THING_TURNED][i] = 0;
             texture_at(m, x, y, spread, out->color[i]);
             out->count++;
         }

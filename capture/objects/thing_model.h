@@ -12,13 +12,16 @@ struct texture_level {
 };
 
 struct thing_model {
-    int width, height;                              // of the reference picture
-    uint8_t *inside;                                // width * height: 1 shows the thing
-    double middle_x, middle_y;                      // pixel of the thing's origin
-    double metres_per_px[2];                        // along x and y
-    double size_sigma;                              // relative: how well the picture tells where the thing ends
-    float *half_width_m;                            // of the silhouette, per row
-    double radius_m;                                // the largest of them
+    int width, height; // of the reference picture
+    uint8_t *inside;   // width * height: 1 shows the thing
+    float *half_px;    // half the silhouette's width, per row
+    // Both shapes: where the origin is in the picture, and how large a pixel is there, where the thing is nearest.
+    struct model_scale {
+        double x, y, metres_per_px;
+        double size_sigma; // relative: how well the picture tells where the thing ends
+    } scale[THING_SHAPES];
+    // Of the solid of revolution: its largest radius, and from how far away its picture was taken (in perspective).
+    double radius_m, distance_m;
     struct texture_level level[MODEL_LEVELS];       // each half the size of the one before
     struct scale_feature *features[MODEL_CHANNELS]; // of the red and the blue channel
     int feature_count[MODEL_CHANNELS];

@@ -99,9 +99,10 @@ static bool pose_from_match(const struct recognizer *r, int thing, const struct 
     const struct thing_model *model = &r->models[thing];
     const double turn = m->scene->angle - m->model->angle, scale = (double)m->scene->size_px / m->model->size_px;
     const double c = portable_cos(turn), s = portable_sin(turn);
-    const double dx = scale * (model->middle_x - m->model->at.x), dy = scale * (model->middle_y - m->model->at.y);
+    const double dx = scale * (model->scale[THING_FLAT].x - m->model->at.x),
+                 dy = scale * (model->scale[THING_FLAT].y - m->model->at.y);
     const struct pixel middle = {m->scene->at.x + c * dx - s * dy, m->scene->at.y + s * dx + c * dy};
-    const double depth = focal(&v->lens) * model->metres_per_px[0] / scale;
+    const double depth = focal(&v->lens) * model->scale[THING_FLAT].metres_per_px / scale;
     if (!(depth >= r->options.nearest_m && depth <= r->options.farthest_m) || middle.x < 0 || middle.y < 0 ||
         middle.x > v->lens.width - 1 || middle.y > v->lens.height - 1)
         return false;
@@ -159,7 +160,7 @@ struct search {
 static const struct thing_samples *check_samples(struct search *s, int thing, double per_metre)
 {
     const struct thing_model *m = &s->r->models[thing];
-    double size = per_metre * m->metres_per_px[0]; // image pixels for one of the picture
+    double size = per_metre * m->scale[THING_FLAT].metres_per_px; // image pixels for one of the picture
     int slot = 0;
     while (size < 0.84 && slot + 1 < (int)COUNT_OF(s->check)) {
         size *= 1.189207115;
@@ -292,9 +293,9 @@ static enum status find_thing(struct search *s, int thing, struct detection *out
     }
     if (status != OK || score < COARSE_SCORE)
         return status;
-    const struct size_prior size = {0, s->r->models[thing].size_sigma};
     *out = (struct detection){.thing = thing};
     for (int shape = 0; shape < THING_SHAPES; shape++) {
+        const struct size_prior size = {0, s->r->models[thing].scale[shape].size_sigma};
         out->by[shape] = best;
         out->found[shape] = align_fine(s->r, thing, (enum thing_shape)shape, s->views, s->view_count, &size, s->samples,
                                        &out->by[shape]) &&
@@ -372,18 +373,19 @@ static double turned_evidence(const struct recognizer *r, const struct detection
 
 void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const struct detection *d)
 {
-    const double evidence = turned_evidence(r, d), sigma = r->models[d->thing].size_sigma;
-    const struct alignment *a = &d->by[evidence > 0 ? THING_TURNED : THING_FLAT];
     double covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
-    t->turned_evidence += evidence;
-    if (!invert_symmetric(a->information, ALIGN_UNKNOWNS, covariance))
-        return;
-    const double variance = covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS - 1];
-    const double own = 1 / variance - 1 / (sigma * sigma); // without the prior
-    if (!(own > 0))
-        return;
-    t->size_information += own;
-    t->size_sum += a->log_scale / variance; // the prior's mean is 0
+    t->turned_evidence += turned_evidence(r, d);
+    for (int shape = 0; shape < THING_SHAPES; shape++) {
+        const double sigma = r->models[d->thing].scale[shape].size_sigma;
+        if (!d->found[shape] || !invert_symmetric(d->by[shape].information, ALIGN_UNKNOWNS, covariance))
+            continue;
+        const double variance = covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS - 1];
+        const double own = 1 / variance - 1 / (sigma * sigma); // without the prior, whose mean is 0
+        if (own > 0) {
+            t->size[shape].information += own;
+            t->size[shape].sum += d->by[shape].log_scale / variance;
+        }
+    }
 }
 
 enum status recognizer_refine(const struct recognizer *r, const struct detection *d, const struct thing_traits *traits,
@@ -391,12 +393,12 @@ enum status recognizer_refine(const struct recognizer *r, const struct detection
 {
     const double evidence = traits ? traits->turned_evidence : turned_evidence(r, d);
     enum thing_shape shape = evidence > 0 ? THING_TURNED : THING_FLAT;
-    const double sigma = r->models[d->thing].size_sigma;
+    const double sigma = r->models[d->thing].scale[shape].size_sigma;
     struct size_prior size = {0, sigma};
     struct alignment a = d->by[d->found[shape] ? shape : 1 - shape];
     if (traits) {
-        const double information = 1 / (sigma * sigma) + traits->size_information;
-        size = (struct size_prior){traits->size_sum / information, 1 / sqrt(information)};
+        const double information = 1 / (sigma * sigma) + traits->size[shape].information;
+        size = (struct size_prior){traits->size[shape].sum / information, 1 / sqrt(information)};
         size.sigma = size.sigma < 5e-4 ? 5e-4 : size.sigma;
         struct thing_samples *samples = malloc(sizeof *samples);
         if (!samples)

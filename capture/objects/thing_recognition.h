@@ -38,8 +38,10 @@ MUST_CHECK enum status recognizer_find(const struct recognizer *r, const struct 
 
 // What many sightings have told of a thing. All 0: nothing yet.
 struct thing_traits {
-    double turned_evidence;            // sum of log probability ratios, turned against flat
-    double size_information, size_sum; // of log_scale
+    double turned_evidence; // sum of log probability ratios, turned against flat
+    struct {
+        double information, sum; // of log_scale, without the prior of what the picture tells
+    } size[THING_SHAPES];
 };
 void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const struct detection *d);
 
