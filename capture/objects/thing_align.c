@@ -6,6 +6,7 @@
 
 // Chosen by hand: less of the surface's turned-away parts is used; fewer points than this say nothing.
 #define LEAST_FACING 0.45F
+#define LEAST_SEEN   0.25 // the same for a view: cosine
 enum { LEAST_POINTS = 24 };
 #define HUBER       2.0 // standard deviations
 #define LEAST_NOISE 1.5 // grey levels
@@ -38,10 +39,17 @@ static struct vec3 placed(const struct align_input *in, const struct alignment *
     return quat_rotate(a->left_from_thing.rotation, p); // about the thing's origin
 }
 
-static bool project(const struct thing_view *v, struct vec3 in_left, struct pixel *px, struct vec3 *in_camera)
+// False: behind the camera, or the surface there is turned away from it.
+static bool project(const struct align_input *in, int view, const struct alignment *a, int i, struct pixel *px,
+                    struct vec3 *in_camera)
 {
-    *in_camera = pose_apply(v->camera_from_left, in_left);
+    const struct thing_view *v = &in->views[view];
+    *in_camera = pose_apply(v->camera_from_left, v3_add(placed(in, a, i), a->left_from_thing.translation));
     if (!(in_camera->z > 0.02))
+        return false;
+    const struct vec3 normal = quat_rotate(v->camera_from_left.rotation,
+                                           quat_rotate(a->left_from_thing.rotation, in->samples->normal[in->shape][i]));
+    if (v3_dot(normal, *in_camera) > -LEAST_SEEN * v3_length(*in_camera))
         return false;
     *px = lens_project_clamped(&v->lens, v->largest_r2, *in_camera);
     return true;
@@ -144,8 +152,7 @@ static bool view_gains(const struct align_input *in, int view, const struct alig
         if (!is_used(in, i))
             continue;
         used++;
-        if (!project(v, v3_add(placed(in, a, i), a->left_from_thing.translation), &px, &q) ||
-            !look(&v->level[in->level], in->level, px, &at))
+        if (!project(in, view, a, i, &px, &q) || !look(&v->level[in->level], in->level, px, &at))
             continue;
         seen++;
         add(s, in->samples->color[i], at.value);
@@ -179,12 +186,10 @@ static void add_view(const struct align_input *in, int view, const struct alignm
         struct sample at;
         if (!is_used(in, i))
             continue;
-        const struct vec3 arm = placed(in, a, i);
-        if (!project(v, v3_add(arm, a->left_from_thing.translation), &px, &q) ||
-            !look(&v->level[in->level], in->level, px, &at))
+        if (!project(in, view, a, i, &px, &q) || !look(&v->level[in->level], in->level, px, &at))
             continue;
         double slope[ALIGN_UNKNOWNS][2];
-        pixel_slopes(v, arm, q, px, slope);
+        pixel_slopes(v, placed(in, a, i), q, px, slope);
         add_residuals(&at, in->samples->color[i], g, (const double(*)[2])slope, a->noise, n);
     }
 }

@@ -256,7 +256,8 @@ static bool well_inside(const struct thing_model *m, double x, double y, double 
 }
 
 // The point of the solid of revolution that the picture shows at (x, y). False: beside it.
-static bool turned_point(const struct thing_model *m, double x, double y, struct vec3 *at, float *facing)
+static bool turned_point(const struct thing_model *m, double x, double y, struct vec3 *at, struct vec3 *normal,
+                         float *facing)
 {
     const struct model_scale *s = &m->scale[THING_TURNED];
     const int row = (int)floor(y + 0.5) < m->height ? (int)floor(y + 0.5) : m->height - 1;
@@ -269,8 +270,8 @@ static bool turned_point(const struct thing_model *m, double x, double y, struct
         return false;
     const double t = (b - sqrt(root)) / a;
     *at = v3(px * t, py * t, d * t - d);
-    const struct vec3 normal = v3_unit(v3(at->x, 0, at->z - axis)), ray = v3_unit(v3(-px, -py, -d));
-    *facing = (float)v3_dot(normal, ray);
+    *normal = v3_unit(v3(at->x, 0, at->z - axis));
+    *facing = (float)v3_dot(*normal, v3_unit(v3(-px, -py, -d)));
     return true;
 }
 
@@ -290,7 +291,9 @@ void thing_sample(const struct thing_model *m, double px_per_metre, int most, st
             const int i = out->count;
             out->at[THING_FLAT][i] = v3((x - flat->x) * flat->metres_per_px, (y - flat->y) * flat->metres_per_px, 0);
             out->facing[THING_FLAT][i] = 1;
-            if (!turned_point(m, x, y, &out->at[THING_TURNED][i], &out->facing[THING_TURNED][i]))
+            out->normal[THING_FLAT][i] = v3(0, 0, -1);
+            if (!turned_point(m, x, y, &out->at[THING_TURNED][i], &out->normal[THING_TURNED][i],
+                              &out->facing[THING_TURNED][i]))
                 out->facing[THING_TURNED][i] = 0;
             texture_at(m, x, y, spread, out->color[i]);
             out->count++;

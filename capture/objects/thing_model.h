@@ -37,8 +37,9 @@ void thing_model_free(struct thing_model *m);
 struct thing_samples {
     int count;
     float color[SAMPLES_MOST][3];
-    struct vec3 at[THING_SHAPES][SAMPLES_MOST]; // thing's axes
-    float facing[THING_SHAPES][SAMPLES_MOST];   // cosine of the surface's angle to the picture's plane
+    struct vec3 at[THING_SHAPES][SAMPLES_MOST];     // thing's axes
+    struct vec3 normal[THING_SHAPES][SAMPLES_MOST]; // of the surface, outwards, of length 1
+    float facing[THING_SHAPES][SAMPLES_MOST];       // cosine of the angle at which the reference picture shows it
 };
 void thing_sample(const struct thing_model *m, double px_per_metre, int most, struct thing_samples *out);
 

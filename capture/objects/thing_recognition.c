@@ -269,11 +269,63 @@ static bool align_fine(const struct recognizer *r, int thing, enum thing_shape s
     return true;
 }
 
+// The pose turned about the solid of revolution's axis, by radians; the axis stays where it is.
+static struct alignment turned_about_axis(const struct thing_model *m, const struct alignment *a, double angle)
+{
+    struct alignment out = *a;
+    const struct pose turn = {quat_from_rotation_vector(v3(0, angle, 0)), v3(0, 0, 0)};
+    const struct pose axis = {{0, 0, 0, 1}, v3(0, 0, m->radius_m)}, back = {{0, 0, 0, 1}, v3(0, 0, -m->radius_m)};
+    out.left_from_thing = pose_multiply(a->left_from_thing, pose_multiply(axis, pose_multiply(turn, back)));
+    return out;
+}
+
+// A solid's turn about its axis hardly moves its outline, so that the flat pose can be off by more than its lettering
+// repeats: several turns are tried where the thing spans about twice SPAN_PX.
+static bool turn_best(const struct search *s, int thing, struct alignment *a)
+{
+    static const double turns[] = {0.2, -0.2, 0.4, -0.4, 0.6, -0.6};
+    const struct thing_view *v = &s->views[0];
+    const struct thing_model *m = &s->r->models[thing];
+    const double depth = depth_in(v, a);
+    const int level = level_for(&s->r->things->things[thing], v, depth, 2 * SPAN_PX);
+    double best = -1;
+    const struct alignment start = *a;
+    thing_sample(m, px_per_metre(v, depth, level), COARSE_POINTS, s->samples);
+    for (size_t k = 0; k < COUNT_OF(turns); k++) {
+        const struct align_input in = {s->samples, THING_TURNED, s->views, s->view_count, level, {0, 0.05}, 1};
+        struct alignment now = turned_about_axis(m, &start, turns[k]);
+        if (thing_align(&in, COARSE_STEPS, &now) && least_visible(&now, s->view_count) > s->r->options.least_visible &&
+            least_score(&now, s->view_count) > best) {
+            best = least_score(&now, s->view_count);
+            *a = now;
+        }
+    }
+    return best > 0;
+}
+
 static bool is_right(const struct recognizer *r, const struct alignment *a, int views)
 {
     return least_score(a, views) >= r->options.least_score && least_visible(a, views) >= r->options.least_visible &&
            a->left_from_thing.translation.z >= r->options.nearest_m &&
            a->left_from_thing.translation.z <= r->options.farthest_m;
+}
+
+// From the coarse pose to the finest, in one shape. False: it does not look right.
+static bool finish(struct search *s, int thing, enum thing_shape shape, struct alignment *a)
+{
+    const struct recognizer *r = s->r;
+    const struct size_prior size = {0, r->models[thing].scale[shape].size_sigma};
+    struct alignment other = *a;
+    bool right =
+        align_fine(r, thing, shape, s->views, s->view_count, &size, s->samples, a) && is_right(r, a, s->view_count);
+    if (shape == THING_TURNED && turn_best(s, thing, &other) &&
+        align_fine(r, thing, shape, s->views, s->view_count, &size, s->samples, &other) &&
+        is_right(r, &other, s->view_count) &&
+        (!right || least_score(&other, s->view_count) > least_score(a, s->view_count))) {
+        *a = other;
+        right = true;
+    }
+    return right;
 }
 
 static enum status find_thing(struct search *s, int thing, struct detection *out, bool *found)
@@ -295,11 +347,8 @@ static enum status find_thing(struct search *s, int thing, struct detection *out
         return status;
     *out = (struct detection){.thing = thing};
     for (int shape = 0; shape < THING_SHAPES; shape++) {
-        const struct size_prior size = {0, s->r->models[thing].scale[shape].size_sigma};
         out->by[shape] = best;
-        out->found[shape] = align_fine(s->r, thing, (enum thing_shape)shape, s->views, s->view_count, &size, s->samples,
-                                       &out->by[shape]) &&
-                            is_right(s->r, &out->by[shape], s->view_count);
+        out->found[shape] = finish(s, thing, (enum thing_shape)shape, &out->by[shape]);
         *found = *found || out->found[shape];
     }
     return OK;
