@@ -86,7 +86,8 @@ static enum status refine_pair(struct run *r, int pair)
     for (int i = 0; i < p->detected && status >= OK; i++) {
         status = recognizer_refine(r->recognizer, &p->detections[i], &r->traits[p->detections[i].thing], views, 2,
                                    &p->sightings[p->seen]);
-        p->seen += status == OK;
+        if (status == OK)
+            sighting_add_rig_error(&p->sightings[p->seen++], &r->rig.error_at_1m);
     }
     close_views(views);
     return status < OK ? status : OK;

@@ -160,6 +160,17 @@ static void apply(struct stereo_bundle *b, const double *step)
         b->left_from_board[i] = moved(b->left_from_board[i], step + BUNDLE_SHARED + i * BUNDLE_POSE);
 }
 
+void stereo_bundle_move(struct stereo_bundle *b, int unknown, double step)
+{
+    double d[BUNDLE_POSE] = {0};
+    if (unknown < 2 * BUNDLE_LENS) {
+        *lens_numbers(&b->lens[unknown / BUNDLE_LENS], unknown % BUNDLE_LENS) += step;
+    } else {
+        d[unknown - 2 * BUNDLE_LENS] = step;
+        b->camera_from_left[1] = moved(b->camera_from_left[1], d);
+    }
+}
+
 static bool solve_damped(struct system *m, double damping)
 {
     memcpy(m->damped, m->a, (size_t)(m->n * m->n) * sizeof *m->a);

@@ -24,6 +24,9 @@ enum { BUNDLE_LENS = 8, BUNDLE_POSE = 6, BUNDLE_SHARED = 2 * BUNDLE_LENS + BUNDL
 // The centroid of the disc's image. False: it is behind the camera.
 bool stereo_predict(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out);
 
+// One of the BUNDLE_SHARED unknowns moved by `step`.
+void stereo_bundle_move(struct stereo_bundle *b, int unknown, double step);
+
 // Levenberg-Marquardt with Huber weights until it stops improving, leaving out gross outliers once. `covariance`, where
 // not NULL: BUNDLE_SHARED^2 doubles in the order fx, fy, cx, cy, k1, k2, p1, p2 of left and of right, turn and shift of
 // camera_from_left[1]; scaled by the residuals' variance. ERR_MEMORY, ERR_SOLVER.

@@ -340,6 +340,41 @@ static void write_report(const struct work *w, const double *covariance, int pai
     report->baseline_sigma_m = sqrt(variance > 0 ? variance : 0);
 }
 
+// Where the rig has the point whose pixels are `seen`: the middle of the shortest line between the two rays.
+static struct vec3 triangulated(const struct stereo_bundle *b, const struct pixel seen[2])
+{
+    const struct pose left_from_right = pose_inverse(b->camera_from_left[1]);
+    const struct vec3 u = lens_ray(&b->lens[0], seen[0]);
+    const struct vec3 v = quat_rotate(left_from_right.rotation, lens_ray(&b->lens[1], seen[1]));
+    const struct vec3 t = left_from_right.translation;
+    const double uu = v3_dot(u, u), uv = v3_dot(u, v), vv = v3_dot(v, v), ut = v3_dot(u, t), vt = v3_dot(v, t);
+    const double det = uu * vv - uv * uv, s = (ut * vv - vt * uv) / det, r = (ut * uv - vt * uu) / det;
+    return v3_scale(v3_add(v3_scale(u, s), v3_add(t, v3_scale(v, r))), 0.5);
+}
+
+static struct covariance3 error_at_1m(const struct stereo_bundle *b, const double *covariance)
+{
+    const struct vec3 p = v3(0, 0, 1);
+    const struct pixel seen[2] = {lens_project(&b->lens[0], p),
+                                  lens_project(&b->lens[1], pose_apply(b->camera_from_left[1], p))};
+    double slope[BUNDLE_SHARED][3], c[3][3] = {{0}};
+    for (int k = 0; k < BUNDLE_SHARED; k++) {
+        const double step = 1e-5;
+        struct stereo_bundle moved = *b;
+        stereo_bundle_move(&moved, k, step);
+        const struct vec3 d = v3_scale(v3_sub(triangulated(&moved, seen), p), 1 / step);
+        slope[k][0] = d.x;
+        slope[k][1] = d.y;
+        slope[k][2] = d.z;
+    }
+    for (int i = 0; i < BUNDLE_SHARED; i++)
+        for (int k = 0; k < BUNDLE_SHARED; k++)
+            for (int y = 0; y < 3; y++)
+                for (int x = 0; x < 3; x++)
+                    c[y][x] += slope[i][y] * covariance[i * BUNDLE_SHARED + k] * slope[k][x];
+    return (struct covariance3){c[0][0], c[0][1], c[0][2], c[1][1], c[1][2], c[2][2]};
+}
+
 static enum status calibrate(struct work *w, struct stereo_rig *rig, struct stereo_report *report)
 {
     double covariance[BUNDLE_SHARED * BUNDLE_SHARED];
@@ -357,7 +392,8 @@ static enum status calibrate(struct work *w, struct stereo_rig *rig, struct ster
     status = stereo_bundle_solve(&w->bundle, covariance);
     if (status != OK)
         return status;
-    *rig = (struct stereo_rig){w->bundle.lens[0], w->bundle.lens[1], pose_inverse(w->bundle.camera_from_left[1])};
+    *rig = (struct stereo_rig){w->bundle.lens[0], w->bundle.lens[1], pose_inverse(w->bundle.camera_from_left[1]),
+                               error_at_1m(&w->bundle, covariance)};
     write_report(w, covariance, pairs, report);
     return OK;
 }

@@ -6,6 +6,7 @@
 // Boards may be cut off: which of the lattice's equal places a camera saw follows from the other camera.
 // Pure but for memory; any thread may call.
 #pragma once
+#include "base/covariance.h"
 #include "capture/calibration/stereo_circles.h"
 
 struct stereo_board {
@@ -16,6 +17,9 @@ struct stereo_board {
 struct stereo_rig {
     struct lens left, right;
     struct pose left_from_right;
+    // What the calibration's error does to a point that it locates 1 m straight ahead, left camera's axes, m^2. At z
+    // metres it is z^2 of that across and z^4 along the line of sight. 0: not known.
+    struct covariance3 error_at_1m;
 };
 
 // What the two cameras saw of the board at one instant, by stereo_circles_find; count 0: nothing.

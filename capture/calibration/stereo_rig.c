@@ -170,6 +170,18 @@ static enum status read_lens(const struct json *root, const char *side, const ch
     return lens_check(l, side);
 }
 
+// Optional: six numbers of a covariance.
+static void read_error(const struct json *list, struct covariance3 *out)
+{
+    double v[6] = {0};
+    *out = (struct covariance3){0};
+    for (int i = 0; i < 6; i++)
+        if (json_count(list) != 6 || !json_get_number(json_at(list, i), &v[i]))
+            return;
+    if (v[0] >= 0 && v[3] >= 0 && v[5] >= 0)
+        *out = (struct covariance3){v[0], v[1], v[2], v[3], v[4], v[5]};
+}
+
 enum status stereo_rig_read(const char *path, struct stereo_rig *rig)
 {
     struct json *root;
@@ -189,13 +201,15 @@ enum status stereo_rig_read(const char *path, struct stereo_rig *rig)
             fabs(v3_dot(x, y)) + fabs(v3_dot(y, z)) + fabs(v3_dot(z, x)) > 1e-3)
             status = fail(ERR_INPUT, "%s: \"left_from_right\" is no rotation with a shift", path);
     }
+    if (status == OK)
+        read_error(json_member(root, "error_at_1_m"), &rig->error_at_1m);
     json_free(&root);
     return status;
 }
 
-static void add_row(struct json *rows, const double *values, int n)
+static void add_row(struct json *rows, const char *name, const double *values, int n)
 {
-    struct json *row = json_add_array(rows, NULL);
+    struct json *row = json_add_array(rows, name);
     for (int i = 0; i < n; i++)
         json_push_number(row, values[i]);
 }
@@ -203,9 +217,9 @@ static void add_row(struct json *rows, const double *values, int n)
 static void add_lens(struct json *root, const char *side, const struct lens *l)
 {
     struct json *camera = json_add_object(root, side), *k = json_add_array(camera, "K");
-    add_row(k, (double[]){l->fx, 0, l->cx}, 3);
-    add_row(k, (double[]){0, l->fy, l->cy}, 3);
-    add_row(k, (double[]){0, 0, 1}, 3);
+    add_row(k, NULL, (double[]){l->fx, 0, l->cx}, 3);
+    add_row(k, NULL, (double[]){0, l->fy, l->cy}, 3);
+    add_row(k, NULL, (double[]){0, 0, 1}, 3);
     struct json *distortion = json_add_array(camera, "distortion");
     const double d[5] = {l->k1, l->k2, l->p1, l->p2, l->k3};
     for (int i = 0; i < 5; i++)
@@ -223,8 +237,10 @@ char *stereo_rig_print(const struct stereo_rig *rig)
     const double t[3] = {rig->left_from_right.translation.x, rig->left_from_right.translation.y,
                          rig->left_from_right.translation.z};
     for (int y = 0; y < 3; y++)
-        add_row(rows, (double[]){m[y][0], m[y][1], m[y][2], t[y]}, 4);
-    add_row(rows, (double[]){0, 0, 0, 1}, 4);
+        add_row(rows, NULL, (double[]){m[y][0], m[y][1], m[y][2], t[y]}, 4);
+    add_row(rows, NULL, (double[]){0, 0, 0, 1}, 4);
+    const struct covariance3 *c = &rig->error_at_1m;
+    add_row(root, "error_at_1_m", (double[]){c->xx, c->xy, c->xz, c->yy, c->yz, c->zz}, 6);
     json_add_number(root, "width", rig->left.width);
     json_add_number(root, "height", rig->left.height);
     char *text = json_print(root);

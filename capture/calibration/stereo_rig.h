@@ -1,7 +1,8 @@
 // The files of stereo calibration: a folder of pairs with board.json, and a rig's rig.json.
 //
 // board.json: {"columns": 10, "rows": 7, "pitch_m": 0.02, "pattern": "circles"}. rig.json: {"left": {"K": 3 x 3 rows,
-// "distortion": [k1, k2, p1, p2, k3]}, "right": {...}, "left_from_right": 4 x 4 rows, "width": 640, "height": 480};
+// "distortion": [k1, k2, p1, p2, k3]}, "right": {...}, "left_from_right": 4 x 4 rows, "width": 640, "height": 480,
+// "error_at_1_m": [xx, xy, xz, yy, yz, zz]};
 // without width and height: 640 x 480, or what the pictures have.
 #pragma once
 #include "capture/calibration/stereo_calibration.h"

@@ -139,8 +139,21 @@ static void add_residuals(const struct sample *at, const float color[3], const s
     }
 }
 
-static bool view_gains(const struct align_input *in, int view, const struct alignment *a, struct gains *g,
-                       double *score, double *visible)
+// Ratio of the largest to the smallest of the channels' brightness against the reference picture's; a few grey levels
+// are added because a dark channel's ratio means little.
+static double tint_of(const struct sums s[3])
+{
+    double least = 1e9, most = 0;
+    for (int c = 0; c < 3; c++) {
+        const double share = (s[c].i / s[c].w + 15) / (s[c].t / s[c].w + 15);
+        least = share < least ? share : least;
+        most = share > most ? share : most;
+    }
+    return most / least;
+}
+
+// Writes the view's score, visible share and tint, too.
+static bool view_gains(const struct align_input *in, int view, struct alignment *a, struct gains *g)
 {
     const struct thing_view *v = &in->views[view];
     struct sums s[3] = {{0}};
@@ -157,8 +170,9 @@ static bool view_gains(const struct align_input *in, int view, const struct alig
         seen++;
         add(s, in->samples->color[i], at.value);
     }
-    *visible = used ? (double)seen / used : 0;
-    *score = seen < LEAST_POINTS ? -1 : correlation(s);
+    a->visible[view] = used ? (double)seen / used : 0;
+    a->score[view] = seen < LEAST_POINTS ? -1 : correlation(s);
+    a->tint[view] = seen ? tint_of(s) : 1;
     for (int c = 0; c < 3 && seen; c++) {
         const double tt = s[c].tt - s[c].t * s[c].t / s[c].w, ti = s[c].ti - s[c].t * s[c].i / s[c].w;
         const double gain = tt > s[c].w ? ti / tt : 1; // a channel without contrast: as it is
@@ -168,12 +182,11 @@ static bool view_gains(const struct align_input *in, int view, const struct alig
     return seen >= LEAST_POINTS;
 }
 
-double thing_score(const struct align_input *in, int view, const struct alignment *a, double *visible)
+double thing_score(const struct align_input *in, int view, struct alignment *a)
 {
     struct gains g;
-    double score;
-    (void)view_gains(in, view, a, &g, &score, visible);
-    return score;
+    (void)view_gains(in, view, a, &g);
+    return a->score[view];
 }
 
 static void add_view(const struct align_input *in, int view, const struct alignment *a, const struct gains *g,
@@ -201,7 +214,7 @@ static bool build(const struct align_input *in, struct alignment *a, struct norm
     *n = (struct normal){0};
     for (int v = 0; v < in->view_count; v++) {
         struct gains g;
-        if (!view_gains(in, v, a, &g, &a->score[v], &a->visible[v]))
+        if (!view_gains(in, v, a, &g))
             continue;
         in_sight++;
         add_view(in, v, a, &g, n);

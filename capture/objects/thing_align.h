@@ -11,7 +11,8 @@ struct alignment {
     double log_scale;
     double score[VIEWS_MOST];   // correlation with each view, at most 1; -1: too little of it is in the view
     double visible[VIEWS_MOST]; // share of the points that are in the view
-    double noise;               // of the residuals, grey levels
+    double tint[VIEWS_MOST]; // of its light against the picture's: largest over smallest channel's share of brightness
+    double noise;            // of the residuals, grey levels
     double
         information[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS]; // with the size's prior, for independent residuals of that noise
 };
@@ -32,5 +33,5 @@ struct align_input {
 // Improves *a in at most `steps` steps and fills the rest of it. False: it is not in sight of the views.
 bool thing_align(const struct align_input *in, int steps, struct alignment *a);
 
-// Score and visible share in one view only, as the pose stands.
-double thing_score(const struct align_input *in, int view, const struct alignment *a, double *visible);
+// Score in one view only, as the pose stands; visible and tint of that view are written into *a.
+double thing_score(const struct align_input *in, int view, struct alignment *a);

@@ -23,8 +23,13 @@ struct recognizer {
 
 struct recognition_options recognition_default_options(void)
 {
-    return (struct recognition_options){
-        .least_score = 0.8, .least_visible = 0.6, .nearest_m = 0.15, .farthest_m = 4, .kept = 6, .variance_factor = 9};
+    return (struct recognition_options){.least_score = 0.8,
+                                        .least_visible = 0.6,
+                                        .most_tint = 1.4,
+                                        .nearest_m = 0.15,
+                                        .farthest_m = 4,
+                                        .kept = 6,
+                                        .variance_factor = 9};
 }
 
 enum status recognizer_open(struct recognizer **out, const struct thing_list *things,
@@ -188,7 +193,6 @@ static enum status find_hypotheses(struct search *s, int thing, int *count)
         const int n = thing_matches(&s->r->models[thing], v, s->matches, MOST_HYPOTHESES);
         for (int i = 0; i < n; i++) {
             struct hypothesis h = {.view = view};
-            double visible;
             if (!pose_from_match(s->r, thing, v, &s->matches[i], &h.pose))
                 continue;
             const double depth = depth_in(v, &h.pose);
@@ -197,8 +201,8 @@ static enum status find_hypotheses(struct search *s, int thing, int *count)
             if (!samples)
                 return fail(ERR_MEMORY, "no memory to look for '%s'", t->name);
             const struct align_input in = {samples, THING_FLAT, s->views, s->view_count, level, {0, 0.05}, 1};
-            h.score = thing_score(&in, view, &h.pose, &visible);
-            if (visible >= s->r->options.least_visible)
+            h.score = thing_score(&in, view, &h.pose);
+            if (h.pose.visible[view] >= s->r->options.least_visible)
                 *count = keep(t, s->best, *count, s->r->options.kept, &h);
         }
     }
@@ -303,10 +307,18 @@ static bool turn_best(const struct search *s, int thing, struct alignment *a)
     return best > 0;
 }
 
+static double most_tint(const struct alignment *a, int views)
+{
+    double most = 1;
+    for (int i = 0; i < views; i++)
+        most = a->tint[i] > most ? a->tint[i] : most;
+    return most;
+}
+
 static bool is_right(const struct recognizer *r, const struct alignment *a, int views)
 {
     return least_score(a, views) >= r->options.least_score && least_visible(a, views) >= r->options.least_visible &&
-           a->left_from_thing.translation.z >= r->options.nearest_m &&
+           most_tint(a, views) <= r->options.most_tint && a->left_from_thing.translation.z >= r->options.nearest_m &&
            a->left_from_thing.translation.z <= r->options.farthest_m;
 }
 
@@ -454,8 +466,12 @@ enum status recognizer_refine(const struct recognizer *r, const struct detection
             return fail(ERR_MEMORY, "no memory for the samples of a thing");
         const bool aligned = align_fine(r, d->thing, shape, views, view_count, &size, samples, &a);
         free(samples);
-        if (!aligned || !is_right(r, &a, view_count))
-            return NOTHING;
+        if (!aligned || !is_right(r, &a, view_count)) { // as it is by itself, if in the other shape
+            if (d->found[shape])
+                return NOTHING;
+            shape = (enum thing_shape)(1 - shape);
+            a = d->by[shape];
+        }
     }
     double covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
     if (!invert_symmetric(a.information, ALIGN_UNKNOWNS, covariance))
@@ -472,4 +488,15 @@ enum status recognizer_refine(const struct recognizer *r, const struct detection
         .angle_sigma = sqrt(covariance[2 * ALIGN_UNKNOWNS + 2]),
         .score = least_score(&a, view_count)};
     return OK;
+}
+
+void sighting_add_rig_error(struct sighting *s, const struct covariance3 *error_at_1m)
+{
+    const struct vec3 p = s->left_from_thing.translation;
+    const double z = p.z, z2 = z * z;
+    // straight ahead it is z^2 across and z^4 along; then the axis is turned to the line of sight
+    const struct covariance3 e = *error_at_1m,
+                             ahead = {e.xx * z2, e.xy * z2, e.xz * z2 * z, e.yy * z2, e.yz * z2 * z, e.zz * z2 * z2};
+    const struct covariance3 there = covariance3_rotate(quat_between(v3(0, 0, 1), v3_unit(p)), &ahead);
+    s->covariance = covariance3_add(&s->covariance, &there);
 }

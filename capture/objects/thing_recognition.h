@@ -13,6 +13,7 @@ struct recognizer; // the models of all things; only read once it is made: any n
 struct recognition_options {
     double least_score;           // of a sighting, in each view; 0.8
     double least_visible;         // share of the thing in each view; 0.6
+    double most_tint;             // thing_align.h; 1.4: daylight against lamplight after a camera's white balance
     double nearest_m, farthest_m; // 0.15, 4
     int kept;                     // hypotheses of each thing that are aligned; 6
     double variance_factor;       // thing_align.h
@@ -50,3 +51,6 @@ void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const 
 MUST_CHECK enum status recognizer_refine(const struct recognizer *r, const struct detection *d,
                                          const struct thing_traits *traits, const struct thing_view *views,
                                          int view_count, struct sighting *out);
+
+// Adds to the covariance what the error of the rig's calibration does at the sighting (stereo_calibration.h).
+void sighting_add_rig_error(struct sighting *s, const struct covariance3 *error_at_1m);
