@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+enum { LEAST_REST = 18 }; // frames; by hand
+
 static double seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
 
 // "second": of the whole turns of the movement, which one ends nearest to `frame`?
@@ -131,8 +133,14 @@ enum status find_pieces(struct comparison *c)
         status = of_repetitions(c, &said);
     // What one performance of the reference lacks or adds when it is done several times is no finding.
     const bool several = c->repetitions.count >= 2 && c->repetitions.reference_count < 2;
+    // Between repetitions people rest a little longer or shorter.
+    const int32_t least = c->repetitions.count >= 2 && c->repetitions.reference_count >= 2 ? LEAST_REST : 0;
     for (int32_t k = 0; k < c->pace.piece_count && status == OK && !several; k++) {
-        const enum piece_kind kind = c->pace.pieces[k].kind;
+        const struct piece *p = &c->pace.pieces[k];
+        const enum piece_kind kind = p->kind;
+        if ((kind == PIECE_PAUSE || kind == PIECE_PAUSE_SKIPPED) &&
+            abs(p->b_end - p->b_first - (p->a_end - p->a_first)) < least)
+            continue;
         if (!said || (kind != PIECE_MISSING && kind != PIECE_EXTRA))
             status = of_piece(c, &c->pace.pieces[k]);
     }

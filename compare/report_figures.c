@@ -43,16 +43,33 @@ static double azimuth_of(const struct movement_frame *a, const struct movement_f
     return strncmp(part_name((enum part)part), "left", 4) ? -turned : turned;
 }
 
+// Where the part is most different within the finding's time; its middle where no part is meant or none is.
+static int32_t worst_frame(const struct comparison *c, const struct finding *f, int part)
+{
+    const int32_t first = (int32_t)(f->from_s * MOVEMENT_RATE_HZ + 0.5), end = (int32_t)(f->to_s * MOVEMENT_RATE_HZ);
+    int32_t worst = (first + end) / 2;
+    float most = 0;
+    for (int32_t k = first; k < end && k < c->b.count && part >= 0; k++) {
+        struct part_difference parts[PART_COUNT];
+        part_differences(&c->a, &c->b, &c->timeline, k, parts);
+        if (parts[part].verdict == VERDICT_DIFFERENT && parts[part].angle_rad > most) {
+            most = parts[part].angle_rad;
+            worst = k;
+        }
+    }
+    return worst;
+}
+
 int report_moments(const struct comparison *c, struct report_moment moments[REPORT_MOMENTS])
 {
     int count = 0;
     for (int32_t k = 0; k < c->finding_count && count < REPORT_MOMENTS; k++) {
         const struct finding *f = &c->findings[k];
-        const int32_t at = (int32_t)((f->from_s + f->to_s) / 2 * MOVEMENT_RATE_HZ);
+        const int part = part_by_name(f->part);
+        const int32_t at = worst_frame(c, f, part);
         if ((f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE && f->kind != FINDING_MIRRORED) ||
             at >= c->b.count || isnan(c->timeline.reference[at]))
             continue;
-        const int part = part_by_name(f->part);
         const struct movement_frame reference = movement_at(&c->a, c->timeline.reference[at]);
         moments[count++] = (struct report_moment){.finding = k,
                                                   .part = part,
