@@ -126,7 +126,7 @@ static enum status run_settings(struct bench *b)
     if (status == OK)
         status = apriltag_peer_open(&peer.apriltag, 2);
     if (status == OK)
-        status = bench_run(b, contenders, SETTINGS + 1 + networks, data.count);
+        status = bench_run(b, contenders, SETTINGS + 1 + networks, bench_count(b, data.count, 0.35));
     for (int i = 0; i < SETTINGS; i++)
         tracker_close(&ours[i].tracker);
     tracker_close(&pointed.tracker);
