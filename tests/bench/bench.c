@@ -4,7 +4,7 @@
 #include "tests/bench/bench_stages.h"
 
 #include "base/clock.h"
-#include "platform/png.h"
+#include "platform/jpeg.h"
 
 #include <argp.h>
 #include <math.h>
@@ -48,13 +48,12 @@ const struct bench_page *bench_report_to(struct bench *b)
 void bench_picture(struct bench *b, const char *caption, const uint8_t *rgb, int width, int height)
 {
     struct bench_result *r = &b->result;
-    const struct png_layout layout = {PNG_RGB8, width, height};
     if (!b->inputs->brief || r->shot_count == BENCH_PICTURES)
         return;
     struct bench_shot *shot = &r->shots[r->shot_count];
     *shot = (struct bench_shot){.width = width, .height = height};
     snprintf(shot->caption, sizeof shot->caption, "%s", caption);
-    if (png_encode(&layout, rgb, 6, &shot->png, &shot->bytes) == OK)
+    if (jpeg_encode(rgb, width, height, 85, &shot->jpeg, &shot->bytes) == OK)
         r->shot_count++;
 }
 

@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +26,8 @@ static const char style[] =
     "td:first-child,th:first-child{text-align:left}.theirs-row{font-style:italic}.usual td:first-child"
     "{font-weight:600}.bad td{color:var(--bad)}details{margin:.4rem 0}summary{cursor:pointer}\n"
     "svg.plot{width:100%;height:auto;max-width:45rem;display:block}svg text{font:12px system-ui,sans-serif;"
-    "fill:var(--ink)}.grid{stroke:var(--line);fill:none}.frontier{stroke:var(--good);stroke-width:2;fill:none;"
+    "fill:var(--ink);paint-order:stroke;stroke:var(--paper);stroke-width:3px}.grid{stroke:var(--line);fill:none}."
+    "frontier{stroke:var(--good);stroke-width:2;fill:none;"
     "stroke-dasharray:5 4}.ours{fill:var(--ours)}.theirs{fill:var(--theirs)}.ring{fill:none;stroke:var(--ours);"
     "stroke-width:1.5}.line{fill:none;stroke:var(--c);stroke-width:2}.dot{fill:var(--c)}.key{display:inline-block;"
     "width:.8em;height:.8em;border-radius:50%;background:var(--c);margin:0 .35em 0 .2em}\n"
@@ -183,8 +185,8 @@ static void put_shots(FILE *f, const struct bench_result *r)
         const struct bench_shot *s = &r->shots[i];
         fprintf(f, "<figure><img width=\"%d\" height=\"%d\" alt=\"", s->width, s->height);
         bench_put_text(f, s->caption);
-        fputs("\" src=\"data:image/png;base64,", f);
-        put_base64(f, s->png, s->bytes);
+        fputs("\" src=\"data:image/jpeg;base64,", f);
+        put_base64(f, s->jpeg, s->bytes);
         fputs("\"><figcaption>", f);
         bench_put_text(f, s->caption);
         fputs("</figcaption></figure>", f);
@@ -197,7 +199,8 @@ static void put_stage(FILE *f, const struct bench_result *r, const struct bench_
     fprintf(f, "<section id=\"%s\"><h2>", r->stage->name);
     bench_put_text(f, section->title);
     fputs("</h2>\n<p>", f);
-    bench_put_text(f, r->stage->about);
+    fputc(toupper((unsigned char)r->stage->about[0]), f);
+    bench_put_text(f, r->stage->about + 1);
     fprintf(f,
             ". <span class=\"soft\">%d items, %d rounds, interleaved; medians, and the 95th percentile of the items. "
             "Alone: <code>reenact-bench %s</code></span></p>\n",
@@ -245,10 +248,10 @@ static void put_head(FILE *f, const struct bench_whole *w)
     for (int i = 0; i < w->count; i++) {
         fprintf(f, "<a href=\"#%s\">", w->results[i].stage->name);
         bench_put_text(f, w->sections[i]->title);
-        fputs("</a>", f);
+        fputs("</a> ", f);
     }
     for (size_t i = 0; i < COUNT_OF(more); i++)
-        fprintf(f, "<a href=\"#%s\">%s</a>", more[i][0], more[i][1]);
+        fprintf(f, "<a href=\"#%s\">%s</a> ", more[i][0], more[i][1]);
     fputs("</nav>\n", f);
 }
 

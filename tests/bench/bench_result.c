@@ -24,7 +24,7 @@ bool bench_row_unsteady(const struct bench_row *row)
 void bench_result_free(struct bench_result *r)
 {
     for (int i = 0; i < r->shot_count; i++)
-        free(r->shots[i].png);
+        free(r->shots[i].jpeg);
     free(r->rows);
     *r = (struct bench_result){0};
 }

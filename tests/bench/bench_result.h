@@ -18,7 +18,7 @@ struct bench_row {
 
 struct bench_shot { // a picture
     char caption[120];
-    uint8_t *png;
+    uint8_t *jpeg;
     size_t bytes;
     int width, height;
 };
