@@ -37,7 +37,8 @@ static const char style[] =
     ".bar{display:flex;height:2.2rem;width:100%;border-radius:4px;overflow:hidden;background:var(--line)}"
     ".bar span{background:var(--c);color:var(--paper);font-size:.75rem;display:flex;align-items:center;"
     "justify-content:center;overflow:hidden;white-space:nowrap}\n"
-    "code{font-size:.9em;overflow-wrap:anywhere}@media(max-width:34rem){body{padding:.6rem}h2{margin-top:1.6rem}}\n"
+    "code{font-size:.9em;overflow-wrap:anywhere}@media(max-width:34rem){svg "
+    "text{font-size:19px}body{padding:.6rem}h2{margin-top:1.6rem}}\n"
     "@media print{:root{--paper:#fff;--ink:#000;--soft:#444;--line:#ccc;--ours:#0b62c4;--theirs:#b35a00;"
     "--good:#0a7f45;--bad:#c2222d}body{max-width:none;font-size:10pt}nav{display:none}section,figure,table"
     "{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}}\n";
@@ -231,6 +232,12 @@ static void put_unsteady(FILE *f, const struct bench_whole *w)
     fputs(".</p>\n", f);
 }
 
+// Whether the stages ran that the sections beyond them are made of.
+static bool has_all(const struct bench_whole *w)
+{
+    return bench_find_result(w, "draw") && bench_find_result(w, "place");
+}
+
 static void put_head(FILE *f, const struct bench_whole *w)
 {
     static const char *const more[][2] = {{"budget", "One frame"},
@@ -250,7 +257,7 @@ static void put_head(FILE *f, const struct bench_whole *w)
         bench_put_text(f, w->sections[i]->title);
         fputs("</a> ", f);
     }
-    for (size_t i = 0; i < COUNT_OF(more); i++)
+    for (size_t i = 0; i < COUNT_OF(more) && has_all(w); i++)
         fprintf(f, "<a href=\"#%s\">%s</a> ", more[i][0], more[i][1]);
     fputs("</nav>\n", f);
 }
@@ -279,7 +286,7 @@ static enum status put_stability(const struct bench_page *page, const struct ben
 enum status bench_put_whole(const struct bench_page *page, const struct bench_whole *w, double begun_s)
 {
     struct bench_whole timed = *w;
-    const bool all = bench_find_result(w, "draw") && bench_find_result(w, "place");
+    const bool all = has_all(w);
     enum status status = OK;
     if (page->html)
         put_head(page->html, w);

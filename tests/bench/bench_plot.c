@@ -144,8 +144,8 @@ void bench_put_plot(FILE *f, const struct bench_result *r, const struct bench_se
         if (!is_drawn(row))
             continue;
         const double at = place_on(&y, row->error);
-        double label = at + 4;
-        for (bool moved = true; moved;) { // labels do not lie on each other
+        double label = at + (is_frontier(r, row) ? -7 : 4); // off the frontier
+        for (bool moved = true; moved;) {                   // labels do not lie on each other
             moved = false;
             for (int k = 0; k < labels && !moved; k++)
                 if (fabs(taken[k] - label) < LINE_PX - 1) {
