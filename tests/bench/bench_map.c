@@ -306,7 +306,7 @@ static enum status run(struct bench *b, bool still)
     struct runner r[SETTINGS + PEERS];
     struct bench_contender contenders[SETTINGS + PEERS];
     const char *data = bench_inputs(b)->data;
-    enum status status = data && !still ? read_folder(data, &w) : make(&w, still, bench_count(b, WALK, 0.3));
+    enum status status = data && !still ? read_folder(data, &w) : make(&w, still, bench_count(b, WALK, 0.2));
     for (size_t i = 0; i < COUNT_OF(r); i++)
         r[i] = (struct runner){.walk = &w, .last = -1};
     for (size_t i = 0; i < SETTINGS && status == OK; i++) {

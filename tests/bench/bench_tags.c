@@ -171,7 +171,7 @@ static enum status run(struct bench *b)
     struct tag_images p = {0};
     struct tags_ours ours[3] = {0};
     struct tags_peer peers[5] = {0};
-    const int images = bench_count(b, IMAGES, 0.15);
+    const int images = bench_count(b, IMAGES, 0.1);
     enum status status = make(&p, images);
     if (!bench_inputs(b)->json && !bench_inputs(b)->brief)
         printf("tags: seed %llu\n", (unsigned long long)SEED);
