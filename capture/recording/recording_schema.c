@@ -363,6 +363,17 @@ void recording_remove_files(const char *path)
     }
 }
 
+enum status recording_raise_schema(struct database *db)
+{
+    char sql[64];
+    int64_t schema = 0;
+    enum status status = database_number(db, "PRAGMA user_version", &schema);
+    if (status != OK || schema >= RECORDING_SCHEMA)
+        return status;
+    snprintf(sql, sizeof sql, "PRAGMA user_version = %d", RECORDING_SCHEMA);
+    return database_run(db, sql);
+}
+
 enum status recording_make_tables(struct database *db)
 {
     char sql[200];

@@ -34,6 +34,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
 #define JOINT_ERROR_TABLE                                                                                              \
     "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+// What is kept of a take's preparation (prepared.h); made when it is first kept.
+#define PREPARED_TABLE                                                                                                 \
+    "CREATE TABLE IF NOT EXISTS prepared(id INTEGER PRIMARY KEY, version INTEGER, index_crc INTEGER, data BLOB,"       \
+    " crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
@@ -116,5 +120,6 @@ void recording_remove_files(const char *path);
 
 // Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
 // newer schema; ERR_CORRUPT: tables are missing.
+MUST_CHECK enum status recording_raise_schema(struct database *db); // of an older file that is added to
 MUST_CHECK enum status recording_make_tables(struct database *db);
 MUST_CHECK enum status recording_check_tables(struct database *db);

@@ -1,4 +1,5 @@
 // Verifies and repairs a recording. recording_salvage.c copies what can be read of a damaged one.
+#include "capture/recording/recorded_things.h"
 #include "capture/recording/recording_reader.h"
 
 #include "capture/recording/recording_salvage.h"
@@ -87,6 +88,10 @@ enum status recording_verify(const char *path, struct recording_report *out)
     out->bytes = size_of(path);
     keep_first(&found, database_check(recording_database(r)));
     keep_first(&found, check_place(r));
+    struct recorded_thing *things;
+    int thing_count;
+    keep_first(&found, recording_read_things(r, &things, &thing_count));
+    recorded_things_free(&things, thing_count);
     for (int i = 0; i < recording_take_count(r); i++) {
         const char *name = recording_take_name(r, i);
         check_take(r, name, out, &found);

@@ -81,6 +81,8 @@ enum status recording_append(struct recording_writer **out, const char *path)
     if (status == OK)
         status = database_run(w->db, JOINT_ERROR_TABLE); // older files lack it
     if (status == OK)
+        status = recording_raise_schema(w->db);
+    if (status == OK)
         status = prepare(w);
     return status == OK ? OK : release(out, status);
 }
