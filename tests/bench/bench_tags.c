@@ -146,7 +146,7 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
     return status;
 }
 
-// The nearest, a middle and the farthest tag: what their distance has to be told from.
+// The nearest, a middle and the farthest tag: what their distance is measured by.
 static void draw_pictures(struct bench *b, const struct tag_images *p, int images)
 {
     int order[3] = {0, 0, 0};
