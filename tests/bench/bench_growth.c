@@ -290,6 +290,20 @@ static void put_curves(const struct bench_page *page, struct json *list, struct 
     }
 }
 
+// n log n over these sizes has a fitted exponent of 1.15.
+static void put_fastest(FILE *html, const struct bench_curves *all, size_t count)
+{
+    const double most = 1.2;
+    int found = 0;
+    fputs("<p>Faster than n log n grows: ", html);
+    for (size_t i = 0; i < count; i++)
+        for (int k = 0; k < all[i].count; k++)
+            if (all[i].curve[k].exponent > most)
+                fprintf(html, "%s%s (n<sup>%.2f</sup>)", found++ ? ", " : "", all[i].curve[k].name,
+                        all[i].curve[k].exponent);
+    fputs(found ? ".</p>\n" : "nothing.</p>\n", html);
+}
+
 enum status bench_put_growth(const struct bench_page *page, const struct bench_whole *w)
 {
     struct bench_curve frames[] = {
@@ -327,5 +341,7 @@ enum status bench_put_growth(const struct bench_page *page, const struct bench_w
     };
     for (size_t i = 0; i < COUNT_OF(all); i++)
         put_curves(page, list, &all[i]);
+    if (page->html)
+        put_fastest(page->html, all, COUNT_OF(all));
     return OK;
 }

@@ -48,7 +48,7 @@ static void put_answers(const struct bench_page *page, const struct answered *a,
                     fputs("<td>∞</td>", page->html);
                 else
                     fprintf(page->html, "<td>%.3g %s</td>", values[k], a[i].unit);
-            fprintf(page->html, "<td>%s</td></tr>\n", a[i].why);
+            fprintf(page->html, "<td class=\"why\">%s</td></tr>\n", a[i].why);
         }
         struct json *q = list ? json_add_object(list, NULL) : NULL;
         if (q) {
