@@ -6,7 +6,7 @@ in vec4 uv;
 in vec4 frame_sample;
 
 uniform vec4 frame_params;          // x: the shown frame's time, seconds of the take
-uniform highp sampler2D atlas_when; // time seen, hundredths of a second (high, low byte); blue: 1 if never seen
+uniform highp sampler2D atlas_when; // time seen, hundredths of a second, bytes in a, r, g; blue: 1 if never seen
 
 out vec4 color;
 
@@ -16,7 +16,8 @@ void main()
 {
     float own = depth_agreement(frame_sample);
     vec4 when = texture(atlas_when, uv.xy);
-    float seen_time = floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5);
+    vec3 bytes_seen = floor(when.arg * 255.0 + 0.5);
+    float seen_time = dot(bytes_seen, vec3(65536.0, 256.0, 1.0));
     float age = min(abs(seen_time - floor(frame_params.x * 100.0 + 0.5)), 65535.0);
     float source = own > 0.5 ? 85.0 : when.b > 0.5 ? 255.0 : 170.0;
     vec2 bytes = own > 0.5 ? vec2(0.0) : vec2(floor(age / 256.0), mod(age, 256.0));

@@ -189,12 +189,12 @@ static void write_texel(const struct texel_bake *f, size_t texel, struct vec3 p,
             sum += best[i] * (double)f->vertex_colors->color[of[i]][k];
         f->atlas->color[3 * texel + (size_t)k] = (uint8_t)(255 * sqrt(fmin(fmax(sum, 0), 1)) + 0.5);
     }
-    double hundredths = fmin(fmax((double)f->vertex_colors->time_s[of[heaviest]] * 100 + 0.5, 0), UINT16_MAX);
+    double hundredths = fmin(fmax((double)f->vertex_colors->time_s[of[heaviest]] * 100 + 0.5, 0), 0xffffff);
     uint8_t *seen_time = f->atlas->seen_time + 4 * texel;
-    seen_time[0] = (uint8_t)((int)hundredths >> 8);
+    seen_time[0] = (uint8_t)((int)hundredths >> 8 & 255);
     seen_time[1] = (uint8_t)((int)hundredths & 255);
     seen_time[2] = f->vertex_colors->filled[of[heaviest]] ? 255 : 0;
-    seen_time[3] = 255;
+    seen_time[3] = (uint8_t)((int)hundredths >> 16);
 }
 
 // Barycentric coordinates of (x, y) in a triangle of the mesh, negative beyond an edge. *off: how far it lies beyond

@@ -11,7 +11,7 @@ struct texture_atlas {
     struct vec3 *points;  // of the mesh, bind-pose axes: moved off the fine surface so that the triangles lie on it
     struct vec3 *normals; // of the mesh's points, area-weighted mean of its triangles'; outwards, unit
     uint8_t *color;       // RGB of the mesh's image: albedo, gamma-encoded (square root of linear)
-    uint8_t *seen_time;   // RGBA likewise: R, G: when it was seen best, hundredths of a second, high and low byte;
+    uint8_t *seen_time;   // RGBA likewise: A, R, G: when it was seen best, hundredths of a second, highest byte first;
                           // B: 255: it was never seen
 };
 

@@ -1,8 +1,10 @@
 // reenact-bench: runs the stages and prints error and time side by side.
-#include "tests/bench/bench_result.h"
+#include "tests/bench/bench_page.h"
+#include "tests/bench/bench_sections.h"
 #include "tests/bench/bench_stages.h"
 
 #include "base/clock.h"
+#include "platform/jpeg.h"
 
 #include <argp.h>
 #include <math.h>
@@ -15,6 +17,9 @@ struct bench {
     const struct bench_inputs *inputs;
     struct bench_result result;
     struct bench_plain plain;
+    struct bench_page page;
+    bool reported;                       // the stage writes to the page itself
+    const struct bench_section *section; // NULL: no page is made
 };
 
 double bench_clock_ms(void) { return (double)clock_cpu_ns() * 1e-6; }
@@ -27,6 +32,30 @@ double bench_all_threads_ms(void)
 }
 
 const struct bench_inputs *bench_inputs(const struct bench *b) { return b->inputs; }
+
+int bench_count(const struct bench *b, int usual, double share)
+{
+    const int less = (int)(usual * share + 0.5);
+    return !b->inputs->brief ? usual : less < 2 ? 2 : less;
+}
+
+const struct bench_page *bench_report_to(struct bench *b)
+{
+    b->reported = true;
+    return &b->page;
+}
+
+void bench_picture(struct bench *b, const char *caption, const uint8_t *rgb, int width, int height)
+{
+    struct bench_result *r = &b->result;
+    if (!b->inputs->brief || r->shot_count == BENCH_PICTURES)
+        return;
+    struct bench_shot *shot = &r->shots[r->shot_count];
+    *shot = (struct bench_shot){.width = width, .height = height};
+    snprintf(shot->caption, sizeof shot->caption, "%s", caption);
+    if (jpeg_encode(rgb, width, height, 85, &shot->jpeg, &shot->bytes) == OK)
+        r->shot_count++;
+}
 
 // ------------------------------------------------------------- running
 
@@ -84,6 +113,34 @@ static void sum_up(struct bench_row *row, const struct measures *m, size_t conte
     row->time_p95_ms = bench_percentile(times, taken, 0.95);
 }
 
+// The contender's median time in the rounds of one parity; NaN: there is no such round.
+static double half_time(const struct measures *m, size_t contender, int parity, double *scratch)
+{
+    double *times = scratch, *of_item = scratch + 2 * m->items;
+    for (int i = 0; i < m->items; i++) {
+        int rounds = 0;
+        for (int r = parity; r < m->rounds; r += 2)
+            of_item[rounds++] = m->all[((size_t)r * (size_t)m->items + (size_t)i) * m->count + contender].time_ms;
+        times[i] = bench_percentile(of_item, rounds, 0.5);
+    }
+    return m->rounds > 1 ? bench_percentile(times, m->items, 0.5) : NAN;
+}
+
+static void find_ratios(struct bench_result *r, const struct bench_contender *contenders, const struct measures *m,
+                        double *scratch)
+{
+    size_t of_baseline = 0;
+    for (size_t c = 0; c < m->count; c++)
+        if (contenders[c].baseline)
+            of_baseline = c;
+    for (size_t k = 0; k < r->count; k++)
+        for (int parity = 0; parity < 2; parity++)
+            r->rows[k].ratio[parity] = r->rows[k].group
+                                           ? NAN
+                                           : half_time(m, k / (size_t)(1 + m->groups->count), parity, scratch) /
+                                                 half_time(m, of_baseline, parity, scratch);
+}
+
 enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items)
 {
     const struct bench_groups none = {0};
@@ -122,8 +179,11 @@ enum status bench_run_grouped(struct bench *b, const struct bench_contender *con
         row->name = contenders[contender].name;
         row->group = group < 0 ? NULL : groups->names[group];
         row->baseline = contenders[contender].baseline && group < 0;
+        row->usual = group < 0 && b->section && b->section->usual && !strcmp(row->name, b->section->usual);
         sum_up(row, &done, contender, group, scratch);
     }
+    if (status >= 0)
+        find_ratios(result, contenders, &done, scratch);
     free(measures);
     free(scratch);
     return status < 0 ? status : OK;
@@ -168,13 +228,16 @@ enum {
     KEY_COLOR,
     KEY_FEATURES,
     KEY_EMPTY,
+    KEY_ANSWERS,
 };
 
 struct bench_arguments {
-    const char *stage, *html;
+    const char *stage, *html, *json_file;
     struct bench_inputs inputs;
     bool json;
     int rounds;
+    int argc; // the command, for the page
+    char **argv;
 };
 
 static double number_from(const char *argument, struct argp_state *state, double low, double high)
@@ -214,6 +277,8 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
         argp_error(state, "--motions, --dice, --bodies, --joints, --sequences and --empty are the skeleton stage's");
     if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
         argp_error(state, "--only, --color, --strip, --dump and --features go with --dice");
+    if (in->answers && (!a->stage || strcmp(a->stage, "stability")))
+        argp_error(state, "--answers is the stability stage's");
     if (in->plot && (!a->stage || strcmp(a->stage, "levels")))
         argp_error(state, "--plot is the levels stage's");
 }
@@ -223,7 +288,11 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     struct bench_arguments *a = state->input;
     char *end;
     switch (key) {
-    case 'j': a->json = a->inputs.json = true; return 0;
+    case 'j':
+        a->json = a->inputs.json = true;
+        a->json_file = argument;
+        return 0;
+    case KEY_ANSWERS: a->inputs.answers = argument; return 0;
     case 'h': a->html = argument; return 0;
     case 'd': a->inputs.data = argument; return 0;
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
@@ -243,7 +312,7 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         return 0;
     case ARGP_KEY_ARG:
         if (a->stage)
-            argp_error(state, "one STAGE at a time, or none for all");
+            argp_error(state, "one STAGE at a time, or none with --html or --json for all");
         a->stage = argument;
         return 0;
     case ARGP_KEY_END: check_together(a, state); return 0;
@@ -266,44 +335,125 @@ static char *list_stages(int key, const char *text, void *input)
     return list; // argp frees it
 }
 
-static int run_stages(const struct bench_arguments *a, struct json *root, FILE *html)
+// One stage, as text or as JSON.
+static enum status run_stage(const struct bench_arguments *a, const struct bench_stage *stage, struct json *stages)
 {
-    struct json *stages = root ? json_add_array(root, "stages") : NULL;
-    for (size_t i = 0; i < COUNT_OF(bench_stages); i++) {
-        if (a->stage && strcmp(a->stage, bench_stages[i]->name))
-            continue;
-        struct bench b = {.inputs = &a->inputs,
-                          .result = {.stage = bench_stages[i], .rounds = a->rounds},
-                          .plain = {.stage = bench_stages[i]}};
-        enum status status = bench_stages[i]->run(&b);
-        if (status == OK && b.plain.columns) {
-            if (root)
-                bench_add_plain_json(stages, &b.plain);
-            else
-                bench_print_plain(&b.plain);
-        } else if (status == OK) {
-            if (root)
-                bench_add_json(stages, &b.result);
-            else
-                bench_print_table(&b.result);
-            if (html)
-                bench_print_html(html, &b.result);
-        } else {
-            fprintf(stderr, "reenact-bench: %s: %s\n", bench_stages[i]->name, status_message());
-        }
-        free(b.result.rows);
-        free(b.plain.rows);
-        if (status != OK)
-            return 1;
+    struct bench b = {.inputs = &a->inputs,
+                      .result = {.stage = stage, .rounds = a->rounds},
+                      .plain = {.stage = stage},
+                      .page = {NULL, stages}};
+    const enum status status = stage->run(&b);
+    if (status == OK && b.plain.columns) {
+        if (stages)
+            bench_add_plain_json(stages, &b.plain);
+        else
+            bench_print_plain(&b.plain);
+    } else if (status == OK && !b.reported) {
+        if (stages)
+            bench_add_json(stages, &b.result);
+        else
+            bench_print_table(&b.result);
     }
-    return 0;
+    if (status < 0)
+        fprintf(stderr, "reenact-bench: %s: %s\n", stage->name, status_message());
+    bench_result_free(&b.result);
+    free(b.plain.rows);
+    return status;
+}
+
+// All stages that the page has, briefly; their results are kept for what several of them together say.
+static enum status run_section(const struct bench_arguments *a, const struct bench_section *section,
+                               struct json *stages, struct bench_whole *whole, struct bench_result *result)
+{
+    struct bench b = {.inputs = &a->inputs,
+                      .result = {.stage = section->stage, .rounds = a->rounds},
+                      .plain = {.stage = section->stage},
+                      .section = section};
+    const double from_s = (double)clock_now_ns() * 1e-9;
+    const enum status status = section->stage->run(&b);
+    b.result.took_s = (double)clock_now_ns() * 1e-9 - from_s;
+    fprintf(stderr, "reenact-bench: %-12s %6.1f s%s%s\n", section->stage->name, b.result.took_s,
+            status == OK ? "" : ": ", status == OK ? "" : status_message());
+    if (status != OK || b.plain.columns)
+        bench_result_free(&b.result);
+    if (status == OK && b.plain.columns) {
+        whole->levels = b.plain;
+    } else if (status == OK) {
+        if (stages)
+            bench_add_json(stages, &b.result);
+        *result = b.result;
+        whole->count++;
+    }
+    return status;
+}
+
+// All stages that the page has, briefly; their results are kept for what several of them together say.
+static int run_page(struct bench_arguments *a, struct json *stages)
+{
+    enum { SECTIONS = COUNT_OF(bench_sections) };
+    struct bench_result results[SECTIONS] = {{0}};
+    const struct bench_section *sections[SECTIONS] = {NULL};
+    struct bench_whole whole = {.results = results, .sections = sections, .argc = a->argc, .argv = a->argv};
+    const double begun_s = (double)clock_now_ns() * 1e-9;
+    enum status status = OK;
+    a->inputs.brief = true;
+    for (int i = 0; i < SECTIONS && status == OK; i++) {
+        const struct bench_section *section = &bench_sections[i];
+        const int at = whole.count;
+        if (a->stage && strcmp(a->stage, section->stage->name))
+            continue;
+        sections[at] = section;
+        status = run_section(a, section, stages, &whole, &results[at]);
+    }
+    FILE *html = status == OK && a->html ? fopen(a->html, "w") : NULL;
+    if (status == OK && a->html && !html)
+        status = fail(ERR_IO, "%s cannot be written", a->html);
+    const struct bench_page page = {html, stages};
+    if (status == OK)
+        status = bench_put_whole(&page, &whole, begun_s);
+    if (html && fclose(html) && status == OK)
+        status = fail(ERR_IO, "%s could not be written", a->html);
+    if (status != OK)
+        fprintf(stderr, "reenact-bench: %s\n", status_message());
+    for (int i = 0; i < SECTIONS; i++)
+        bench_result_free(&results[i]);
+    free(whole.levels.rows);
+    return status != OK;
+}
+
+static int write_json(const struct bench_arguments *a, const struct json *root)
+{
+    char *text = json_print(root);
+    FILE *file = a->json_file ? fopen(a->json_file, "w") : stdout;
+    int code = !text || !file || fputs(text, file) < 0;
+    if (file && file != stdout && fclose(file))
+        code = 1;
+    if (code)
+        fprintf(stderr, "reenact-bench: the JSON could not be written\n");
+    free(text);
+    return code;
+}
+
+static bool is_on_page(const struct bench_stage *stage)
+{
+    bool is = false;
+    for (size_t i = 0; i < COUNT_OF(bench_sections); i++)
+        is = is || bench_sections[i].stage == stage;
+    return is;
+}
+
+static void list_all(void)
+{
+    puts("reenact-bench STAGE runs one of these; --html FILE or --json=FILE runs all of them with a * for one page.\n");
+    for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
+        printf("%c %-14s %s\n", is_on_page(bench_stages[i]) ? '*' : ' ', bench_stages[i]->name, bench_stages[i]->about);
 }
 
 int main(int argc, char **argv)
 {
     static const struct argp_option options[] = {
-        {"json", 'j', NULL, 0, "Print one JSON object", 0},
-        {"html", 'h', "FILE", 0, "Also write a page with a plot of error against time", 0},
+        {"json", 'j', "FILE", OPTION_ARG_OPTIONAL, "Print one JSON object, or write it to FILE", 0},
+        {"html", 'h', "FILE", 0, "Run every stage, or STAGE, briefly, and write a page about all of it", 0},
         {"data", 'd', "DIR", 0, "Use the images of this folder (TUM layout) instead of synthetic ones", 0},
         {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: track a figure moving by this folder's BVH files", 0},
         {"bodies", KEY_BODIES, NULL, 0, "skeleton: track figures of all sizes and clothes", 0},
@@ -323,6 +473,7 @@ int main(int argc, char **argv)
         {"dump", KEY_DUMP, "FILE", 0, "dice: write each joint's error in each frame, as CSV", 0},
         {"features", KEY_FEATURES, "FILE", 0, "dice: write what errors are judged by, for tools/calibrate_joint_error",
          0},
+        {"answers", KEY_ANSWERS, "FILE", 0, "stability: also store the answers that the test compares with", 0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},
         {"rounds", 'r', "N", 0, "Number of rounds; the median counts (5)", 0},
         {0},
@@ -334,38 +485,32 @@ int main(int argc, char **argv)
                                      .help_filter = list_stages};
     argp_err_exit_status = 2;
     struct bench_arguments a = {
-        .rounds = 5,
+        .rounds = 0,
+        .argc = argc,
+        .argv = argv,
         .inputs.dice = {.seed = 1, .only = -1, .seconds = 5, .threads = 2},
     };
     if (argp_parse(&argp, argc, argv, 0, NULL, &a))
         return 2;
-    bool known = !a.stage;
-    for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
-        known = known || !strcmp(a.stage, bench_stages[i]->name);
-    if (!known) {
-        fprintf(stderr, "reenact-bench: there is no stage '%s'; --help lists them\n", a.stage);
+    const struct bench_stage *stage = NULL;
+    for (size_t i = 0; i < COUNT_OF(bench_stages) && a.stage; i++)
+        if (!strcmp(a.stage, bench_stages[i]->name))
+            stage = bench_stages[i];
+    if (a.stage && !stage) {
+        fprintf(stderr, "reenact-bench: there is no stage '%s'; without arguments it lists them\n", a.stage);
         return 2;
     }
-    FILE *html = a.html ? fopen(a.html, "w") : NULL;
-    if (a.html && !html) {
-        fprintf(stderr, "reenact-bench: %s cannot be written\n", a.html);
-        return 1;
+    const bool whole = a.html || (!a.stage && a.json);
+    if (!stage && !whole) {
+        list_all();
+        return 0;
     }
-    struct json *root = a.json ? json_new_object() : NULL;
-    if (html)
-        bench_print_html_head(html);
-    int code = run_stages(&a, root, html);
-    if (html) {
-        bench_print_html_foot(html);
-        if (fclose(html)) {
-            fprintf(stderr, "reenact-bench: %s could not be written\n", a.html);
-            code = 1;
-        }
-    }
-    char *text = root && !code ? json_print(root) : NULL;
-    if (text)
-        fputs(text, stdout);
-    free(text);
+    if (!a.rounds)
+        a.rounds = whole ? 2 : 5;
+    struct json *root = a.json ? json_new_object() : NULL, *stages = root ? json_add_array(root, "stages") : NULL;
+    int code = whole ? run_page(&a, stages) : run_stage(&a, stage, stages) != OK;
+    if (root && !code)
+        code = write_json(&a, root);
     json_free(&root);
     return code;
 }

@@ -17,8 +17,8 @@
 //     const struct bench_stage bench_stage_NAME = {
 //         "NAME", "one line", "error_mm", "time_ms", {"rejected"}, run};
 //
-// and its line in bench_stages.h. A foreign library goes into a bench_NAME_*.cpp of its own, behind a plain C header.
-// One thread; nothing is kept between stages.
+// its line in bench_stages.h and, for a section of the page, one in bench_sections.h. A foreign library goes into a
+// bench_NAME_*.cpp of its own, behind a plain C header. One thread; nothing is kept between stages.
 #pragma once
 #include "base/status.h"
 
@@ -86,10 +86,23 @@ struct bench_inputs {
     struct bench_folders empty; // skeleton: folders of images of rooms without a person
     bool bodies;                // skeleton: figures of all sizes and clothes in the small world
     struct bench_dice dice;
-    bool json;        // the output is read by a program: stages print nothing themselves
-    const char *plot; // levels: an SVG file to write; NULL: none
+    bool json;           // the output is read by a program: stages print nothing themselves
+    bool brief;          // for the page: fewer items, so that all stages together take minutes
+    const char *plot;    // levels: an SVG file to write; NULL: none
+    const char *answers; // stability: a file to store the answers in; NULL: none
 };
 const struct bench_inputs *bench_inputs(const struct bench *b);
+// So many items, or a share of them (0..1) for the page; at least two.
+int bench_count(const struct bench *b, int usual, double share);
+
+// Where a stage whose results are no contenders writes its report to (bench_page.h). Once asked for, nothing else is
+// printed for it.
+struct bench_page;
+const struct bench_page *bench_report_to(struct bench *b);
+
+// A picture for the page: RGB, width * height. At most BENCH_PICTURES a stage; copied. Nothing where no page is made.
+enum { BENCH_PICTURES = 4 };
+void bench_picture(struct bench *b, const char *caption, const uint8_t *rgb, int width, int height);
 
 // At most once in a stage. Names must live until the program ends. Errors:
 // those of the contenders; ERR_MEMORY.

@@ -213,6 +213,10 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_compare = {
-    "compare",        "time alignment of two movements, next to the plain way and FastDTW",
-    "excess_percent", "time_ms",
-    {"cells"},        run};
+    .name = "compare",
+    .about = "time alignment of two movements, next to the plain way and FastDTW",
+    .error_name = "excess_percent",
+    .time_name = "time_ms",
+    .extra_names = {"cells"},
+    .run = run,
+};

@@ -51,6 +51,7 @@ struct lod_bench {
     struct level level[LEVELS];
     uint8_t *rgb, *rgba, *seen; // the true image; the drawn person; BACKGROUND ... of each pixel
     double length;              // of the true silhouette
+    int views;                  // at each distance
 };
 
 // ------------------------------------------------------------- the truth
@@ -169,9 +170,9 @@ static enum status draw_view(struct lod_bench *s, const struct renderer_view *vi
 static enum status measure_view(struct lod_bench *s, double away_m, int number)
 {
     const struct take *take = s->data.own;
-    const struct take_entry *e = take_entry(take, number * take_frame_count(take) / VIEWS);
+    const struct take_entry *e = take_entry(take, number * take_frame_count(take) / s->views);
     int64_t since_ns = e->time_ns - take_entry(take, 0)->time_ns;
-    double time_s = (double)since_ns * 1e-9, angle = 6.283185307179586 * number / VIEWS;
+    double time_s = (double)since_ns * 1e-9, angle = 6.283185307179586 * number / s->views;
     struct vec3 waist = world_joints(s->world, time_s).joint[JOINT_WAIST];
     struct vec3 eye = v3_add(waist, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
     struct pose viewer = bench_look_at(eye, waist);
@@ -184,10 +185,10 @@ static enum status measure_view(struct lod_bench *s, double away_m, int number)
 
 // ------------------------------------------------------------- the stage
 
-static enum status open_lod_bench(struct lod_bench *s)
+static enum status open_lod_bench(struct lod_bench *s, bool brief)
 {
     struct world_options world = world_default_options();
-    enum status status = views_data_open(&s->data, NULL);
+    enum status status = views_data_open(&s->data, NULL, brief);
     size_t pixels = (size_t)s->data.lens.width * (size_t)s->data.lens.height;
     if (status == OK)
         status = world_open(&s->world, &world);
@@ -225,17 +226,17 @@ static void close_lod_bench(struct lod_bench *s)
 static enum status sum_up(struct bench *b, struct lod_bench *s, int distance, struct lod_plot_line *lines)
 {
     enum status status = OK;
-    double plain_ms = bench_percentile(s->level[0].ms, VIEWS, 0.5);
+    double plain_ms = bench_percentile(s->level[0].ms, s->views, 0.5);
     for (int i = 0; i < LEVELS && status == OK; i++) {
         struct level *l = &s->level[i];
         struct lod_plot_mark *m = &lines[i].mark[distance];
         char name[64];
-        *m = (struct lod_plot_mark){distance + 1, bench_percentile(l->ms, VIEWS, 0.5) / plain_ms, l->area / l->length,
-                                    l->predicted / VIEWS};
+        *m = (struct lod_plot_mark){distance + 1, bench_percentile(l->ms, s->views, 0.5) / plain_ms,
+                                    l->area / l->length, l->predicted / s->views};
         snprintf(name, sizeof name, "%g m, %s", m->away_m, plans[i].name);
         status = bench_add_row(b, name,
                                (const double[]){m->time_ratio, m->error_px, m->predicted_px,
-                                                sqrt(l->squares / fmax(l->covered, 1)), 100.0 * l->plain / VIEWS});
+                                                sqrt(l->squares / fmax(l->covered, 1)), 100.0 * l->plain / s->views});
         *l = (struct level){.renderer = l->renderer};
     }
     return status;
@@ -249,10 +250,12 @@ static enum status run(struct bench *b)
     for (int i = 0; i < LEVELS; i++)
         lines[i] = (struct lod_plot_line){
             .name = plans[i].name, .colour = plans[i].colour, .ring = plans[i].detail == DETAIL_AUTO};
+    const bool brief = bench_inputs(b)->brief;
     bench_columns(b, columns, COUNT_OF(columns));
-    enum status status = open_lod_bench(&s);
-    for (int d = 0; d < LOD_PLOT_DISTANCES && status == OK; d++) {
-        for (int v = 0; v < VIEWS && status == OK; v++)
+    s.views = brief ? 3 : VIEWS;
+    enum status status = open_lod_bench(&s, brief);
+    for (int d = 0; d < LOD_PLOT_DISTANCES && status == OK; d += brief ? 2 : 1) {
+        for (int v = 0; v < s.views && status == OK; v++)
             status = measure_view(&s, d + 1, v);
         if (status == OK)
             status = sum_up(b, &s, d, lines);
@@ -265,6 +268,9 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_lod = {
-    "levels",   "error against time of each level of detail, 1 m to 6 m from the person",
-    "error_px", "time_ratio",
-    {NULL},     run};
+    .name = "levels",
+    .about = "error against time of each level of detail, 1 m to 6 m from the person",
+    .error_name = "error_px",
+    .time_name = "time_ratio",
+    .run = run,
+};

@@ -148,7 +148,7 @@ static enum status map_world(const struct world *world, struct camera_walk *w)
     return status;
 }
 
-static enum status make(struct camera_walk *w, bool still)
+static enum status make(struct camera_walk *w, bool still, int images)
 {
     struct world_options options = world_default_options();
     struct world *world;
@@ -161,7 +161,7 @@ static enum status make(struct camera_walk *w, bool still)
     uint8_t *color = malloc(pixels_of(&w->lens) * 3);
     if (status == OK && !color)
         status = fail(ERR_MEMORY, "no memory for an image");
-    for (int i = 0; i < WALK && status == OK; i++) {
+    for (int i = 0; i < images && status == OK; i++) {
         struct world_shot shot = {w->lens, world_viewer_pose(world, still ? STILL_AT_S : i / WALK_HZ), 0, false};
         status = world_render(world, &shot, &(struct world_image){.color = color});
         world_color_noise(color, w->lens.width, w->lens.height, 500 + (uint64_t)i);
@@ -306,7 +306,7 @@ static enum status run(struct bench *b, bool still)
     struct runner r[SETTINGS + PEERS];
     struct bench_contender contenders[SETTINGS + PEERS];
     const char *data = bench_inputs(b)->data;
-    enum status status = data && !still ? read_folder(data, &w) : make(&w, still);
+    enum status status = data && !still ? read_folder(data, &w) : make(&w, still, bench_count(b, WALK, 0.2));
     for (size_t i = 0; i < COUNT_OF(r); i++)
         r[i] = (struct runner){.walk = &w, .last = -1};
     for (size_t i = 0; i < SETTINGS && status == OK; i++) {
@@ -325,6 +325,14 @@ static enum status run(struct bench *b, bool still)
     }
     if (status == OK)
         status = bench_run(b, contenders, COUNT_OF(contenders), w.count);
+    for (int i = 0; i < 3 && i < w.count && status == OK; i++) {
+        const int at = i * (w.count - 1) / 2;
+        bench_picture(b,
+                      i == 0   ? "the tablet's first image"
+                      : i == 1 ? "half-way"
+                               : "the last",
+                      w.rgb[at], w.lens.width, w.lens.height);
+    }
     for (size_t i = 0; i < COUNT_OF(r); i++) {
         locator_close(&r[i].locator);
         camera_tracker_close(&r[i].track);
@@ -343,8 +351,13 @@ static enum status run_walking(struct bench *b) { return run(b, false); }
 static enum status run_still(struct bench *b) { return run(b, true); }
 
 const struct bench_stage bench_stage_map = {
-    "place",   "localisation of a tablet carried round a room",        "position_mm",
-    "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"}, run_walking};
+    .name = "place",
+    .about = "localisation of a tablet carried round a room",
+    .error_name = "position_mm",
+    .time_name = "time_ms",
+    .extra_names = {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"},
+    .run = run_walking,
+};
 
 const struct bench_stage bench_stage_still = {"still",   "jitter of a tablet that lies on a table", "position_mm",
                                               "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"}, run_still};

@@ -8,10 +8,19 @@
 struct bench_row {
     const char *name;
     const char *group; // NULL: all items
-    bool baseline;
+    bool baseline, usual;
     int missed;                                    // items without an answer
     double error, error_p95, time_ms, time_p95_ms; // NaN: no item had an answer
     double extra[BENCH_EXTRAS];
+    // Its time over the baseline's, from the odd rounds and from the even ones; NaN: one round only.
+    double ratio[2];
+};
+
+struct bench_shot { // a picture
+    char caption[120];
+    uint8_t *jpeg;
+    size_t bytes;
+    int width, height;
 };
 
 struct bench_result {
@@ -19,7 +28,15 @@ struct bench_result {
     int items, rounds;
     size_t count;
     struct bench_row *rows;
+    struct bench_shot shots[BENCH_PICTURES];
+    int shot_count;
+    double took_s; // of the whole stage, its preparations included
 };
+void bench_result_free(struct bench_result *r);
+// The rounds disagree on its ratio by more than this share.
+#define BENCH_UNSTEADY 0.15
+bool bench_row_unsteady(const struct bench_row *row);
+const struct bench_row *bench_baseline(const struct bench_result *r);
 
 // A table without a baseline.
 struct bench_plain_row {
@@ -39,6 +56,3 @@ void bench_add_plain_json(struct json *stages, const struct bench_plain *p);
 
 void bench_print_table(const struct bench_result *r);
 void bench_add_json(struct json *stages, const struct bench_result *r);
-void bench_print_html_head(FILE *file);
-void bench_print_html(FILE *file, const struct bench_result *r);
-void bench_print_html_foot(FILE *file);

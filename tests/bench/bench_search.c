@@ -125,7 +125,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 
 // ------------------------------------------------------------- the takes
 
-static enum status fill(struct take_of_limbs *t)
+static enum status fill(struct take_of_limbs *t, bool quiet)
 {
     static const struct body body = {.radius_rate = {0.4, 0.4, 0.5, 0.15, 0.12, 0.15, 0.12, 0.17, 0.12, 0.17, 0.12}};
     struct pose_index *index;
@@ -144,19 +144,19 @@ static enum status fill(struct take_of_limbs *t)
     started_ms = bench_clock_ms();
     for (int n = 0; n < t->count && status == OK; n++)
         status = frame_selector_add(t->selector, n, &t->frames[n], &body);
-    if (status == OK)
+    if (status == OK && !quiet)
         printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with the indices of "
                "body parts\n",
                t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
     started_ms = bench_clock_ms();
     if (status == OK)
         status = frame_selector_pack(t->selector);
-    if (status == OK)
+    if (status == OK && !quiet)
         printf("search: packing the index: %.0f ms\n", bench_clock_ms() - started_ms);
     return status;
 }
 
-static enum status make(struct take_of_limbs *t, int count)
+static enum status make(struct take_of_limbs *t, int count, bool quiet)
 {
     struct rng rng = {SEED};
     struct limbs limbs = limbs_random(&rng);
@@ -174,7 +174,7 @@ static enum status make(struct take_of_limbs *t, int count)
         t->queries[i] = limbs_rotated(shown, 2 * rng_uniform(&rng) - 1, 0.03, &rng);
         t->best[i] = exhaustive_search(t, &t->queries[i]);
     }
-    enum status status = fill(t);
+    enum status status = fill(t, quiet);
     return status == OK ? nanoflann_peer_open(&t->peer, t->numbers, (size_t)count) : status;
 }
 
@@ -182,9 +182,11 @@ static enum status run(struct bench *b)
 {
     static struct take_of_limbs takes[TAKES];
     enum status status = OK;
-    printf("search: seed %llu\n", (unsigned long long)SEED);
-    for (int i = 0; i < TAKES && status == OK; i++)
-        status = make(&takes[i], take_frames[i]);
+    const bool brief = bench_inputs(b)->brief, quiet = brief || bench_inputs(b)->json;
+    if (!quiet)
+        printf("search: seed %llu\n", (unsigned long long)SEED);
+    for (int i = 0; i < (brief ? 1 : TAKES) && status == OK; i++)
+        status = make(&takes[i], take_frames[i], quiet);
     if (status == OK) {
         struct search_contender small[] = {{&takes[0], search_ours},
                                            {&takes[0], search_parts},
@@ -200,7 +202,7 @@ static enum status run(struct bench *b)
             {"ours, 100 000 frames", measure, &large[0], false}, {"ours, eleven parts", measure, &large[1], false},
             {"exhaustive", measure, &large[2], false},           {"nanoflann", measure, &large[3], false},
         };
-        status = bench_run(b, contenders, COUNT_OF(contenders), QUERIES / BATCH);
+        status = bench_run(b, contenders, brief ? COUNT_OF(small) : COUNT_OF(contenders), QUERIES / BATCH);
     }
     for (int i = 0; i < TAKES; i++) {
         nanoflann_peer_close(&takes[i].peer);
@@ -211,9 +213,11 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_search = {"search",
-                                               "frame selection: the recorded frame closest to a pose",
-                                               "excess_cost_m",
-                                               "time_ms",
-                                               {"same_frame", "first_ms"},
-                                               run};
+const struct bench_stage bench_stage_search = {
+    .name = "search",
+    .about = "frame selection: the recorded frame closest to a pose",
+    .error_name = "excess_cost_m",
+    .time_name = "time_ms",
+    .extra_names = {"same_frame", "first_ms"},
+    .run = run,
+};

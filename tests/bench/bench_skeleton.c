@@ -90,6 +90,7 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
     return status < 0 ? status : NOTHING;
 }
 
+enum { FILMED = 90 };
 static const char POINTED[] = "600, 5 and body points";
 
 static enum status run_settings(struct bench *b)
@@ -106,7 +107,7 @@ static enum status run_settings(struct bench *b)
     struct skeleton_ours ours[SETTINGS], pointed = {.data = &data, .options = tracker_default_options()};
     struct bench_contender contenders[SETTINGS + 2];
     struct skeleton_peer peer = {.data = &data};
-    enum status status = skeleton_data_open(&data, bench_inputs(b)->data);
+    enum status status = skeleton_data_open(&data, bench_inputs(b)->data, bench_count(b, FILMED, 0.25));
     for (int i = 0; i < SETTINGS; i++) {
         ours[i] = (struct skeleton_ours){.data = &data, .options = tracker_default_options()};
         ours[i].options.points = settings[i].points;

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FRAMES_MOST = 300, FILMED = 90 };
+enum { FRAMES_MOST = 300 };
 
 void skeleton_data_close(struct skeleton_data *data)
 {
@@ -46,7 +46,7 @@ static void take_color(struct skeleton_frame *f, const uint8_t *rgb, size_t pixe
         memcpy(f->color, rgb, 3 * pixels);
 }
 
-static enum status film(struct skeleton_data *data)
+static enum status film(struct skeleton_data *data, int frames)
 {
     struct world_options options = world_default_options();
     options.motion = "kata";
@@ -59,7 +59,7 @@ static enum status film(struct skeleton_data *data)
     struct pose from = world_sensor_pose(w);
     size_t pixels = (size_t)lens.width * (size_t)lens.height;
     uint8_t *rgb = malloc(3 * pixels);
-    for (int k = 0; k < FILMED && status == OK; k++) {
+    for (int k = 0; k < frames && status == OK; k++) {
         struct skeleton_frame *f = add_frame(data);
         double t = k / 30.0;
         struct world_shot shot = {lens, from, t, true};
@@ -167,13 +167,13 @@ static enum status read_folder(struct skeleton_data *data, const char *folder)
     return status < 0 ? status : read_truth(data, folder);
 }
 
-enum status skeleton_data_open(struct skeleton_data *data, const char *folder)
+enum status skeleton_data_open(struct skeleton_data *data, const char *folder, int filmed)
 {
     *data = (struct skeleton_data){0};
     data->frame = calloc(FRAMES_MOST, sizeof *data->frame);
     enum status status = data->frame ? OK : fail(ERR_MEMORY, "no memory for the bench");
     if (status == OK)
-        status = folder ? read_folder(data, folder) : film(data);
+        status = folder ? read_folder(data, folder) : film(data, filmed);
     if (status != OK)
         skeleton_data_close(data);
     return status;

@@ -19,7 +19,7 @@ struct skeleton_data {
     int count;
 };
 
-// folder NULL: renders the small world. Else a folder with its truth in truth/ or ../truth: joints_truth.csv in world
-// axes and sensor_truth.txt. At most 300 frames are read. On error *data is empty.
-MUST_CHECK enum status skeleton_data_open(struct skeleton_data *data, const char *folder);
+// folder NULL: renders `filmed` frames of the small world. Else a folder with its truth in truth/ or ../truth:
+// joints_truth.csv in world axes and sensor_truth.txt. At most 300 frames are read. On error *data is empty.
+MUST_CHECK enum status skeleton_data_open(struct skeleton_data *data, const char *folder, int filmed);
 void skeleton_data_close(struct skeleton_data *data);

@@ -95,7 +95,7 @@ enum status trial_joints(struct bench *b, const char *folder)
 {
     struct skeleton_data data;
     struct smoothed_film film = {0};
-    enum status status = skeleton_data_open(&data, folder);
+    enum status status = skeleton_data_open(&data, folder, 0);
     film.calibration = data.calibration;
     for (int f = 0; f < data.count && status == OK; f++)
         status = smoothed_film_add(&film, data.frame[f].time_ns, data.frame[f].depth);

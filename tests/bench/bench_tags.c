@@ -20,7 +20,7 @@ struct tag_images {
     int32_t id[IMAGES];
 };
 
-static enum status make(struct tag_images *p)
+static enum status make(struct tag_images *p, int count)
 {
     struct rng rng = {SEED};
     p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
@@ -28,8 +28,7 @@ static enum status make(struct tag_images *p)
     p->gray = malloc((size_t)IMAGES * PIXELS);
     if (!p->rgb || !p->gray)
         return fail(ERR_MEMORY, "no memory for images of tags");
-    printf("tags: seed %llu\n", (unsigned long long)SEED);
-    for (int i = 0; i < IMAGES; i++) {
+    for (int i = 0; i < count; i++) {
         double distance = 1 + 4 * rng_uniform(&rng);
         double yaw = 2 * rng_uniform(&rng) - 1, pitch = 2 * rng_uniform(&rng) - 1;
         struct place_tag tag = {
@@ -147,12 +146,35 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
     return status;
 }
 
+// The nearest, a middle and the farthest tag: what their distance is measured by.
+static void draw_pictures(struct bench *b, const struct tag_images *p, int images)
+{
+    int order[3] = {0, 0, 0};
+    for (int i = 0; i < images; i++) {
+        const double z = p->camera_from_tag[i].translation.z;
+        if (z < p->camera_from_tag[order[0]].translation.z)
+            order[0] = i;
+        if (z > p->camera_from_tag[order[2]].translation.z)
+            order[2] = i;
+        if (fabs(z - 3) < fabs(p->camera_from_tag[order[1]].translation.z - 3))
+            order[1] = i;
+    }
+    for (int k = 0; k < 3; k++) {
+        char caption[100];
+        snprintf(caption, sizeof caption, "a tag at %.1f m", p->camera_from_tag[order[k]].translation.z);
+        bench_picture(b, caption, p->rgb + (size_t)order[k] * PIXELS * 3, WIDTH, HEIGHT);
+    }
+}
+
 static enum status run(struct bench *b)
 {
     struct tag_images p = {0};
     struct tags_ours ours[3] = {0};
     struct tags_peer peers[5] = {0};
-    enum status status = make(&p);
+    const int images = bench_count(b, IMAGES, 0.1);
+    enum status status = make(&p, images);
+    if (!bench_inputs(b)->json && !bench_inputs(b)->brief)
+        printf("tags: seed %llu\n", (unsigned long long)SEED);
     for (int i = 0; i < 3 && status == OK; i++)
         status = open_ours(&ours[i], &p, i + 1);
     for (int i = 0; i < 5; i++)
@@ -170,7 +192,8 @@ static enum status run(struct bench *b)
             {"ArUco, subpixel", measure_peer, &peers[3], false},
             {"ArUco, apriltag corners", measure_peer, &peers[4], false},
         };
-        status = bench_run(b, contenders, COUNT_OF(contenders), IMAGES);
+        status = bench_run(b, contenders, COUNT_OF(contenders), images);
+        draw_pictures(b, &p, images);
     }
     for (int i = 0; i < 3; i++)
         close_ours(&ours[i]);
@@ -182,4 +205,10 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_tags = {
-    "tags", "range and rotation of one tag from one image", "range_error_mm", "time_ms", {"turn_deg", "mirrored"}, run};
+    .name = "tags",
+    .about = "range and rotation of one tag from one image",
+    .error_name = "range_error_mm",
+    .time_name = "time_ms",
+    .extra_names = {"turn_deg", "mirrored"},
+    .run = run,
+};

@@ -6,10 +6,12 @@
 // psnr is over that union; "inside" over the intersection, where only colours can be wrong.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_views_data.h"
+#include "tests/bench/bench_study.h"
 #include "tests/bench/bench_views_mesh.h"
 
 #include "reenact/render/actor_renderer.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -96,6 +98,27 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     return status;
 }
 
+// The image half-way: the truth, and what each makes of it.
+static enum status draw_pictures(struct bench *b, struct views_viewer *full, struct views_viewer *paper,
+                                 struct views_viewer *mesh)
+{
+    struct views_viewer *const viewers[] = {full, paper, mesh};
+    const char *const captions[] = {"full (default)", "paper", "raw depth as a mesh"};
+    const int item = full->data->count / 2;
+    struct bench_measure measured = {0};
+    enum status status = OK;
+    bench_picture(b, "the truth", full->data->image[item].expected, full->data->lens.width, full->data->lens.height);
+    for (size_t i = 0; i < COUNT_OF(viewers) && status == OK; i++) {
+        char caption[100];
+        status = measure(viewers[i], item, &measured);
+        snprintf(caption, sizeof caption, "%s: %.1f dB, outline %.1f %%", captions[i], measured.extra[0],
+                 measured.error);
+        if (status == OK)
+            bench_picture(b, caption, viewers[i]->rgb, full->data->lens.width, full->data->lens.height);
+    }
+    return status == NOTHING ? OK : status;
+}
+
 static enum status run_viewers(struct bench *b, const struct views_data *data, struct gpu *gpu)
 {
     struct renderer *own = NULL, *true_joints = NULL, *paper = NULL;
@@ -105,7 +128,7 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
     enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for an image");
     if (status == OK)
         status = renderer_open(&own, gpu, data->own, &data->lens, &options);
-    if (status == OK)
+    if (status == OK && !bench_inputs(b)->brief)
         status = renderer_open(&true_joints, gpu, data->true_take, &data->lens, &options);
     options.detail = DETAIL_PAPER;
     if (status == OK)
@@ -119,12 +142,13 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
         mesh.renderer = NULL;
         const struct bench_contender contenders[] = {
             {"full", measure, &full, false},
+            {"paper", measure, &paper_viewer, true},
+            {"depth mesh", measure, &mesh, false},
             {"full, true poses", measure, &poses, false},
             {"full, true joints", measure, &joints, false},
             {"full, both true", measure, &both, false},
-            {"paper", measure, &paper_viewer, true},
-            {"depth mesh", measure, &mesh, false},
         };
+        const bool brief = bench_inputs(b)->brief; // without what the truth would change
         int bin_of[VIEWS_MOST];
         for (int i = 0; i < data->count; i++) {
             bin_of[i] = 0;
@@ -132,7 +156,9 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
                 bin_of[i]++;
         }
         const struct bench_groups bins = {bin_names, BINS, bin_of};
-        status = bench_run_grouped(b, contenders, COUNT_OF(contenders), data->count, &bins);
+        status = bench_run_grouped(b, contenders, brief ? 3 : COUNT_OF(contenders), data->count, &bins);
+        if (status == OK)
+            status = draw_pictures(b, &full, &paper_viewer, &mesh);
     }
     renderer_close(&own);
     renderer_close(&true_joints);
@@ -147,16 +173,23 @@ static enum status run(struct bench *b)
 {
     static struct views_data data;
     struct gpu *gpu = NULL;
-    enum status status = views_data_open(&data, bench_inputs(b)->data);
+    enum status status = views_data_open(&data, bench_inputs(b)->data, bench_inputs(b)->brief);
     if (status == OK)
         status = gpu_open(&gpu);
     if (status == OK)
         status = run_viewers(b, &data, gpu);
+    if (status == OK && bench_inputs(b)->brief)
+        status = bench_study_measure(&data);
     gpu_close(&gpu);
     views_data_close(&data);
     return status;
 }
 
 const struct bench_stage bench_stage_views = {
-    "views",   "synthesised images of the person from all round",    "outline_pct",
-    "draw_ms", {"psnr_db", "inside_db", "missing_pct", "extra_pct"}, run};
+    .name = "views",
+    .about = "synthesised images of the person from all round",
+    .error_name = "outline_pct",
+    .time_name = "draw_ms",
+    .extra_names = {"psnr_db", "inside_db", "missing_pct", "extra_pct"},
+    .run = run,
+};

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FILMED = 240, VIEW_COUNT = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
+enum { FILMED = 240, VIEW_COUNT = 24, FILMED_BRIEF = 90, VIEW_COUNT_BRIEF = 12, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
 static const double SCALE = 1, SAME_S = 0.002;
 
 // The true joints of each frame of the take, in its colour camera's axes; and the sensor's pose in the truth's world.
@@ -190,14 +190,15 @@ static enum status find_images(struct views_data *data, const struct truth *trut
 
 // ------------------------------------------------------------- the small world
 
-static enum status film_images(struct views_data *data, const struct world *world, double seconds)
+static enum status film_images(struct views_data *data, const struct world *world, double seconds, bool brief)
 {
+    const int views = brief ? VIEW_COUNT_BRIEF : VIEW_COUNT;
     data->lens = world_viewer_calibration(SCALE).color;
     size_t pixels = pixels_of(&data->lens);
     uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
     enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for an image");
-    for (int i = 0; i < VIEW_COUNT && status == OK; i++) {
-        double t = seconds * i / VIEW_COUNT;
+    for (int i = 0; i < views && status == OK; i++) {
+        double t = seconds * i / views;
         struct world_shot shot = {data->lens, world_viewer_pose(world, t), t, false};
         status = world_render(world, &shot, &(struct world_image){.color = room});
         shot.actor = true;
@@ -212,14 +213,14 @@ static enum status film_images(struct views_data *data, const struct world *worl
     return status;
 }
 
-static enum status film(struct views_data *data, struct truth *truth)
+static enum status film(struct views_data *data, struct truth *truth, bool brief)
 {
     struct world_options options = world_default_options();
     struct world *world;
     enum status status = world_open(&world, &options);
     if (status != OK)
         return status;
-    double seconds = fmin(world_seconds(world), FILMED / 30.0);
+    double seconds = fmin(world_seconds(world), (brief ? FILMED_BRIEF : FILMED) / 30.0);
     struct pose sensor = world_sensor_pose(world);
     char uri[300];
     film_sensor(world, &data->scratch, "sensor", SCALE, 0, (int)(seconds * 30));
@@ -235,7 +236,7 @@ static enum status film(struct views_data *data, struct truth *truth)
     if (status == OK)
         status = record_truth(data, truth);
     if (status == OK)
-        status = film_images(data, world, seconds);
+        status = film_images(data, world, seconds, brief);
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)
@@ -370,13 +371,13 @@ static enum status read_folder(struct views_data *data, const char *folder, stru
     return status;
 }
 
-enum status views_data_open(struct views_data *data, const char *folder)
+enum status views_data_open(struct views_data *data, const char *folder, bool brief)
 {
     *data = (struct views_data){.scratch = scratch_make()};
     struct truth *truth = calloc(1, sizeof *truth);
     if (!truth)
         return fail(ERR_MEMORY, "no memory for the truth");
-    enum status status = folder ? read_folder(data, folder, truth) : film(data, truth);
+    enum status status = folder ? read_folder(data, folder, truth) : film(data, truth, brief);
     free(truth);
     return status;
 }

@@ -24,6 +24,7 @@ struct views_data {
     int count;
 };
 
-// folder NULL: renders the small world. Else as bench_folder.h says. On error *data must be closed too.
-MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder);
+// folder NULL: renders the small world, brief: three seconds of it. Else as bench_folder.h says. On error *data must be
+// closed too.
+MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder, bool brief);
 void views_data_close(struct views_data *data);

@@ -243,6 +243,35 @@ static struct answer ask_noise(const double *in)
 
 static struct answer root_of_mean(const double *in) { return answer_value(sqrt(in[1] / in[0])); }
 
+// A cube of 0.2 m whose points were all seen in[0] seconds into the take -> that time, as the atlas has it.
+static struct answer ask_seen_time(const double *in)
+{
+    struct vec3 points[8], normals[8];
+    float color[8][3], time_s[8];
+    uint8_t filled[8] = {0};
+    int32_t corners[36] = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
+    for (int i = 0; i < 8; i++) {
+        points[i] = v3(0.2 * (i & 1), 0.2 * (i >> 1 & 1), 0.2 * (i >> 2));
+        normals[i] = v3_unit(v3_sub(points[i], v3(0.1, 0.1, 0.1)));
+        color[i][0] = color[i][1] = color[i][2] = 0.5F;
+        time_s[i] = (float)in[0];
+    }
+    const struct surface_mesh surface = {points, normals, corners, 8, 36};
+    const struct vertex_colors colors = {.color = color, .time_s = time_s, .filled = filled};
+    struct texture_atlas a = {0};
+    const enum status status = texture_atlas_make(&a, &surface, &colors, 1);
+    double seen = NAN;
+    if (status == OK && a.mesh.point_count > 0) {
+        const uint8_t *t = a.seen_time + 4 * ((int)a.mesh.at[0][1] * a.mesh.width + (int)a.mesh.at[0][0]);
+        seen = 0.01 * (65536 * t[3] + 256 * t[0] + t[1]);
+    }
+    texture_atlas_free(&a);
+    return answer_status(status, seen);
+}
+
+static struct answer hundredths_in_two_bytes(const double *in) { return answer_value(fmin(in[0] * 100, 65535) / 100); }
+
 static const struct stability_case cases[] = {
     {"chest in a TSDF of one view", "fused depth, not the prior", ANSWER_VALUE, ask_one_view, NULL, cylinder_alone,
      .in = {1900, 0, 0.2, -0.1}, .exact = {0}, .exact_count = 1, .tolerance = 0.02, .unit = "m"},
@@ -280,6 +309,8 @@ static const struct stability_case cases[] = {
      .in = {0, 0}, .exact = {1}, .exact_count = 1},
     {"texture of a square 10 m wide", "a largest image", ANSWER_ERROR, ask_unwrap, NULL, unwrap_by_axes,
      .in = {10, 10}},
+    {"when a point was seen, an hour into a take", "three bytes of hundredths", ANSWER_VALUE, ask_seen_time, NULL,
+     hundredths_in_two_bytes, .in = {3600}, .exact = {3600}, .exact_count = 1, .tolerance = 0.011, .unit = "s"},
     {"light on a side that no light was seen on", "a range of irradiance", ANSWER_VALUE, ask_irradiance, NULL,
      series_alone, .in = {5, -1}, .exact = {0.4}, .exact_count = 1, .tolerance = 1e-7},
     {"joints' error from no frame", "the prior's", ANSWER_VALUE, ask_noise, NULL, root_of_mean, .in = {0, 0},
