@@ -69,6 +69,16 @@ static int predict_spheres(struct tracker *t, const struct body_pose *expected,
     return count;
 }
 
+bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m)
+{
+    return segmenter_floor(t->segmenter, up, height_m);
+}
+
+bool tracker_sees_second_person(struct tracker *t, const uint16_t *depth)
+{
+    return t->following && !t->lost_since_ns && segmenter_second_person(t->segmenter, depth, t->second_mask) == OK;
+}
+
 bool tracker_shows_joint(const struct tracker *t, enum joint j) { return t->visible_probes[j] >= VISIBLE_PROBES_MIN; }
 
 // How much the frame shows of joint j, at `p` in the depth camera, and the time since one did.

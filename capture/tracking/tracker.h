@@ -46,6 +46,12 @@ void tracker_set_background(struct tracker *t, const uint16_t *depth);
 // The floor in depth camera axes: a point p is up.p + height_m over it. Estimated from the images where not set.
 void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m);
 
+// The floor as set or found, depth camera's axes. False: not found yet; *up is then straight up in the image.
+bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m);
+// After a tracker_next that followed a person: whether the segmentation shows a second one in the same frame. Takes
+// about as long as segmenting does; ask now and then.
+bool tracker_sees_second_person(struct tracker *t, const uint16_t *depth);
+
 // Forgets the person and the learned background; keeps what was set.
 void tracker_reset(struct tracker *t);
 

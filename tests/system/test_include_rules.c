@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MOST_USED = 16 };
+enum { MOST_USED = 20 };
 
 struct rule {
     const char *room;               // a file belongs to the longest room that its path begins with
@@ -40,8 +40,11 @@ static const struct rule rules[] = {
     {"app/state/", {"base/"}},
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
     {"app/view/", {"app/state/", RENDER}},
-    {"app/ui/", {"app/view/", "app/state/", RECORDING}},
-    {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
+    {"app/live/",
+     {"app/camera/", "app/state/", "compare/", "capture/", "capture/tracking/", "capture/body/",
+      "capture/segmentation/", "locate/", RECORDING}},
+    {"app/ui/", {"app/view/", "app/state/", "compare/", RECORDING}},
+    {"app/", {"app/ui/", "app/live/", "app/camera/", "app/view/", "app/state/", "compare/", "locate/", RENDER}},
     {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER}},
     {"tests/", {0}}, // all of them
 };
