@@ -10,10 +10,12 @@
 #include <string.h>
 
 // Chosen by hand.
-static const double BESIDE_M = 0.95;               // from the person to the actor
-static const double BEHIND_S = 1.5, AHEAD_S = 0.6; // about the actor's instant the person's is looked for
-static const double NEXT_S = 0.45;                 // the ghost is so far ahead of the person
-static const double FIGURE_MIDDLE_M = 0.85;        // of the summary's figures, over their feet
+static const double MIRROR_M = 0.95;                 // from the person to the actor in the mirror
+static const double BESIDE_M = 1.35;                 // and where both are figures
+static const double PAIR_WIDE_M = 3.3, TALL_M = 2.4; // two figures with their arms out, a hand raised
+static const double BEHIND_S = 1.5, AHEAD_S = 0.6;   // about the actor's instant the person's is looked for
+static const double NEXT_S = 0.45;                   // the ghost is so far ahead of the person
+static const double FIGURE_MIDDLE_M = 0.85;          // of the summary's figures, over their feet
 static const int64_t FROZEN_NS = 1500000000;
 
 static int32_t frame_at(const struct viewer_live *l, int64_t take_ns)
@@ -363,22 +365,24 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
     const double width = surface->width / surface->px_per_dp, height = surface->height / surface->px_per_dp;
     const struct ui_box free = summary ? screen_summary_figures(width, height) : screen_live_free(width, height);
     const double px = surface->px_per_dp;
+    const struct ui_box box = {free.x * px, free.y * px, free.w * px, free.h * px};
+    const struct lens lens = take_view_orbit_lens(surface->width, surface->height, box);
     if (summary)
         orbit.centre = v3(0, 0, FIGURE_MIDDLE_M);
     else if (v->image.has_skeleton && v->image.skeleton.confidence[JOINT_WAIST] > 0 && s->screen != LIVE_MIRROR)
         s->orbit.centre = orbit.centre = v3_mix(orbit.centre, v->image.skeleton.joint[JOINT_WAIST], 0.1);
     if (!summary)
         orbit.centre = v3_add(orbit.centre, v3_scale(picture_right(v), 0.5 * BESIDE_M));
-    *request = (struct take_view_request){
-        .lens = take_view_orbit_lens(surface->width, surface->height,
-                                     (struct ui_box){free.x * px, free.y * px, free.w * px, free.h * px}),
-        .world_from_camera = orbit_world_from_camera(&orbit),
-        .time_ns = s->at_ns,
-        .playing = s->phase == LIVE_DOING && !s->waits,
-        .loop = s->loop,
-        .resolution_scale = request->resolution_scale,
-        .error_px = v->state.error_px,
-        .former = request->former};
+    // The lens is made for one figure: for two the viewpoint goes back until both are inside.
+    orbit.distance_m *= fmax(1, lens.fx / ORBIT_NEAREST_M / fmin(box.h / TALL_M, box.w / PAIR_WIDE_M));
+    *request = (struct take_view_request){.lens = lens,
+                                          .world_from_camera = orbit_world_from_camera(&orbit),
+                                          .time_ns = s->at_ns,
+                                          .playing = s->phase == LIVE_DOING && !s->waits,
+                                          .loop = s->loop,
+                                          .resolution_scale = request->resolution_scale,
+                                          .error_px = v->state.error_px,
+                                          .former = request->former};
 }
 
 // ---------------------------------------------------------------- the mirror's picture
@@ -436,7 +440,7 @@ static enum status draw_mirror(struct viewer *v, struct take_view_request *reque
     enum status status = upload_picture(v);
     if (status != OK)
         return status;
-    const struct pose world_from_live = take_from_live(v, v->state.live.over ? 0 : BESIDE_M);
+    const struct pose world_from_live = take_from_live(v, v->state.live.over ? 0 : MIRROR_M);
     request->lens = f->calibration.color;
     request->world_from_camera = pose_multiply(world_from_live, f->look.world_from_camera);
     request->camera = NULL; // the place's surface is not asked for: the live depth hides the actor

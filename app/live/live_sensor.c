@@ -10,7 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SENSOR_SLOTS = 4 }; // one waits, one is drawn, one is filled, one is being exchanged
+enum { SENSOR_SLOTS = 4 };  // one waits, one is drawn, one is filled, one is being exchanged
+enum { MOST_LEFT_OUT = 4 }; // frames of a film in a row, however slow the machine
 
 static const int64_t RETRY_NS = 1000000000;
 
@@ -35,6 +36,7 @@ struct live_sensor {
     struct live_tracker *tracker;
     int attempt;                                 // being collected; 0: none yet
     bool collecting;                             // the wish's run, as of the last frame
+    int left_out;                                // frames of a film in a row
     bool at_start;                               // a film has delivered nothing but its first frame
     int64_t began_ns, first_ns, due_ns, late_ns; // of a film: clock and film time of its start; when a frame is due
 
@@ -282,12 +284,14 @@ static bool pace_film(struct live_sensor *s, const struct frame *frame)
     const int64_t interval_ns = before_ns ? s->due_ns - before_ns : 0;
     if (now_ns > s->due_ns + interval_ns && s->options.every_frame)
         s->late_ns += now_ns - s->due_ns; // the film slows down instead
-    if (now_ns > s->due_ns + interval_ns && interval_ns && !s->options.every_frame) {
+    if (now_ns > s->due_ns + interval_ns && interval_ns && !s->options.every_frame && s->left_out < MOST_LEFT_OUT) {
+        s->left_out++;
         pthread_mutex_lock(&s->lock);
         s->state.dropped++;
         pthread_mutex_unlock(&s->lock);
         return true;
     }
+    s->left_out = 0;
     wait_for(s, s->due_ns, NULL);
     return false;
 }

@@ -167,10 +167,17 @@ static void judge(struct live_tracker *t, struct live_look *look)
     t->has_last = true;
 }
 
-static bool second_person(struct live_tracker *t, const uint16_t *depth)
+// Before tracking a frame, and after it.
+static void look_for_second(struct live_tracker *t)
 {
     if (t->frames % SECOND_EVERY == 0)
-        t->second_looks = tracker_sees_second_person(t->tracker, depth) ? t->second_looks + 1 : 0;
+        tracker_look_for_second_person(t->tracker);
+}
+
+static bool second_person(struct live_tracker *t)
+{
+    if (t->frames % SECOND_EVERY == 0)
+        t->second_looks = tracker_sees_second_person(t->tracker) ? t->second_looks + 1 : 0;
     return t->second_looks >= SECOND_LOOKS;
 }
 
@@ -182,6 +189,7 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
         out->parts[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
     const int64_t begun_ns = clock_cpu_ns();
     enum status status = locate(t, color, depth, out);
+    look_for_second(t);
     if (status == OK)
         status = tracker_next(t->tracker, time_ns, depth, &out->skeleton, mask);
     const int64_t tracked_ns = clock_cpu_ns();
@@ -189,7 +197,7 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     if (status < 0)
         return status;
     out->person = status == OK;
-    out->second_person = out->person && second_person(t, depth);
+    out->second_person = out->person && second_person(t);
     t->frames++;
     if (!out->located)
         out->world_from_camera = level_pose(t);

@@ -173,7 +173,7 @@ static void draw_ghost(const struct brush *b, const struct figure_view *view, co
 {
     struct drawn_part parts[PART_COUNT];
     const int count = visible_parts(view, f->skeleton, parts);
-    const uint32_t color = faint(b->theme->accent, 0.30);
+    const uint32_t color = faint(b->theme->ghost, 0.5);
     for (int i = 0; i < count; i++) {
         const struct drawn_part *d = &parts[i];
         const double r = thickness_m[d->part] * dp_per_m(view, d->depth_m) * 0.8;

@@ -22,7 +22,9 @@ static struct ui_box panel_box(double width, double height)
 
 struct ui_box screen_live_free(double width, double height)
 {
-    const double top = MARGIN + TARGET + GAP, bottom = panel_box(width, height).y - GAP;
+    // On a wide screen the top row's buttons are in the corners, beside what is shown.
+    const double top = is_wide(width, height) ? MARGIN : MARGIN + TARGET + GAP,
+                 bottom = panel_box(width, height).y - GAP;
     return (struct ui_box){MARGIN, top, width - 2 * MARGIN, fmax(bottom - top, 60)};
 }
 
@@ -148,7 +150,8 @@ static void time_line(const struct brush *b, const struct live_state *l, const s
     const struct theme *t = b->theme;
     const double length = (double)(l->length_ns > 0 ? l->length_ns : 1), y = row.y + row.h / 2;
     const double width = label_time_width(b, l->length_ns);
-    struct ui_box before = cut_left(&row, width), behind = cut_right(&row, width);
+    struct ui_box before = cut_left(&row, width + 8), behind = cut_right(&row, width);
+    row.w -= 8;
     label_time(b, (struct ui_point){before.x, y - 9}, t->text, l->at_ns);
     label_time(b, (struct ui_point){behind.x, y - 9}, t->quiet, l->length_ns);
     const double from = row.x + row.w * (double)l->marked_from_ns / length,
@@ -264,7 +267,8 @@ void screen_live(const struct brush *b, struct screens *screens, struct view_sta
     else
         draw_scene(b, s, page, all, s->live.screen == LIVE_ROOM);
     ui_layer(b->ui, 1);
-    draw_legend(b, page, free);
+    const struct ui_box under = {free.x, MARGIN + TARGET + GAP, free.w, free.h};
+    draw_legend(b, page, under);
     draw_count(b, &s->live, free);
     top_row(b, s, page, (struct ui_box){MARGIN, MARGIN, all.w - 2 * MARGIN, TARGET}, now_ns);
     controls(b, s, page, panel_box(all.w, all.h), now_ns);

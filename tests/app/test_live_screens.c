@@ -2,11 +2,12 @@
 // while it plays, and the picture shows what was wrong.
 //
 //     test_live_screens                           the tests
-//     test_live_screens FILE SENSOR FOLDER        images of the screens, for the documents (see tests/live_screens)
+//     test_live_screens FILE SENSOR FOLDER TAKE   images of the screens, for the documents (see tests/live_screens)
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
 #include "base/clock.h"
+#include "platform/file.h"
 #include "platform/png.h"
 #include "tests/support/glass.h"
 #include "tests/support/live_rehearsal.h"
@@ -15,14 +16,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 84 }; // FRAMES: the arms are out and on their way up
+enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 66 }; // FRAMES: the arms are out
 
 static struct live_rehearsal rehearsal;
+static const char *shown_take; // NULL: the only one
 
 static void open_glass(struct glass *g, int width, int height, const char *file, const char *sensor)
 {
-    const struct viewer_options options = {
-        .file = file, .sensor = sensor, .fixed_resolution = true, .every_frame = true, .refresh_hz = 60};
+    const struct viewer_options options = {.file = file,
+                                           .take = shown_take,
+                                           .sensor = sensor,
+                                           .fixed_resolution = true,
+                                           .every_frame = true,
+                                           .refresh_hz = 60};
     glass_open(g, width, height, &options);
 }
 
@@ -121,6 +127,41 @@ static void test_mistakes_are_shown_while_they_are_made(void **state)
     glass_close(&g);
 }
 
+static bool is_kept(const struct glass *g) { return g->viewer.live.kept > 0; }
+
+// A file that is there already is never replaced: the attempt gets the next name.
+static void test_attempt_is_kept_as_a_take(void **state)
+{
+    (void)state;
+    struct glass g;
+    struct recording *r = NULL;
+    struct take *take = NULL;
+    struct recording_report report;
+    scratch_text(&rehearsal.scratch, "exercise-attempt-1.reenact", "mine");
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.right);
+    draw_until(&g, sees_person);
+    (void)do_attempt(&g);
+    view_state_do(&g.viewer.state, DO_KEEP, clock_now_ns());
+    draw_until(&g, is_kept);
+    EXPECT_TRUE(strstr(g.viewer.state.notice, "exercise-attempt-2.reenact"));
+    const char *path = scratch_file(&rehearsal.scratch, "exercise-attempt-2.reenact");
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&take, r, recording_take_name(r, 0)), OK);
+    print_message("%lld frames kept as '%s'\n", (long long)take_frame_count(take), recording_take_name(r, 0));
+    EXPECT_AT_LEAST(take_frame_count(take), 10);
+    EXPECT_TRUE(take_is_complete(take));
+    EXPECT_AT_LEAST(take_body(take)->representative_frame, 0);
+    take_close(&take);
+    recording_free(&r);
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, "exercise-attempt-1.reenact"), &bytes, &count), OK);
+    EXPECT_INT(count, 4);
+    free(bytes);
+    glass_close(&g);
+}
+
 static void test_the_same_again_is_right(void **state)
 {
     (void)state;
@@ -161,7 +202,7 @@ static void save(struct glass *g, const char *folder, const char *name)
         g->viewer.state.dark = dark;
         glass_draw(g);
         glass_read(g);
-        snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, name, g->width < g->height ? "upright" : "wide",
+        snprintf(path, sizeof path, "%s/live-%s-%s-%s.png", folder, name, g->width < g->height ? "upright" : "wide",
                  dark ? "dark" : "light");
         EXPECT_STATUS(png_write(path, PNG_RGBA8, g->rgba, g->width, g->height), OK);
     }
@@ -209,7 +250,8 @@ static void save_screens(const char *file, const char *sensor, const char *folde
 
 int main(int argc, char **argv)
 {
-    if (argc == 4) {
+    if (argc == 5) {
+        shown_take = argv[4];
         for (int upright = 0; upright < 2; upright++)
             save_screens(argv[1], argv[2], argv[3], upright);
         return 0;
@@ -217,6 +259,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_mistakes_are_shown_while_they_are_made),
         cmocka_unit_test(test_the_same_again_is_right),
+        cmocka_unit_test(test_attempt_is_kept_as_a_take),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
