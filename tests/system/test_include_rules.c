@@ -27,12 +27,16 @@ static const struct rule rules[] = {
     {"capture/body/", {"capture/segmentation/", RECORDING}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
+    {"capture/calibration/", {RECORDING}},
+    {"capture/objects/", {"capture/calibration/", RECORDING}},
     {"capture/",
-     {"capture/mapping/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
+      "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
     {"reenact/avatar/", {"reenact/observation/", SKELETON}},
+    {"reenact/export/", {AVATAR}},
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
@@ -45,7 +49,9 @@ static const struct rule rules[] = {
       "capture/segmentation/", "locate/", RECORDING}},
     {"app/ui/", {"app/view/", "app/state/", "compare/", RECORDING}},
     {"app/", {"app/ui/", "app/live/", "app/camera/", "app/view/", "app/state/", "compare/", "locate/", RENDER}},
-    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER}},
+    {"app/commands/",
+     {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
+      "reenact/export/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
