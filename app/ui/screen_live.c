@@ -73,14 +73,17 @@ static void draw_scene(const struct brush *b, const struct view_state *s, const 
 {
     const struct take_view_image *p = page->image;
     const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, all), false};
-    const struct figure person = {room ? FIGURE_LIMBS : FIGURE_BODY, page->person, page->verdicts, false},
+    const struct figure body = {FIGURE_BODY, page->person, NULL, false},
+                        limbs = {FIGURE_LIMBS, page->person, page->verdicts, false},
                         ghost = {FIGURE_GHOST, page->ghost, NULL, false};
     compositor_draw(b, all, p, s);
     ui_clip(b->ui, all);
-    if (page->person)
-        figure_draw(b, &view, &person);
+    if (page->person && !room)
+        figure_draw(b, &view, &body);
     if (page->ghost)
         figure_draw(b, &view, &ghost);
+    if (page->person && (room || page->verdicts)) // the verdicts' colours stay as they are
+        figure_draw(b, &view, &limbs);
     ui_unclip(b->ui);
 }
 
