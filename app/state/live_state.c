@@ -204,7 +204,7 @@ static bool second_person(const struct live_state *s)
 // ---------------------------------------------------------------- time
 
 // Follow: whether the person is where the actor is, in time or in pose. The pose counts too, for where the actor holds
-// one, no instant of the hold can be told from another.
+// one, its instants look alike.
 static bool person_keeps(const struct live_state *s)
 {
     if (!s->sight.judged || !s->sight.person)

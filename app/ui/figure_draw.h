@@ -1,6 +1,6 @@
 // Figures of people drawn from their joints: as bodies beside each other, as limbs over a picture, or as the ghost of a
-// pose to come. Verdicts colour the parts: right and wrong are solid, what cannot be told is thin and dashed, so that
-// it is told from right without colour, too.
+// pose to come. Verdicts colour the parts: right and wrong are solid, what the sensor cannot tell is thin and dashed,
+// so that it differs from right without colour, too.
 #pragma once
 #include "app/ui/view_compositor.h"
 #include "compare/difference.h"
@@ -30,5 +30,5 @@ void figure_draw(const struct brush *b, const struct figure_view *view, const st
 bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_point *out);
 
 uint32_t verdict_color(const struct theme *t, enum verdict v);
-// A line as the figures draw it: solid, or dashed for what cannot be told.
+// A line as the figures draw it: solid, or dashed for what the sensor cannot tell.
 void verdict_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, enum verdict v);

@@ -124,8 +124,8 @@ static void draw_findings(const struct brush *b, const struct live_page *page, s
 
 // ---------------------------------------------------------------- strip
 
-// Cells of equal verdict as one bar: solid, or for what cannot be told a thin line. What is outside of the alignment,
-// getting into position and out of it, stays empty.
+// Cells of equal verdict as one bar: solid, or for what the sensor cannot tell a thin line. What is outside of the
+// alignment, getting into position and out of it, stays empty.
 static void strip_row(const struct brush *b, const struct live_page *page, int part, struct ui_box row)
 {
     for (int cell = 0, end; cell < page->strip_cells; cell = end) {

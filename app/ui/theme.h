@@ -18,7 +18,7 @@ struct theme {
     uint32_t accent, on_accent;
     uint32_t warn;
     uint32_t ghost;                // of the pose to come
-    uint32_t right, wrong, unseen; // verdicts: the same, different, cannot tell; told apart by shape, too
+    uint32_t right, wrong, unseen; // verdicts: the same, different, cannot tell; they differ in shape, too
     uint32_t shadow;
     uint32_t sky, floor, grid; // of the studio behind an orbit
 };

@@ -100,7 +100,7 @@ static void test_actor_waits_for_who_stands_still(void **state)
     EXPECT_NEAR((double)t.s.at_ns * 1e-9, 1.4, 0.15);
 }
 
-// Within a pause of the actor no instant can be told from another: the pose counts.
+// Within a pause of the actor all instants look alike: the pose counts.
 static void test_a_hold_is_no_deadlock(void **state)
 {
     (void)state;
