@@ -64,6 +64,8 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     if (status != OK)
         snprintf(v->trouble, sizeof v->trouble, "%s", status_message());
     choose_first_take(v, now_ns);
+    if (options->sensor)
+        v->state.live = live_state_start(options->camera);
     if (status != OK)
         view_state_fail(&v->state, v->trouble);
     if (!options->camera)
@@ -80,6 +82,7 @@ void viewer_close(struct viewer *v)
 {
     camera_texture_close(&v->camera_texture);
     camera_feed_close(&v->feed);
+    viewer_live_close(v);
     take_view_close(&v->take_view);
     take_list_close(&v->takes);
     place_free(&v->place);
@@ -95,6 +98,8 @@ static void open_take(struct viewer *v, int64_t now_ns)
     v->has_image = false;
     const struct take_view_options how = {v->options.file, name, v->options.wake, v->options.wake_self};
     enum status status = take_view_open(&v->take_view, v->gpu, &how);
+    if (status == OK && v->options.sensor)
+        status = viewer_live_open_take(v, name);
     if (status != OK) {
         snprintf(v->trouble, sizeof v->trouble, "%s", status_message());
         view_state_fail(&v->state, v->trouble);
@@ -199,6 +204,7 @@ void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns)
     v->suspended = suspend;
     if (v->feed)
         camera_feed_suspend(v->feed, suspend || v->camera_rests);
+    viewer_live_suspend(v, suspend);
     if (suspend)
         v->suspended_ns = now_ns;
     else
@@ -217,7 +223,9 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         open_take(v, now_ns);
     check_file(v, now_ns);
     update_take_view(v);
+    viewer_live_update(v, now_ns);
     int64_t next_ns = view_state_tick(s, now_ns);
+    viewer_live_after_tick(v, now_ns);
     int64_t check_ns = v->checked_ns + CHECK_NS;
     if (s->page == PAGE_WATCH && v->take_view && check_ns < next_ns)
         next_ns = check_ns;
@@ -358,6 +366,28 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     return status;
 }
 
+// The actor and what the live screens draw from. The camera's image only where they are in the room.
+static enum status draw_live(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
+{
+    const struct live_state *l = &v->state.live;
+    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting;
+    enum status status = room ? upload_camera_frame(v) : OK;
+    if (status != OK)
+        return status;
+    struct take_view_request request = make_request(v, surface, now_ns);
+    if (!room)
+        viewer_live_request(v, surface, &request);
+    status = viewer_live_draw(v, &request);
+    v->has_image = true;
+    view_state_set_avatar_shown(&v->state, v->image.prepared);
+    if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) {
+        snprintf(v->problem, sizeof v->problem, "%s", status_message());
+        view_state_set_problem(&v->state, v->problem);
+        return OK;
+    }
+    return status;
+}
+
 static enum status draw_screen(struct viewer *v, int64_t now_ns)
 {
     const struct brush brush = {v->ui, theme_of(v->state.dark)};
@@ -366,6 +396,10 @@ static enum status draw_screen(struct viewer *v, int64_t now_ns)
         screen_takes(&brush, &v->screens, &v->state, &page, now_ns);
     } else if (v->state.page == PAGE_TROUBLE || !v->take_view) {
         screen_trouble(&brush, &v->state, now_ns);
+    } else if (v->state.page == PAGE_LIVE && v->state.live.phase == LIVE_SUMMARY) {
+        screen_summary(&brush, &v->screens, &v->state, &v->live.page, now_ns);
+    } else if (v->state.page == PAGE_LIVE) {
+        screen_live(&brush, &v->screens, &v->state, &v->live.page, now_ns);
     } else {
         const struct watch_page page = {v->takes.file, v->takes.cards[v->state.take].name, &v->image, &v->times,
                                         v->governor.budget_ms};
@@ -422,6 +456,8 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     s->changed = false;
     if (s->page == PAGE_WATCH && v->take_view)
         status = draw_take(v, surface, now_ns);
+    else if (s->page == PAGE_LIVE && v->take_view)
+        status = draw_live(v, surface, now_ns);
     if (status == OK && s->screenshot_wanted && v->take_view)
         status = take_screenshot(v, now_ns);
     if (status != OK)
@@ -452,6 +488,7 @@ void viewer_presented(struct viewer *v, int64_t now_ns)
         take_view_presented(v->take_view);
     if (v->feed)
         camera_feed_presented(v->feed);
+    viewer_live_presented(v, now_ns);
     if (v->state.page != PAGE_WATCH || (frame && frame->number == v->timed_frame))
         return;
     if (frame) {

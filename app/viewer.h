@@ -8,18 +8,21 @@
 #include "app/ui/take_list.h"
 #include "app/view/take_view.h"
 #include "app/camera/camera_texture.h"
+#include "app/viewer_live.h"
 
 struct viewer_options {
     const char *file;
     const char *take;   // NULL: the only one, or the user chooses
     const char *camera; // URI; NULL: none
+    const char *sensor; // URI of a depth sensor: do the move beside the actor; NULL: watch
+    bool every_frame;   // a film as sensor leaves nothing out, however slow the machine
     const char *photos; // folder for screenshots; NULL: the user's pictures
     bool light;
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
                                  // be NULL
-    void (*wake)(void *self); // called on other threads: there is something new; may be NULL
+    void (*wake)(void *self);    // called on other threads: there is something new; may be NULL
     void *wake_self;
 };
 
@@ -37,6 +40,7 @@ struct viewer {
     struct take_view *take_view;
     struct camera_feed *feed;
     struct camera_texture *camera_texture; // the feed's image
+    struct viewer_live live;               // with options.sensor
     int64_t uploaded_number;               // camera_frame.number of that image
     const struct camera_frame *frame;      // the newest at the last viewer_update; NULL: none
     struct take_view_request request;      // what `image` was drawn for

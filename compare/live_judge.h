@@ -2,8 +2,8 @@
 //
 // The time alignment is the online form of alignment.h's (one column of the dynamic programme is kept, as in Dixon
 // 2005): for each new frame the reference's frame that the best path so far ends at. It starts anywhere in the
-// reference and never looks ahead, so it may be off where the whole alignment is not. Time: a few microseconds for a
-// hundred frames of the reference. One thread at a time.
+// reference and never looks ahead, so it may be off where the whole alignment is not; a window about the instant that
+// the person is shown keeps it near. Time: a few microseconds for a hundred frames of the window. One thread at a time.
 #pragma once
 #include "compare/difference.h"
 
@@ -11,10 +11,19 @@ struct live_judge;
 
 // Borrows the reference, which must outlive it. ERR_MEMORY; *out is then NULL.
 MUST_CHECK enum status live_judge_open(struct live_judge **out, const struct movement *reference);
-void live_judge_close(struct live_judge **j); // NULL is fine; sets *j = NULL
-void live_judge_restart(struct live_judge *j);
+void live_judge_close(struct live_judge **j);  // NULL is fine; sets *j = NULL
+void live_judge_restart(struct live_judge *j); // the next frame is the first; the window stays
+
+// From the next frame on only the reference's frames first .. end - 1 are considered, cut to those that there are;
+// at least one remains. Paths that have left the window are forgotten. Initially all frames.
+void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end);
 
 // The next frame, about 1 / MOVEMENT_RATE_HZ s after the last (movement_frame_from_joints makes one). *reference: the
-// reference's frame; parts: [PART_COUNT], against that frame, not averaged.
+// reference's frame; parts: [PART_COUNT], against that frame; averaged over this frame and up to four before it, as
+// part_differences averages about a frame.
 void live_judge_frame(struct live_judge *j, const struct movement_frame *frame, int32_t *reference,
                       struct part_difference parts[PART_COUNT]);
+
+// How far the pose is from the reference's at that frame: the root mean square over the parts known in both, rad; NaN
+// where there is none.
+double live_judge_away(const struct live_judge *j, const struct movement_frame *frame, int32_t reference);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 struct watch_arguments {
-    const char *file, *take, *camera, *photos;
+    const char *file, *take, *camera, *sensor, *photos;
     bool fullscreen, light, stats;
     int rotate, width, height;
     double dpi, seconds;
@@ -20,6 +20,7 @@ struct watch_arguments {
 enum {
     KEY_TAKE = COMMAND_KEY,
     KEY_CAMERA,
+    KEY_SENSOR,
     KEY_PHOTOS,
     KEY_FULLSCREEN,
     KEY_LIGHT,
@@ -34,6 +35,8 @@ static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take to watch", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "look through this camera: libcamera, libcamera:N, folder:DIR, or none (default: the first there is)", 0},
+    {"sensor", KEY_SENSOR, "URI", 0,
+     "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
@@ -51,6 +54,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_TAKE: a->take = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_SENSOR: a->sensor = value; return 0;
     case KEY_PHOTOS: a->photos = value; return 0;
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
@@ -139,7 +143,7 @@ static enum status watch_open(struct watch *w)
 {
     const struct watch_arguments *a = w->arguments;
     const struct window_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
-    const char *camera = a->camera ? a->camera : find_camera();
+    const char *camera = a->camera ? a->camera : a->sensor ? "none" : find_camera();
     enum status status = window_open(&w->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&w->gpu);
@@ -148,6 +152,7 @@ static enum status watch_open(struct watch *w)
     const struct viewer_options how = {.file = a->file,
                                        .take = a->take,
                                        .camera = *camera && strcmp(camera, "none") ? camera : NULL,
+                                       .sensor = a->sensor,
                                        .photos = a->photos,
                                        .light = a->light,
                                        .refresh_hz = window_refresh_hz(w->screen),

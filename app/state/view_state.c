@@ -8,6 +8,7 @@ static const double PI = 3.14159265358979323846;
 // Durations, chosen by hand.
 static const int64_t NOTICE_NS = 3000000000, WARNING_NS = 8000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
 static const int64_t MOVED_NS = 2000000000; // a tag must be reported as moved for this long before a notice
+static const int64_t LIVE_PAUSE_NS = 60000000, LIVE_POLL_NS = 15000000;
 static const double APPEAR_S = 0.2, FADE_S = 0.7, CROSSFADE_S = 0.5;
 
 const double view_speeds[VIEW_SPEEDS] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
@@ -44,6 +45,11 @@ void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frame
     s->page = PAGE_WATCH;
     s->sheet = SHEET_NONE;
     s->moving = s->scrubbing = s->take_wanted = false;
+    if (s->live.present) {
+        s->page = PAGE_LIVE;
+        playback_play(&s->playback, now_ns, false);
+        live_state_open_take(&s->live, length_ns, orbit, now_ns);
+    }
     view_state_on_input(s, now_ns);
 }
 
@@ -94,9 +100,9 @@ static void go_back(struct view_state *s)
         s->sheet = SHEET_NONE;
     else if (s->page == PAGE_WATCH && s->moving)
         s->moving = false;
-    else if (s->page == PAGE_WATCH && s->take_count > 1)
-        s->page = PAGE_TAKES;
-    else if (s->page == PAGE_TROUBLE && s->take_count > 1)
+    else if (s->page == PAGE_LIVE && s->live.phase != LIVE_READY)
+        live_state_to_ready(&s->live, s->now_ns);
+    else if (s->page != PAGE_TAKES && s->take_count > 1)
         s->page = PAGE_TAKES;
     else
         s->quit = true;
@@ -181,8 +187,36 @@ static void do_on_watch(struct view_state *s, enum view_action action, int64_t n
     }
 }
 
+bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out)
+{
+    const bool summary = phase == LIVE_SUMMARY;
+    switch (action) {
+    case DO_PLAY_PAUSE:
+    case DO_CHOOSE: *out = LIVE_DO_START; return true;
+    case DO_STEP_BACK: *out = summary ? LIVE_DO_BACK_STEP : LIVE_DO_MARK_FROM; return true;
+    case DO_STEP_ON: *out = summary ? LIVE_DO_ON_STEP : LIVE_DO_MARK_TO; return true;
+    case DO_SLOWER: *out = LIVE_DO_SLOWER; return true;
+    case DO_FASTER: *out = LIVE_DO_FASTER; return true;
+    case DO_LOOP: *out = LIVE_DO_LOOP; return true;
+    case DO_SCREEN:
+    case DO_ORBIT: *out = LIVE_DO_SCREEN; return true;
+    case DO_PACE:
+    case DO_MOVE: *out = LIVE_DO_PACE; return true;
+    case DO_OVER: *out = LIVE_DO_OVER; return true;
+    case DO_GHOST:
+    case DO_SKELETON: *out = LIVE_DO_GHOST; return true;
+    case DO_HANDS_FREE: *out = LIVE_DO_HANDS_FREE; return true;
+    case DO_MARK_FROM: *out = LIVE_DO_MARK_FROM; return true;
+    case DO_MARK_TO: *out = LIVE_DO_MARK_TO; return true;
+    case DO_KEEP: *out = LIVE_DO_KEEP; return true;
+    case DO_SCREENSHOT: *out = summary ? LIVE_DO_KEEP : LIVE_DO_OVER; return true;
+    default: return false;
+    }
+}
+
 void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns)
 {
+    enum live_action live;
     if (action == DO_NOTHING)
         return;
     view_state_on_input(s, now_ns);
@@ -192,6 +226,8 @@ void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns
         do_on_takes(s, action);
     else if (s->page == PAGE_WATCH)
         do_on_watch(s, action, now_ns);
+    else if (s->page == PAGE_LIVE && live_action_of(action, s->live.phase, &live))
+        live_state_do(&s->live, live, now_ns);
 }
 
 void view_state_choose_take(struct view_state *s, int take)
@@ -240,6 +276,10 @@ void view_state_gesture(struct view_state *s, const struct gesture *g, const str
 {
     bool still =
         g->drag_x == 0 && g->drag_y == 0 && g->push_x == 0 && g->push_y == 0 && g->spread == 1 && g->twist == 0;
+    if (s->page == PAGE_LIVE && !still) {
+        orbit_move(&s->live.orbit, g->drag_x + g->push_x, g->drag_y + g->push_y, log(g->spread) / log(1 / 0.9));
+        view_state_on_input(s, now_ns);
+    }
     if (s->page != PAGE_WATCH || (still && !g->tapped))
         return;
     if (g->tapped && s->sheet != SHEET_NONE) {
@@ -264,11 +304,13 @@ void view_state_gesture(struct view_state *s, const struct gesture *g, const str
 
 void view_state_wheel(struct view_state *s, double notches, int64_t now_ns)
 {
-    if (s->page != PAGE_WATCH)
+    if (s->page == PAGE_LIVE)
+        orbit_move(&s->live.orbit, 0, 0, notches);
+    if (s->page != PAGE_WATCH && s->page != PAGE_LIVE)
         return;
     if (s->moving)
         view_state_set_yaw(s, s->placement.yaw_rad + notches * PI / 36);
-    else if (s->orbiting)
+    else if (s->page == PAGE_WATCH && s->orbiting)
         orbit_move(&s->orbit, 0, 0, notches);
     view_state_on_input(s, now_ns);
 }
@@ -333,6 +375,27 @@ static double toward(double from, double to, double by)
     return from < to ? fmin(to, from + by) : fmax(to, from - by);
 }
 
+// Between the sensor's frames, which are drawn when they come, the screen is drawn only so often that the actor moves:
+// a drawing that has just begun would delay the next frame's.
+static int64_t tick_live(struct view_state *s, int64_t now_ns)
+{
+    struct live_state *l = &s->live;
+    const enum live_phase phase = l->phase;
+    const int count = live_state_count(l);
+    const char *hint = live_state_hint(l);
+    int64_t next = live_state_tick(l, now_ns);
+    playback_seek(&s->playback, now_ns, l->at_ns);
+    const bool moves = next <= now_ns && (l->phase == LIVE_DOING || l->reviewing);
+    const int64_t pause_ns = l->sight.seeing && l->phase == LIVE_DOING ? LIVE_PAUSE_NS : 0;
+    if (moves && now_ns - s->live_drawn_ns >= pause_ns)
+        s->changed = true;
+    if (phase != l->phase || count != live_state_count(l) || hint != live_state_hint(l))
+        s->changed = true;
+    if (s->changed)
+        s->live_drawn_ns = now_ns;
+    return next <= now_ns ? now_ns + LIVE_POLL_NS : next;
+}
+
 int64_t view_state_tick(struct view_state *s, int64_t now_ns)
 {
     double passed_s = fmin(fmax((double)(now_ns - s->now_ns) * 1e-9, 0), 0.1);
@@ -366,6 +429,10 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
         s->changed = true;
         next = now_ns;
     }
+    if (s->page == PAGE_LIVE) {
+        const int64_t live_ns = tick_live(s, now_ns);
+        next = live_ns < next ? live_ns : next;
+    }
     return next;
 }
 
@@ -378,6 +445,8 @@ void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns)
 
 const char *view_state_hint(const struct view_state *s)
 {
+    if (s->page == PAGE_LIVE)
+        return s->problem ? s->problem : live_state_hint(&s->live);
     if (s->page != PAGE_WATCH)
         return NULL;
     if (s->problem)

@@ -5,12 +5,13 @@
 // view_state_on_camera. The drawing code reads the fields.
 #pragma once
 #include "app/state/gesture.h"
-#include "app/state/orbit.h"
+#include "app/state/live_state.h"
 #include "app/state/playback_clock.h"
 
 enum view_page {
     PAGE_TAKES, // choose a take
     PAGE_WATCH,
+    PAGE_LIVE,    // do the move beside the actor; view_state.live says how far
     PAGE_TROUBLE, // nothing can be watched; view_state.trouble says why
 };
 
@@ -45,6 +46,15 @@ enum view_action {
     DO_PREVIOUS,
     DO_NEXT,
     DO_CHOOSE, // on the page of takes
+    // On PAGE_LIVE; there the actions above mean what live_action_of says.
+    DO_SCREEN,
+    DO_PACE,
+    DO_OVER,
+    DO_GHOST,
+    DO_HANDS_FREE,
+    DO_MARK_FROM,
+    DO_MARK_TO,
+    DO_KEEP,
 };
 
 // What is known of the camera at an instant.
@@ -86,6 +96,8 @@ struct view_state {
     bool skeleton, sources, inset, frame_graph, dark, fullscreen;
     bool screenshot_wanted, quit;
 
+    struct live_state live; // of PAGE_LIVE
+
     struct view_camera camera;
     char camera_trouble[512]; // a copy of the last view_camera.trouble
     const char *problem;      // what is wrong with the recording while it plays; NULL: nothing; borrowed
@@ -104,6 +116,7 @@ struct view_state {
     int64_t tag_moved_ns;       // since when the camera has reported moved tags; 0: it reports none
     int32_t tag_moved_notified; // view_camera.first_moved of the last notice; -1: none yet
     int64_t now_ns;             // of the last view_state_tick
+    int64_t live_drawn_ns;      // when PAGE_LIVE last had something to draw
     bool changed;               // there is something new to draw; viewer_draw clears it
 };
 
@@ -119,6 +132,9 @@ void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frame
 void view_state_fail(struct view_state *s, const char *sentence); // to PAGE_TROUBLE; the sentence is borrowed
 
 void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns);
+
+// What an action means on PAGE_LIVE. False: nothing there.
+bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out);
 
 // Fingers on the image; the gesture's lengths are shares of its height. at: the points of the floor under the first
 // finger before and after, metres, world axes; NULL where it points to no floor.

@@ -34,6 +34,14 @@ enum view_action input_map_key(int key, bool shift)
     case 'r': return DO_RESET_PLACEMENT;
     case 'p': return DO_SCREENSHOT;
     case 'q': return DO_QUIT;
+    case 'v': return DO_SCREEN;
+    case 'k': return DO_PACE;
+    case 'h': return DO_OVER;
+    case 'n': return DO_GHOST;
+    case 'a': return DO_HANDS_FREE;
+    case ',': return DO_MARK_FROM;
+    case '.': return DO_MARK_TO;
+    case 's': return DO_KEEP;
     default: return DO_NOTHING;
     }
 }
@@ -126,6 +134,11 @@ bool input_map_pad(const struct input_map *m, struct view_state *s, double passe
 {
     const double x = m->pad[PAD_LEFT_X], y = m->pad[PAD_LEFT_Y], yaw = m->pad[PAD_RIGHT_X], zoom = -m->pad[PAD_RIGHT_Y];
     const double seek = m->pad[PAD_RIGHT_TRIGGER] - m->pad[PAD_LEFT_TRIGGER];
+    if (s->page == PAGE_LIVE && (x != 0 || y != 0 || zoom != 0)) {
+        orbit_move(&s->live.orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
+        view_state_on_input(s, now_ns);
+        return true;
+    }
     if (s->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && seek == 0))
         return false;
     if (s->moving) { // one metre per second, relative to the orbit's direction

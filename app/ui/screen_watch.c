@@ -228,8 +228,9 @@ void screen_message(const struct brush *b, const struct view_state *s)
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
     const bool done = is_notice && !s->notice_warns;
-    const uint32_t color = done || tag ? t->accent : t->warn;
-    const enum icon icon = done ? ICON_CHECK : tag ? ICON_TAG : ICON_WARNING;
+    const bool calm = !is_notice && s->page == PAGE_LIVE && !s->problem && !live_state_hint_warns(&s->live);
+    const uint32_t color = done || tag || calm ? t->accent : t->warn;
+    const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
     ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, text_w + 1, t->text,
                   text);

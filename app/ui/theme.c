@@ -24,6 +24,7 @@ const struct ui_face *theme_faces(void)
     faces[FACE_STRONG] = (struct ui_face){font_medium, medium, 20};
     faces[FACE_HEAD] = (struct ui_face){font_medium, medium, 25};
     faces[FACE_TITLE] = (struct ui_face){font_medium, medium, 40};
+    faces[FACE_COUNT_IN] = (struct ui_face){font_medium, medium, 110};
     return faces;
 }
 
@@ -38,6 +39,10 @@ static const struct theme dark = {
     .accent = 0x2dd4bfff,
     .on_accent = 0x04211dff,
     .warn = 0xfbbf24ff,
+    .ghost = 0x7cb7ffff,
+    .right = 0x34d399ff,
+    .wrong = 0xff6b4aff,
+    .unseen = 0xb4bcc8ff,
     .shadow = 0x000000a0,
     .sky = 0x2a313bff,
     .floor = 0x13171dff,
@@ -54,6 +59,10 @@ static const struct theme light = {
     .accent = 0x0b8578ff,
     .on_accent = 0xffffffff,
     .warn = 0xb45309ff,
+    .ghost = 0x2563ebff,
+    .right = 0x0d9568ff,
+    .wrong = 0xd9381eff,
+    .unseen = 0x7a8594ff,
     .shadow = 0x1b253540,
     .sky = 0xfafbfcff,
     .floor = 0xccd2daff,

@@ -3,7 +3,7 @@
 #pragma once
 #include "platform/ui.h"
 
-enum face { FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_COUNT };
+enum face { FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_COUNT_IN, FACE_COUNT };
 extern const struct ui_face *theme_faces(void); // FACE_COUNT of them
 
 static const double TARGET = 58, GAP = 8, MARGIN = 16, ROUND = 18;
@@ -17,6 +17,8 @@ struct theme {
     uint32_t text, quiet; // quiet: for secondary text
     uint32_t accent, on_accent;
     uint32_t warn;
+    uint32_t ghost;                // of the pose to come
+    uint32_t right, wrong, unseen; // verdicts: the same, different, cannot tell; they differ in shape, too
     uint32_t shadow;
     uint32_t sky, floor, grid; // of the studio behind an orbit
 };

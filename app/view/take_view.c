@@ -44,7 +44,7 @@ struct take_view {
 
 // The orbit's initial distance, and what is then visible at that distance: an actor with a hand raised or reached out
 // sideways. Chosen by hand.
-static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
+static const double FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
 // A frame whose layer is not resident is drawn with another frame's: while playing, always, since waiting for the load
 // would stall; when paused, as after a jump along the timeline, for at most AWAIT_NS, which a load usually takes, and
 // then drawing waits for it. Chosen by hand.
@@ -67,7 +67,7 @@ static void init_orbit(struct take_view *s)
         struct vec3 from = v3_sub(sample.world_from_camera.translation, body);
         s->pivot = v3(body.x, body.y, 0);
         s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12,
-                                  fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
+                                  fmin(fmax(ORBIT_NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
         struct vec3 right = quat_rotate(sample.world_from_camera.rotation, v3(1, 0, 0));
         s->right = v3_unit(v3(right.x, right.y, 0));
         return;
@@ -150,7 +150,7 @@ struct orbit take_view_orbit(const struct take_view *s) { return s->orbit; }
 
 struct lens take_view_orbit_lens(int width, int height, struct ui_box free)
 {
-    const double f = NEAREST_M * fmax(1, fmin(free.h / TALL_M, free.w / WIDE_M));
+    const double f = ORBIT_NEAREST_M * fmax(1, fmin(free.h / TALL_M, free.w / WIDE_M));
     const double x = free.x + free.w / 2 - 0.5, y = free.y + free.h / 2 - 0.5; // (0, 0) is the centre of a pixel
     return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0, 0};
 }

@@ -80,6 +80,9 @@ MUST_CHECK enum status take_view_draw(struct take_view *s, const struct take_vie
 // To be called after the image was presented: starts loading what the next ones are predicted to show.
 void take_view_presented(struct take_view *s);
 
+// From so far a metre at the orbit's centre is the lens's fx / ORBIT_NEAREST_M pixels.
+static const double ORBIT_NEAREST_M = 3;
+
 // The lens of an orbit for an image of that size, pixels. At the orbit's initial distance the whole actor is seen
 // inside `free`, the orbit's centre in its middle.
 struct lens take_view_orbit_lens(int width, int height, struct ui_box free);

@@ -69,6 +69,23 @@ static int predict_spheres(struct tracker *t, const struct body_pose *expected,
     return count;
 }
 
+bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m)
+{
+    return segmenter_floor(t->segmenter, up, height_m);
+}
+
+void tracker_look_for_second_person(struct tracker *t) { t->second_wanted = true; }
+
+bool tracker_sees_second_person(const struct tracker *t) { return t->second_seen; }
+
+// Before the background is updated, which relabels the segmentation's cells.
+static void look_for_second_person(struct tracker *t, const uint16_t *depth)
+{
+    if (t->second_wanted)
+        t->second_seen = segmenter_second_person(t->segmenter, depth, t->second_mask) == OK;
+    t->second_wanted = false;
+}
+
 bool tracker_shows_joint(const struct tracker *t, enum joint j) { return t->visible_probes[j] >= VISIBLE_PROBES_MIN; }
 
 // How much the frame shows of joint j, at `p` in the depth camera, and the time since one did.
@@ -205,9 +222,11 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     if (status < 0)
         return status;
     if (!tracker_decide(t, &frame)) {
+        t->second_seen = false;
         commit_empty(t, &frame);
         return NOTHING;
     }
+    look_for_second_person(t, depth);
     commit(t, &frame);
     fill_skeleton(t, &frame, out);
     if (mask)

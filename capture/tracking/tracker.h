@@ -46,6 +46,13 @@ void tracker_set_background(struct tracker *t, const uint16_t *depth);
 // The floor in depth camera axes: a point p is up.p + height_m over it. Estimated from the images where not set.
 void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m);
 
+// The floor as set or found, depth camera's axes. False: not found yet; *up is then straight up in the image.
+bool tracker_floor(const struct tracker *t, struct vec3 *up, double *height_m);
+// The next tracker_next also looks whether the segmentation shows a second person in the frame, which takes about as
+// long as segmenting does; tracker_sees_second_person then tells, until it is asked to look again.
+void tracker_look_for_second_person(struct tracker *t);
+bool tracker_sees_second_person(const struct tracker *t);
+
 // Forgets the person and the learned background; keeps what was set.
 void tracker_reset(struct tracker *t);
 

@@ -65,6 +65,7 @@ struct tracker {
     struct joint_uncertainty_terms terms[JOINT_COUNT]; // of the last skeleton
     struct joint_features features[JOINT_COUNT];
     struct joint_error error[JOINT_COUNT];
+    bool second_wanted, second_seen; // tracker_look_for_second_person
     struct tracker_times times;
     int64_t mark_ns; // processor time up to which `times` accounts
 };

@@ -137,6 +137,44 @@ static const struct key visit[] = {
     {.t = 9.8, .x = -2.35, .y = 0.05, .heading = -90, ARMS(DOWN, DOWN)},
 };
 
+// An exercise as it is shown, and with two known mistakes: the right elbow is bent while the arms are held out and up
+// (FOLDED: by about 55 degrees), and the knees are bent by a third as much.
+#define HIGH_OPEN   {0.42, -0.10, 1}, {0.22, -0.10, 1}
+#define FOLDED      {1, -0.10, 0.02}, {0.52, -0.30, 0.95}
+#define HIGH_FOLDED {0.42, -0.10, 1}, {-0.62, -0.28, 0.85}
+
+static const struct key exercise[] = {
+    {.t = 0.0, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 0.4, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 1.3, .apart = 0.04, ARMS(WIDE, WIDE)},
+    {.t = 1.7, .apart = 0.04, ARMS(WIDE, WIDE)},
+    {.t = 2.5, .apart = 0.04, ARMS(HIGH_OPEN, HIGH_OPEN)},
+    {.t = 2.8, .apart = 0.04, ARMS(HIGH_OPEN, HIGH_OPEN)},
+    {.t = 3.7, .apart = 0.08, .sink = 0.26, .hips = {0, 0.12, 0}, .pelvis_pitch = 18, .chest_pitch = 24,
+     ARMS(REACH, REACH)},
+    {.t = 4.0, .apart = 0.08, .sink = 0.26, .hips = {0, 0.12, 0}, .pelvis_pitch = 18, .chest_pitch = 24,
+     ARMS(REACH, REACH)},
+    {.t = 5.0, .apart = 0.04, ARMS(WIDE, WIDE)},
+    {.t = 5.9, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 6.4, .apart = 0.04, ARMS(DOWN, DOWN)},
+};
+
+static const struct key exercise_wrong[] = {
+    {.t = 0.0, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 0.4, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 1.3, .apart = 0.04, ARMS(WIDE, FOLDED)},
+    {.t = 1.7, .apart = 0.04, ARMS(WIDE, FOLDED)},
+    {.t = 2.5, .apart = 0.04, ARMS(HIGH_OPEN, HIGH_FOLDED)},
+    {.t = 2.8, .apart = 0.04, ARMS(HIGH_OPEN, HIGH_FOLDED)},
+    {.t = 3.7, .apart = 0.08, .sink = 0.05, .hips = {0, 0.04, 0}, .pelvis_pitch = 8, .chest_pitch = 22,
+     ARMS(REACH, REACH)},
+    {.t = 4.0, .apart = 0.08, .sink = 0.05, .hips = {0, 0.04, 0}, .pelvis_pitch = 8, .chest_pitch = 22,
+     ARMS(REACH, REACH)},
+    {.t = 5.0, .apart = 0.04, ARMS(WIDE, FOLDED)},
+    {.t = 5.9, .apart = 0.04, ARMS(DOWN, DOWN)},
+    {.t = 6.4, .apart = 0.04, ARMS(DOWN, DOWN)},
+};
+
 const struct named_motion named_motions[] = {
     {"pirouette", 0.40, pirouette, COUNT_OF(pirouette)},
     {"kata", 0.45, kata, COUNT_OF(kata)},
@@ -145,5 +183,7 @@ const struct named_motion named_motions[] = {
     {"walk", 0.5, walk, COUNT_OF(walk)},
     {"hide", 0.5, hide, COUNT_OF(hide)},
     {"visit", 0.5, visit, COUNT_OF(visit)},
+    {"exercise", 0.5, exercise, COUNT_OF(exercise)},
+    {"exercise-wrong", 0.5, exercise_wrong, COUNT_OF(exercise_wrong)},
 };
 const size_t named_motion_count = COUNT_OF(named_motions);

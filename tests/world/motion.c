@@ -1,6 +1,7 @@
 #include "tests/world/motion.h"
 
 #include "tests/world/keys.h"
+#include "tests/world/world.h"
 #include "tests/world/retarget.h"
 #include "tests/world/numbers.h"
 
@@ -145,9 +146,7 @@ enum status world_motion_open(struct figure_motion **out, const char *name, cons
             if (!strcmp(name, named_motions[i].name))
                 m->named = &named_motions[i];
         if (!m->named)
-            status = fail(
-                ERR_INPUT,
-                "there is no motion '%s'; take pirouette, kata, still, bend, walk, hide, visit or a .bvh file", name);
+            status = fail(ERR_INPUT, "there is no motion '%s'; take %s or a .bvh file", name, world_motion_names());
     }
     if (status) {
         free(m);

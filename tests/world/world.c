@@ -26,7 +26,7 @@ bool world_figure_named(const char *name, struct world_figure *out)
 
 const char *world_figure_names(void) { return "woman man child heavy skirt coat tall"; }
 
-const char *world_motion_names(void) { return "pirouette kata still bend walk hide visit"; }
+const char *world_motion_names(void) { return "pirouette kata still bend walk hide visit exercise exercise-wrong"; }
 
 struct world_options world_default_options(void)
 {

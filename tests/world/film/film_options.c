@@ -158,7 +158,9 @@ void film_read_options(int argc, char **argv, struct film_options *out)
         {"size", KEY_SIZE, "WxH", 0, "Of the images; default 640x480", 0},
         {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
         {"motion", KEY_MOTION, "NAME", 0,
-         "pirouette (the default), kata, still, bend, walk, hide, visit, or the path of a .bvh file", 0},
+         "pirouette (the default), kata, still, bend, walk, hide, visit, exercise, exercise-wrong (the same with known "
+         "mistakes), or the path of a .bvh file",
+         0},
         {"seed", KEY_SEED, "N", 0, "Of posters, camera shake and noise; default 1", 0},
         {"threads", KEY_THREADS, "N", 0, "Default 1; the files do not depend on it", 0},
         {"readout", KEY_READOUT, "MS", 0,

@@ -1,0 +1,158 @@
+#include "app/live/live_attempt.h"
+
+#include "base/thread_priority.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct attempt_judge {
+    struct attempt_task task;
+    struct movement part; // of the reference
+    struct live_attempt attempt;
+    pthread_t thread;
+    bool runs, taken;
+    atomic_bool finished;
+};
+
+void live_attempt_free(struct live_attempt *a)
+{
+    comparison_free(&a->comparison);
+    joint_samples_free(&a->samples);
+    *a = (struct live_attempt){0};
+}
+
+bool live_attempt_skeleton(const struct live_attempt *a, int64_t time_ns, struct skeleton *out)
+{
+    const struct joint_samples *s = &a->samples;
+    int64_t low = 0, high = s->count; // the first that is not before time_ns
+    while (low < high) {
+        const int64_t middle = (low + high) / 2;
+        if (s->at[middle].time_ns < time_ns)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low > 0 && (low == s->count || time_ns - s->at[low - 1].time_ns < s->at[low].time_ns - time_ns))
+        low--;
+    if (!s->count || llabs(s->at[low].time_ns - time_ns) > 500000000)
+        return false;
+    *out = s->at[low].skeleton;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct vec3 p = out->joint[j];
+        out->joint[j] = v3(p.x, p.z, -p.y);
+    }
+    return true;
+}
+
+double live_attempt_reference(const struct live_attempt *a, int64_t time_ns)
+{
+    const struct timeline *t = &a->comparison.timeline;
+    const int32_t frame = (int32_t)lround((double)time_ns * 1e-9 * MOVEMENT_RATE_HZ);
+    return a->compared && frame >= 0 && frame < t->count ? (double)a->first + t->reference[frame] : NAN;
+}
+
+static enum status copy_part(const struct movement *m, int32_t first, int32_t end, struct movement *out)
+{
+    *out = *m;
+    out->count = end - first;
+    out->frames = malloc((size_t)out->count * sizeof *out->frames);
+    if (!out->frames) {
+        *out = (struct movement){0};
+        return fail(ERR_MEMORY, "no memory to judge the attempt");
+    }
+    memcpy(out->frames, m->frames + first, (size_t)out->count * sizeof *out->frames);
+    return OK;
+}
+
+static void fill_strip(struct live_attempt *a)
+{
+    const struct comparison *c = &a->comparison;
+    memset(a->strip, ATTEMPT_NOT_ALIGNED, sizeof a->strip);
+    for (int32_t f = 0; f < c->timeline.count; f++) {
+        struct part_difference parts[PART_COUNT];
+        if (isnan(c->timeline.reference[f]))
+            continue;
+        part_differences(&c->a, &c->judged, &c->timeline, f, parts);
+        const int first = (int)((int64_t)f * ATTEMPT_CELLS / c->timeline.count),
+                  end = (int)((int64_t)(f + 1) * ATTEMPT_CELLS / c->timeline.count);
+        for (int cell = first; cell < end || cell == first; cell++)
+            for (int p = 0; p < PART_COUNT; p++)
+                if (a->strip[cell][p] == ATTEMPT_NOT_ALIGNED || parts[p].verdict > a->strip[cell][p])
+                    a->strip[cell][p] = (uint8_t)parts[p].verdict;
+    }
+}
+
+static void *judge(void *self)
+{
+    struct attempt_judge *j = self;
+    struct live_attempt *a = &j->attempt;
+    struct movement attempt = {0};
+    enum status status = fail(ERR_INPUT, "Nothing of the person was seen");
+    thread_lower_priority();
+    if (a->samples.count) {
+        (void)joint_samples_mend_sides(&a->samples);
+        status = movement_from_samples(&a->samples, &attempt);
+    }
+    if (status == OK)
+        status = comparison_make(&j->part, &attempt, &a->comparison);
+    a->compared = status == OK;
+    if (a->compared)
+        fill_strip(a);
+    if (status != OK)
+        snprintf(a->why, sizeof a->why, "%.199s", status_message());
+    movement_free(&attempt);
+    movement_free(&j->part);
+    atomic_store(&j->finished, true);
+    if (j->task.notify)
+        j->task.notify(j->task.notify_self);
+    return NULL;
+}
+
+enum status attempt_judge_start(struct attempt_judge **out, const struct attempt_task *task,
+                                struct joint_samples *samples)
+{
+    *out = NULL;
+    struct attempt_judge *j = calloc(1, sizeof *j);
+    if (!j) {
+        joint_samples_free(samples);
+        return fail(ERR_MEMORY, "no memory to judge the attempt");
+    }
+    j->task = *task;
+    j->attempt = (struct live_attempt){.number = task->number, .samples = *samples, .first = task->first};
+    *samples = (struct joint_samples){0};
+    enum status status = copy_part(task->reference, task->first, task->end, &j->part);
+    if (status == OK && pthread_create(&j->thread, NULL, judge, j))
+        status = fail(ERR_MEMORY, "no thread to judge the attempt");
+    j->runs = status == OK;
+    *out = j;
+    if (status != OK)
+        attempt_judge_close(out);
+    return status;
+}
+
+void attempt_judge_close(struct attempt_judge **out)
+{
+    struct attempt_judge *j = *out;
+    if (!j)
+        return;
+    if (j->runs)
+        pthread_join(j->thread, NULL);
+    if (!j->taken)
+        live_attempt_free(&j->attempt);
+    movement_free(&j->part);
+    free(j);
+    *out = NULL;
+}
+
+bool attempt_judge_finished(struct attempt_judge *j, struct live_attempt *out)
+{
+    if (j->taken || !atomic_load(&j->finished))
+        return false;
+    *out = j->attempt;
+    j->taken = true;
+    return true;
+}

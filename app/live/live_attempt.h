@@ -1,0 +1,41 @@
+// An attempt after it was made: compared with the reference (compare/comparison.h) on a thread of its own, so that the
+// screen goes on, and held for the summary.
+#pragma once
+#include "compare/comparison.h"
+
+enum { ATTEMPT_CELLS = 240, ATTEMPT_NOT_ALIGNED = 255 };
+
+struct live_attempt {
+    int number;
+    bool compared;                // `comparison` is filled; else `why` says why not
+    struct comparison comparison; // the reference's part that was done, and the attempt
+    struct joint_samples samples; // of the attempt, y down, times from 0
+    int32_t first;                // frame of the whole reference at which comparison.a begins
+    char why[200];
+    // Over its time, in cells: the worst verdict of each part; ATTEMPT_NOT_ALIGNED where it is aligned with nothing
+    uint8_t strip[ATTEMPT_CELLS][PART_COUNT];
+};
+void live_attempt_free(struct live_attempt *a); // zeroed is fine; leaves it zeroed
+
+// The skeleton at that instant of the attempt: the nearest sample, world axes (z up). False: none within half a second.
+bool live_attempt_skeleton(const struct live_attempt *a, int64_t time_ns, struct skeleton *out);
+
+// The reference's frame that the attempt shows at that instant, in frames of the whole reference; NaN: none.
+double live_attempt_reference(const struct live_attempt *a, int64_t time_ns);
+
+struct attempt_judge;
+
+struct attempt_task {
+    const struct movement *reference; // the whole; read while opening only
+    int32_t first, end;               // of its frames: the part that was done
+    int number;
+    void (*notify)(void *self); // called on the thread at the end; may be NULL
+    void *notify_self;
+};
+// Takes over the samples, also on failure. ERR_MEMORY: *out is NULL.
+MUST_CHECK enum status attempt_judge_start(struct attempt_judge **out, const struct attempt_task *task,
+                                           struct joint_samples *samples);
+void attempt_judge_close(struct attempt_judge **j); // NULL is fine; waits for the thread
+
+// False: still judging. True, once: *out is the caller's.
+bool attempt_judge_finished(struct attempt_judge *j, struct live_attempt *out);
