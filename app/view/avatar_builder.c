@@ -149,7 +149,7 @@ static enum status make_full(struct avatar_builder *p, struct take *take, const 
         return status;
     const bool packed = avatar_pack(&avatar, &bytes, &count) == OK;
     publish(p, AVATAR_FULL, &avatar, OK);
-    if (packed && !atomic_load(&p->cancelled))
+    if (packed) // also where it is not wanted any more: it took long to make
         (void)!avatar_save(bytes, count, p->path, p->take); // not kept: made again the next time
     free(bytes);
     return OK;

@@ -28,6 +28,7 @@ struct take_view {
     struct avatar_builder *builder;  // NULL: it has finished
     bool has_full, has_room;         // were taken from the builder
     bool drawn;                      // the actor was, once
+    bool outdated;                   // another avatar or room was set since the last drawing
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
     int64_t next[PREFETCH_MAX];      // frames predicted to be shown
     int next_count;
@@ -330,7 +331,7 @@ bool take_view_final(const struct take_view *s)
 {
     const bool better =
         s->substituted && (prefetch_has(s->prefetch, s->awaited) || clock_now_ns() - s->awaited_ns >= AWAIT_NS);
-    return !s->renderer || (renderer_upload_done(s->renderer) && !better);
+    return !s->renderer || (renderer_upload_done(s->renderer) && !better && !s->outdated);
 }
 
 // The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
@@ -355,10 +356,11 @@ enum status take_view_adopt_avatar(struct take_view *s)
     if (news != AVATAR_NO_NEWS)
         status = adopt(s, &avatar, made);
     s->has_full |= news == AVATAR_FULL;
+    s->outdated |= news != AVATAR_NO_NEWS;
     if (avatar_builder_take_occluders(s->builder, &occluders)) {
         const enum status occluded = renderer_set_room(s->renderer, &occluders);
         status = status < 0 ? status : occluded;
-        s->has_room = true;
+        s->has_room = s->outdated = true;
     }
     if (s->has_full && s->has_room && avatar_builder_ended(s->builder))
         avatar_builder_close(&s->builder);
@@ -515,7 +517,7 @@ enum status take_view_draw(struct take_view *s, const struct take_view_request *
     enum status status = OK;
     struct track_sample sample;
     bool has_skeleton = skeleton_track_at(s->track, request->time_ns, true, &sample) == OK;
-    s->substituted = false;
+    s->substituted = s->outdated = false;
     if (has_skeleton)
         place_skeleton(s, request, &sample, out);
     if (!request->camera_lost)
