@@ -18,7 +18,8 @@ struct thing_model {
     // Both shapes: where the origin is in the picture, and how large a pixel is there, where the thing is nearest.
     struct model_scale {
         double x, y, metres_per_px;
-        double size_sigma; // relative: how well the picture tells where the thing ends
+        double size_sigma;     // relative: how well the picture tells where the thing ends
+        double middle_sigma_m; // how well it tells where its middle is
     } scale[THING_SHAPES];
     // Of the solid of revolution: its largest radius, and from how far away its picture was taken (in perspective).
     double radius_m, distance_m;
