@@ -114,7 +114,7 @@ static enum status find_plainly(const struct objects *o, enum method method, int
         return status == OK && score < TEMPLATE_LEAST ? NOTHING : status;
     }
     options.coarse_to_fine = method == PLAIN_FINE;
-    status = plain_match(&o->picture[thing], &image, &options, &m);
+    status = plain_match_find(&o->picture[thing], &image, &options, &m);
     if (status == OK)
         *at = m.middle;
     return status == OK && m.score < PLAIN_LEAST ? NOTHING : status;

@@ -124,8 +124,8 @@ static void test_plain_matching_finds_what_is_upright(void **state)
     options.least_scale = 0.9 * scale;
     options.most_scale = 1.15 * scale;
     options.scale_step = 1.1;
-    EXPECT_STATUS(plain_match(&(struct gray_picture){picture, t->picture.width, t->picture.height},
-                              &(struct gray_picture){image, 640, 480}, &options, &m),
+    EXPECT_STATUS(plain_match_find(&(struct gray_picture){picture, t->picture.width, t->picture.height},
+                                   &(struct gray_picture){image, 640, 480}, &options, &m),
                   OK);
     const struct pixel truth = lens_project(&desk.rig.left, at);
     EXPECT_NEAR(m.middle.x, truth.x, 12);
