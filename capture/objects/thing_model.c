@@ -1,7 +1,5 @@
 #include "capture/objects/thing_model.h"
 
-#include "capture/objects/thing_view.h"
-
 #include <stdlib.h>
 #include <string.h>
 

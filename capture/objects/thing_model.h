@@ -1,15 +1,11 @@
 // A thing's reference picture prepared for recognition: which pixels show it, its size in metres, its texture at all
 // scales, its features. Made once, then only read. Memory: about 60 bytes a pixel and 0.5 KB a feature.
 #pragma once
+#include "capture/objects/texture_pyramid.h"
 #include "capture/objects/thing.h"
 #include "platform/scale_features.h"
 
 enum { MODEL_LEVELS = 6, MODEL_CHANNELS = 2, MODEL_MOST_FEATURES = 700, SAMPLES_MOST = 900 };
-
-struct texture_level {
-    int width, height;
-    float *rgb; // 0..255
-};
 
 struct thing_model {
     int width, height; // of the reference picture
