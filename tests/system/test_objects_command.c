@@ -99,6 +99,20 @@ static void test_kept_in_a_recording_without_a_server(void **state)
     recorded_things_free(&things, count);
     recording_free(&opened);
     EXPECT_INT(PROCESS(program, "verify", recording).exit_code, 0);
+    EXPECT_INT(PROCESS(program, "objects", "note", recording, "--thing", "there-1", "--text", "fragile").exit_code, 0);
+    EXPECT_INT(PROCESS(program, "objects", "note", recording, "--thing", "bokken", "--text", "x").exit_code, 1);
+    EXPECT_INT(PROCESS(program, "objects", "note", recording, "--thing", "bokken", "--text", "oak", "--at", "1,2,0.5")
+                   .exit_code,
+               0);
+    r = PROCESS(program, "objects", "list", recording);
+    EXPECT_INT(r.exit_code, 0);
+    EXPECT_TRUE(strstr(r.out, "note: fragile") && strstr(r.out, "bokken at 1.000 2.000 0.500 m") &&
+                strstr(r.out, "oak"));
+    // another run keeps what was written by hand
+    r = PROCESS(program, "objects", "--stereo", pairs, "--rig", rig, "--objects", objects, "--into", recording);
+    EXPECT_INT(r.exit_code, 0);
+    r = PROCESS(program, "objects", "list", recording, "--json");
+    EXPECT_TRUE(strstr(r.out, "fragile") && strstr(r.out, "oak"));
 }
 
 static void test_a_knowledge_base_is_written(void **state)
