@@ -85,6 +85,36 @@ static void test_from_aside_and_turned(void **state)
     check((struct pose){turned, {0.2, -0.02, -0.2}}, 4);
 }
 
+// One camera alone knows the distance from the thing's size, which its picture tells to about half a percent.
+static void test_one_camera_tells_the_distance_by_size(void **state)
+{
+    (void)state;
+    struct thing_view views[2];
+    struct detection found[DESK_THINGS];
+    const struct pose here = {{0, 0, 0, 1}, {0.05, 0, -0.15}};
+    int count;
+    film(here, views);
+    EXPECT_STATUS(recognizer_find(recognizer, views, 1, found, &count), OK);
+    EXPECT_AT_LEAST(count, 3);
+    for (int i = 0; i < count; i++) {
+        struct sighting s;
+        EXPECT_STATUS(recognizer_refine(recognizer, &found[i], NULL, views, 1, &s), OK);
+        EXPECT_TRUE(s.thing < DESK_THINGS / 2);
+        const struct vec3 truth = pose_apply(pose_inverse(here), desk.world_from_thing[s.thing].translation);
+        const struct vec3 error = v3_sub(s.left_from_thing.translation, truth);
+        const double along = v3_dot(error, v3_unit(truth)),
+                     sigma = sqrt(covariance3_along(&s.covariance, v3_unit(truth)));
+        print_message("%s: %.2f mm along the line of sight, standard deviation %.2f mm\n", desk.storage[s.thing].name,
+                      1e3 * along, 1e3 * sigma);
+        EXPECT_AT_MOST(fabs(along), 0.025 * truth.z);
+        EXPECT_AT_MOST(fabs(along), 4 * sigma);
+        EXPECT_AT_LEAST(sigma, 0.002 * truth.z); // it says that it does not know
+        EXPECT_AT_MOST(v3_length(v3_sub(error, v3_scale(v3_unit(truth), along))), 0.003);
+    }
+    thing_view_free(&views[0]);
+    thing_view_free(&views[1]);
+}
+
 // Nothing but wall.
 static void test_nothing_is_found_where_nothing_stands(void **state)
 {
@@ -139,6 +169,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_things_are_found_where_they_stand),
         cmocka_unit_test(test_from_aside_and_turned),
+        cmocka_unit_test(test_one_camera_tells_the_distance_by_size),
         cmocka_unit_test(test_nothing_is_found_where_nothing_stands),
         cmocka_unit_test(test_counting_by_vectors_equals_counting),
         cmocka_unit_test(test_plain_matching_finds_what_is_upright),
