@@ -80,8 +80,72 @@ static int serve(int argc, char **argv)
     return objects_serve(a.objects, a.out, a.force) == OK ? 0 : command_failed(argv[0]);
 }
 
+struct note_arguments {
+    const char *path, *thing, *text;
+    struct vec3 at;
+    bool has_place, json;
+};
+
+enum { KEY_THING = COMMAND_KEY + 20, KEY_TEXT, KEY_AT };
+
+static error_t parse_note(int key, char *value, struct argp_state *state)
+{
+    struct note_arguments *a = state->input;
+    char rest;
+    switch (key) {
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_THING: a->thing = value; return 0;
+    case KEY_TEXT: a->text = value; return 0;
+    case KEY_AT:
+        if (sscanf(value, "%lf,%lf,%lf%c", &a->at.x, &a->at.y, &a->at.z, &rest) != 3 || !v3_finite(a->at))
+            argp_error(state, "--at takes X,Y,Z in metres, not '%s'", value);
+        a->has_place = true;
+        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->path, value); return 0;
+    case ARGP_KEY_END: command_require(state, a->path, "FILE"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static int list(int argc, char **argv)
+{
+    static const struct argp_option list_options[] = {COMMAND_OPTION_JSON(KEY_JSON), {0}};
+    struct note_arguments a = {0};
+    const struct argp argp = {.options = list_options,
+                              .parser = parse_note,
+                              .args_doc = "FILE",
+                              .doc = "List the things of a recording and what is known of them."};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    return objects_list(a.path, a.json) == OK ? 0 : command_failed(argv[0]);
+}
+
+static int note(int argc, char **argv)
+{
+    static const struct argp_option note_options[] = {
+        {"thing", KEY_THING, "NAME", 0, "which thing", 0},
+        {"text", KEY_TEXT, "TEXT", 0, "what to write of it; empty: the note goes", 0},
+        {"at", KEY_AT, "X,Y,Z", 0, "where it stands, in the place's axes, metres; a new name is added", 0},
+        {0},
+    };
+    struct note_arguments a = {0};
+    const struct argp argp = {.options = note_options,
+                              .parser = parse_note,
+                              .args_doc = "FILE --thing NAME --text TEXT [--at X,Y,Z]",
+                              .doc = "Write a note to a thing of a recording, or name a new one by hand."};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    if (!a.thing || !a.text) {
+        fprintf(stderr, "%s: --thing NAME and --text TEXT are needed\n", argv[0]);
+        return 2;
+    }
+    return objects_note(a.path, a.thing, a.text, a.has_place ? &a.at : NULL) == OK ? 0 : command_failed(argv[0]);
+}
+
 int capture_objects(int argc, char **argv)
 {
+    if (argc > 1 && !strcmp(argv[1], "list"))
+        return list(argc - 1, argv + 1);
+    if (argc > 1 && !strcmp(argv[1], "note"))
+        return note(argc - 1, argv + 1);
     if (argc > 1 && !strcmp(argv[1], "serve"))
         return serve(argc - 1, argv + 1);
     struct objects_arguments a = {0};
@@ -89,7 +153,9 @@ int capture_objects(int argc, char **argv)
         options,
         parse,
         "--stereo PAIRS.txt --rig RIG.json --objects OBJECTS.json (--out FILE.json | --into FILE)\n"
-        "serve DIR --objects OBJECTS.json",
+        "serve DIR --objects OBJECTS.json\n"
+        "list FILE\n"
+        "note FILE --thing NAME --text TEXT [--at X,Y,Z]",
         "Find known things before a stereo rig and say where they stand.",
         NULL,
         NULL,

@@ -228,16 +228,24 @@ static void ask_knowledge(const struct objects_arguments *a, const char *referen
     strcpy(out->etag, k.etag);
 }
 
+static bool is_listed(const struct recorded_thing *things, int count, const char *name)
+{
+    for (int i = 0; i < count; i++)
+        if (!strcmp(things[i].name, name))
+            return true;
+    return false;
+}
+
 static enum status write_into(struct run *r, const struct objects_arguments *a)
 {
     struct recording *recording;
-    struct recorded_thing *before = NULL, *now = calloc((size_t)r->map.count + 1, sizeof *now);
+    struct recorded_thing *before = NULL, *now = NULL;
     int count = 0;
     enum status status = recording_open(&recording, a->into);
     if (status == OK)
         status = recording_read_things(recording, &before, &count);
     recording_free(&recording);
-    if (status == OK && !now)
+    if (status == OK && !(now = calloc((size_t)(r->map.count + count) + 1, sizeof *now)))
         status = fail(ERR_MEMORY, "no memory for the things of %s", a->into);
     for (int i = 0; i < r->map.count && status == OK; i++) {
         const struct mapped_thing *t = &r->map.things[i];
@@ -254,9 +262,16 @@ static enum status write_into(struct run *r, const struct objects_arguments *a)
         if (a->knowledge && thing->url[0])
             ask_knowledge(a, thing->url, out);
     }
+    int written = r->map.count;
+    for (int i = 0; i < count && status == OK; i++)
+        if (!is_listed(now, r->map.count, before[i].name)) { // not seen in this run, or named by hand
+            now[written] = before[i];
+            now[written].knowledge = before[i].knowledge ? strdup(before[i].knowledge) : NULL;
+            written++;
+        }
     if (status == OK)
-        status = recording_write_things(a->into, now, r->map.count);
-    recorded_things_free(&now, r->map.count);
+        status = recording_write_things(a->into, now, written);
+    recorded_things_free(&now, written);
     recorded_things_free(&before, count);
     return status;
 }

@@ -1,6 +1,6 @@
 // The work of reenact-capture objects. Main thread.
 #pragma once
-#include "base/status.h"
+#include "base/geometry.h"
 
 struct objects_arguments {
     const char *pairs, *rig, *objects;
@@ -17,3 +17,9 @@ MUST_CHECK enum status objects_run(const struct objects_arguments *a);
 // path, JSON-LD made of its name, size, picture, and of the text NAME.txt beside objects.json, where there is one.
 // ERR_EXISTS: a file is there already and `force` is not given.
 MUST_CHECK enum status objects_serve(const char *objects, const char *folder, bool force);
+
+// Prints the things of a recording and what is known of them.
+MUST_CHECK enum status objects_list(const char *path, bool as_json);
+
+// Writes a note to a thing of a recording; `at`, world axes: puts it there, and adds it if there is none of that name.
+MUST_CHECK enum status objects_note(const char *path, const char *name, const char *text, const struct vec3 *at);

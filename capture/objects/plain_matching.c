@@ -230,8 +230,8 @@ static enum status search_near(const struct gray_picture *p, const struct edges 
     return status;
 }
 
-enum status plain_match(const struct gray_picture *picture, const struct gray_picture *image,
-                        const struct plain_options *options, struct plain_match *out)
+enum status plain_match_find(const struct gray_picture *picture, const struct gray_picture *image,
+                             const struct plain_options *options, struct plain_match *out)
 {
     struct best coarse = {0}, fine = {0};
     struct edges small = {0}, larger = {0};

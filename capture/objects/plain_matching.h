@@ -26,9 +26,10 @@ struct plain_match {
 };
 
 // The best placement. ERR_MEMORY; NOTHING: the picture has no edges.
-MUST_CHECK enum status plain_match(const struct gray_picture *picture, const struct gray_picture *image,
-                                   const struct plain_options *options, struct plain_match *out);
+MUST_CHECK enum status plain_match_find(const struct gray_picture *picture, const struct gray_picture *image,
+                                        const struct plain_options *options, struct plain_match *out);
 
-// The number of set bytes (0 or 1) in both rows; the scalar form of what plain_match counts with, for tests: equal.
+// The number of set bytes (0 or 1) in both rows; the scalar form of what plain_match_find counts with, for tests:
+// equal.
 int plain_count_both(const uint8_t *a, const uint8_t *b, int n);
 int plain_count_both_scalar(const uint8_t *a, const uint8_t *b, int n);

@@ -1,15 +1,11 @@
 // A thing's reference picture prepared for recognition: which pixels show it, its size in metres, its texture at all
 // scales, its features. Made once, then only read. Memory: about 60 bytes a pixel and 0.5 KB a feature.
 #pragma once
+#include "capture/objects/texture_pyramid.h"
 #include "capture/objects/thing.h"
 #include "platform/scale_features.h"
 
 enum { MODEL_LEVELS = 6, MODEL_CHANNELS = 2, MODEL_MOST_FEATURES = 700, SAMPLES_MOST = 900 };
-
-struct texture_level {
-    int width, height;
-    float *rgb; // 0..255
-};
 
 struct thing_model {
     int width, height; // of the reference picture
@@ -18,7 +14,8 @@ struct thing_model {
     // Both shapes: where the origin is in the picture, and how large a pixel is there, where the thing is nearest.
     struct model_scale {
         double x, y, metres_per_px;
-        double size_sigma; // relative: how well the picture tells where the thing ends
+        double size_sigma;     // relative: how well the picture tells where the thing ends
+        double middle_sigma_m; // how well it tells where its middle is
     } scale[THING_SHAPES];
     // Of the solid of revolution: its largest radius, and from how far away its picture was taken (in perspective).
     double radius_m, distance_m;

@@ -29,7 +29,7 @@ struct recognition_options recognition_default_options(void)
                                         .nearest_m = 0.15,
                                         .farthest_m = 4,
                                         .kept = 6,
-                                        .variance_factor = 9};
+                                        .variance_factor = 144};
 }
 
 enum status recognizer_open(struct recognizer **out, const struct thing_list *things,
@@ -477,16 +477,17 @@ enum status recognizer_refine(const struct recognizer *r, const struct detection
     if (!invert_symmetric(a.information, ALIGN_UNKNOWNS, covariance))
         return NOTHING;
     const double *c = covariance + 3 * ALIGN_UNKNOWNS + 3;
+    const double middle = r->models[d->thing].scale[shape].middle_sigma_m, middle2 = middle * middle;
     const struct vec3 up = quat_rotate(a.left_from_thing.rotation, v3(0, -1, 0));
-    *out = (struct sighting){
-        .thing = d->thing,
-        .shape = shape,
-        .left_from_thing = a.left_from_thing,
-        .log_scale = a.log_scale,
-        .covariance = {c[0], c[1], c[2], c[ALIGN_UNKNOWNS + 1], c[ALIGN_UNKNOWNS + 2], c[2 * ALIGN_UNKNOWNS + 2]},
-        .angle = portable_atan2(up.x, -up.y),
-        .angle_sigma = sqrt(covariance[2 * ALIGN_UNKNOWNS + 2]),
-        .score = least_score(&a, view_count)};
+    *out = (struct sighting){.thing = d->thing,
+                             .shape = shape,
+                             .left_from_thing = a.left_from_thing,
+                             .log_scale = a.log_scale,
+                             .covariance = {c[0] + middle2, c[1], c[2], c[ALIGN_UNKNOWNS + 1] + middle2,
+                                            c[ALIGN_UNKNOWNS + 2], c[2 * ALIGN_UNKNOWNS + 2] + middle2},
+                             .angle = portable_atan2(up.x, -up.y),
+                             .angle_sigma = sqrt(covariance[2 * ALIGN_UNKNOWNS + 2]),
+                             .score = least_score(&a, view_count)};
     return OK;
 }
 

@@ -17,6 +17,3 @@ struct thing_view {
 MUST_CHECK enum status thing_view_make(const struct lens *lens, const struct pose *camera_from_left, const uint8_t *rgb,
                                        bool features, struct thing_view *out);
 void thing_view_free(struct thing_view *v);
-
-// Levels of a pyramid: each half the size of the one before, means of 2 x 2. level[0].rgb is there. ERR_MEMORY.
-MUST_CHECK enum status texture_pyramid(struct texture_level *level, int levels);

@@ -1,0 +1,178 @@
+// Stage "objects": eight things looked for in pairs of pictures of a made-up desk on which four of them stand: the
+// error of the middle in the left picture, how many of the four are missed, how many are found wrongly (absent, or more
+// than 15 pixels off), and the time for all eight in a pair. The plain methods look at the left picture only.
+#include "tests/bench/bench.h"
+
+#include "capture/objects/thing_recognition.h"
+#include "tests/bench/bench_objects_peers.h"
+#include "tests/support/desk.h"
+#include "tests/support/random.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { PAIRS = 3, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+static const uint64_t SEED = 2009;
+// Of an accepted match; chosen by hand.
+static const double PLAIN_LEAST = 0.6, TEMPLATE_LEAST = 0.7, RIGHT_PX = 15;
+
+enum method { OURS, PLAIN, PLAIN_FINE, ORB, TEMPLATE, METHODS };
+
+struct objects {
+    struct desk desk;
+    struct recognizer *recognizer;
+    struct pose world_from_left[PAIRS];
+    uint8_t *rgb, *gray; // PAIRS x 2 of rgb, PAIRS of gray
+    struct gray_picture picture[DESK_THINGS];
+};
+
+struct contender {
+    struct objects *all;
+    enum method method;
+};
+
+static enum status make(struct objects *o)
+{
+    struct rng rng = {SEED};
+    printf("objects: seed %llu\n", (unsigned long long)SEED);
+    o->rgb = malloc((size_t)PAIRS * 2 * PIXELS * 3);
+    o->gray = malloc((size_t)PAIRS * PIXELS);
+    if (!o->rgb || !o->gray || !desk_make(&o->desk, SEED))
+        return fail(ERR_MEMORY, "no memory for a desk");
+    for (int i = 0; i < PAIRS; i++) {
+        const double yaw = rng_between(&rng, -0.1, 0.1), roll = rng_between(&rng, -0.3, 0.3),
+                     away = rng_between(&rng, -0.5, 0);
+        o->world_from_left[i] = (struct pose){
+            quat_multiply(quat_from_rotation_vector(v3(0, yaw, 0)), quat_from_rotation_vector(v3(0, 0, roll))),
+            v3(0.05, 0, away)};
+        for (int side = 0; side < 2; side++) {
+            const struct pose p =
+                side ? pose_multiply(o->world_from_left[i], o->desk.rig.left_from_right) : o->world_from_left[i];
+            desk_film(&o->desk, side ? &o->desk.rig.right : &o->desk.rig.left, &p, 2, SEED + (uint64_t)(2 * i + side),
+                      o->rgb + (size_t)(2 * i + side) * PIXELS * 3);
+        }
+        image_gray(o->rgb + (size_t)(2 * i) * PIXELS * 3, PIXELS, o->gray + (size_t)i * PIXELS);
+    }
+    for (int i = 0; i < DESK_THINGS; i++) {
+        const struct image *p = &o->desk.storage[i].picture;
+        uint8_t *gray = malloc((size_t)p->width * (size_t)p->height);
+        if (!gray)
+            return fail(ERR_MEMORY, "no memory for a picture");
+        image_gray(p->rgb, (size_t)p->width * (size_t)p->height, gray);
+        o->picture[i] = (struct gray_picture){gray, p->width, p->height};
+    }
+    return recognizer_open(&o->recognizer, &o->desk.things, NULL);
+}
+
+static void judge(const struct objects *o, int pair, int thing, struct pixel at, double *errors, int *count,
+                  struct bench_measure *out)
+{
+    const struct vec3 p =
+        pose_apply(pose_inverse(o->world_from_left[pair]), o->desk.world_from_thing[thing].translation);
+    const struct pixel truth = lens_project(&o->desk.rig.left, p);
+    const double error = sqrt((at.x - truth.x) * (at.x - truth.x) + (at.y - truth.y) * (at.y - truth.y));
+    if (thing >= DESK_THINGS / 2 || error > RIGHT_PX)
+        out->extra[1] += 1;
+    else
+        errors[(*count)++] = error;
+}
+
+static enum status measure_ours(struct objects *o, int pair, double *errors, int *count, struct bench_measure *out)
+{
+    const struct lens *lenses[2] = {&o->desk.rig.left, &o->desk.rig.right};
+    const struct pose from_left[2] = {POSE_IDENTITY, pose_inverse(o->desk.rig.left_from_right)};
+    struct thing_view views[2] = {0};
+    struct detection found[DESK_THINGS];
+    int n = 0;
+    enum status status = OK;
+    for (int i = 0; i < 2 && status == OK; i++)
+        status =
+            thing_view_make(lenses[i], &from_left[i], o->rgb + (size_t)(2 * pair + i) * PIXELS * 3, true, &views[i]);
+    if (status == OK)
+        status = recognizer_find(o->recognizer, views, 2, found, &n);
+    for (int i = 0; i < n && status == OK; i++) {
+        struct sighting s;
+        if (recognizer_refine(o->recognizer, &found[i], NULL, views, 2, &s) == OK)
+            judge(o, pair, s.thing, lens_project(lenses[0], s.left_from_thing.translation), errors, count, out);
+    }
+    thing_view_free(&views[0]);
+    thing_view_free(&views[1]);
+    return status;
+}
+
+static enum status find_plainly(const struct objects *o, enum method method, int pair, int thing, struct pixel *at)
+{
+    const struct gray_picture image = {o->gray + (size_t)pair * PIXELS, WIDTH, HEIGHT};
+    struct plain_options options = plain_default_options();
+    struct plain_match m;
+    double score = 0;
+    enum status status;
+    if (method == ORB)
+        return orb_peer_find(&o->picture[thing], &image, 10, at);
+    if (method == TEMPLATE) {
+        status = template_peer_find(&o->picture[thing], &image, &options, at, &score);
+        return status == OK && score < TEMPLATE_LEAST ? NOTHING : status;
+    }
+    options.coarse_to_fine = method == PLAIN_FINE;
+    status = plain_match_find(&o->picture[thing], &image, &options, &m);
+    if (status == OK)
+        *at = m.middle;
+    return status == OK && m.score < PLAIN_LEAST ? NOTHING : status;
+}
+
+static enum status measure(void *self, int pair, struct bench_measure *out)
+{
+    const struct contender *c = self;
+    double errors[2 * DESK_THINGS];
+    int count = 0;
+    enum status status = OK;
+    const double started_ms = bench_clock_ms();
+    out->extra[1] = 0;
+    if (c->method == OURS)
+        status = measure_ours(c->all, pair, errors, &count, out);
+    for (int i = 0; i < DESK_THINGS && status == OK && c->method != OURS; i++) {
+        struct pixel at;
+        const enum status found = find_plainly(c->all, c->method, pair, i, &at);
+        if (found == OK)
+            judge(c->all, pair, i, at, errors, &count, out);
+        status = found < OK ? found : OK;
+    }
+    out->time_ms = bench_clock_ms() - started_ms;
+    out->extra[0] = DESK_THINGS / 2 - count;
+    out->error = count ? bench_percentile(errors, count, 0.5) : 0;
+    return status == OK && !count ? NOTHING : status;
+}
+
+static enum status run(struct bench *b)
+{
+    struct objects *o = calloc(1, sizeof *o);
+    enum status status = o ? make(o) : fail(ERR_MEMORY, "no memory");
+    if (status == OK) {
+        struct contender c[METHODS];
+        for (int i = 0; i < METHODS; i++)
+            c[i] = (struct contender){o, (enum method)i};
+        const struct bench_contender contenders[] = {
+            {"ours", measure, &c[OURS], false},
+            {"paper's plain, all placements", measure, &c[PLAIN], false},
+            {"paper's plain, coarse to fine", measure, &c[PLAIN_FINE], false},
+            {"OpenCV ORB, homography", measure, &c[ORB], true},
+            {"OpenCV matchTemplate", measure, &c[TEMPLATE], false},
+        };
+        status = bench_run(b, contenders, COUNT_OF(contenders), PAIRS);
+    }
+    if (o) {
+        recognizer_close(&o->recognizer);
+        for (int i = 0; i < DESK_THINGS; i++)
+            free((void *)(uintptr_t)o->picture[i].gray);
+        desk_free(&o->desk);
+        free(o->rgb);
+        free(o->gray);
+    }
+    free(o);
+    return status;
+}
+
+const struct bench_stage bench_stage_objects = {
+    "objects",           "eight things looked for in a pair of pictures, four of them there",
+    "middle_error_px",   "time_ms",
+    {"missed", "false"}, run};
