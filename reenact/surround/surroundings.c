@@ -1,0 +1,207 @@
+#include "reenact/surround/surroundings.h"
+
+#include "base/parallel.h"
+#include "platform/png.h"
+
+#include <stdlib.h>
+
+struct surroundings_options surroundings_default_options(bool robot)
+{
+    struct surroundings_options how = {.alignment = alignment_default_options(),
+                                       .depth = depth_default_options(),
+                                       .view = view_default_options(),
+                                       .redo_m = 5,
+                                       .threads = 2};
+    how.depth.sky = !robot;
+    if (robot) {
+        how.depth.farthest_m = 30;
+        how.view.geometry_pictures = SURROUND_MOST_LAYERS;
+    }
+    return how;
+}
+
+static int64_t now(const struct surroundings *s) { return s->clock ? s->clock() : 0; }
+
+enum status surroundings_open(struct surroundings *s, const char *folder, const struct surroundings_options *how)
+{
+    *s = (struct surroundings){0};
+    enum status status = surround_set_read(&s->set, folder);
+    if (status != OK)
+        return status;
+    s->how = how ? *how : surroundings_default_options(s->set.robot);
+    const size_t n = (size_t)s->set.capture_count;
+    s->pictures = calloc(n, sizeof *s->pictures);
+    s->poses = calloc(n, sizeof *s->poses);
+    s->stale = calloc(n, sizeof *s->stale);
+    if (!s->pictures || !s->poses || !s->stale)
+        status = fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = depth_alignment_open(&s->alignment, &s->how.alignment);
+    if (status == OK)
+        status = surround_view_open(&s->view, &s->set.view);
+    if (status != OK)
+        surroundings_close(s);
+    return status;
+}
+
+void surroundings_close(struct surroundings *s)
+{
+    for (int i = 0; i < s->taken; i++)
+        surround_picture_free(&s->pictures[i]);
+    free(s->pictures);
+    free(s->poses);
+    free(s->stale);
+    free(s->points);
+    depth_alignment_close(&s->alignment);
+    surround_view_close(&s->view);
+    surround_set_free(&s->set);
+    *s = (struct surroundings){0};
+}
+
+static enum status read_depth(const struct surroundings *s, int capture, struct depth_points *points)
+{
+    enum status status = OK;
+    for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
+        const char *path = s->set.captures[capture].depth[c];
+        const struct depth_camera *camera = &s->set.depth_cameras[c];
+        void *depth;
+        int width, height;
+        if (!path)
+            continue;
+        status = png_read(path, PNG_GRAY16, &depth, &width, &height);
+        if (status != OK)
+            return status;
+        if (width != camera->lens.width || height != camera->lens.height)
+            status = fail(ERR_INPUT, "%s is not of calibration.json's size", path);
+        else
+            status = depth_points_add(points, depth, &camera->lens, camera->body_from_camera, 1);
+        free(depth);
+    }
+    return status;
+}
+
+static enum status align(struct surroundings *s, int capture, struct pose *world_from_body)
+{
+    struct depth_points points = {0};
+    enum status status = read_depth(s, capture, &points);
+    const int64_t before = now(s);
+    if (status == OK)
+        status = depth_alignment_add(&s->alignment, &points, s->set.captures[capture].guess, world_from_body);
+    const int64_t spent = now(s) - before;
+    s->align_ns += spent;
+    s->worst_align_ns = spent > s->worst_align_ns ? spent : s->worst_align_ns;
+    depth_points_free(&points);
+    if (status == NOTHING) {
+        s->unplaced++;
+        status = OK;
+    }
+    return status;
+}
+
+static enum status take(struct surroundings *s)
+{
+    const int i = s->taken;
+    struct pose world_from_camera;
+    enum status status = OK;
+    s->poses[i] = world_from_camera = s->set.captures[i].guess;
+    if (s->set.robot) {
+        status = align(s, i, &s->poses[i]);
+        world_from_camera = pose_multiply(s->poses[i], s->set.body_from_panorama);
+    }
+    if (status == OK)
+        status = surround_set_picture(&s->set, i, &s->pictures[i]);
+    if (status != OK)
+        return status;
+    surround_picture_place(&s->pictures[i], world_from_camera);
+    s->taken++;
+    for (int k = 0; k <= i; k++)
+        if (k == i || (s->set.robot && v3_distance(s->pictures[k].world_from_camera.translation,
+                                                   world_from_camera.translation) < s->how.redo_m))
+            s->stale[k] = true;
+    return OK;
+}
+
+static enum status gather_points(struct surroundings *s)
+{
+    const struct voxel_map *map = &s->alignment.surface;
+    float(*points)[3] = realloc(s->points, (map->used + 1) * sizeof *points);
+    if (!points)
+        return fail(ERR_MEMORY, "out of memory");
+    s->points = points;
+    s->point_count = 0;
+    for (size_t i = 0; i < map->size; i++)
+        if (map->table[i].key) {
+            double mean[3];
+            voxel_mean(map, &map->table[i], mean);
+            for (int k = 0; k < 3; k++)
+                s->points[s->point_count][k] = (float)mean[k];
+            s->point_count++;
+        }
+    return OK;
+}
+
+struct depth_work {
+    struct surroundings *s;
+    struct world_points points;
+    int *pictures;
+    struct failure *failures;
+};
+
+static void make_depth(void *context, int i)
+{
+    struct depth_work *w = context;
+    const enum status status = dense_depth_make(&w->s->pictures[w->pictures[i]], &w->points, &w->s->how.depth);
+    failure_keep(&w->failures[i], status);
+}
+
+static enum status make_depths(struct surroundings *s)
+{
+    struct depth_work w = {.s = s,
+                           .points = {(const float(*)[3])s->set.points, s->set.point_count},
+                           .pictures = malloc((size_t)(s->taken + 1) * sizeof *w.pictures),
+                           .failures = calloc((size_t)(s->taken + 1), sizeof *w.failures)};
+    int n = 0;
+    enum status status = w.pictures && w.failures ? OK : fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; status == OK && i < s->taken; i++)
+        if (s->stale[i])
+            w.pictures[n++] = i;
+    if (status == OK && n && s->set.robot) {
+        status = gather_points(s);
+        w.points = (struct world_points){(const float(*)[3])s->points, s->point_count};
+    }
+    const int64_t before = now(s);
+    if (status == OK)
+        parallel_for(s->how.threads, n, make_depth, &w);
+    s->depth_ns += now(s) - before;
+    s->depths_made += n;
+    for (int i = 0; status == OK && i < n; i++) {
+        status = failure_restore(&w.failures[i]);
+        s->stale[w.pictures[i]] = status != OK;
+    }
+    free(w.pictures);
+    free(w.failures);
+    return status;
+}
+
+enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
+{
+    enum status status = OK;
+    while (status == OK && s->taken < s->set.capture_count && s->set.captures[s->taken].time_ns <= time_ns)
+        status = take(s);
+    return status == OK ? make_depths(s) : status;
+}
+
+enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
+{
+    const struct surround_picture **pictures = malloc((size_t)(s->taken + 1) * sizeof *pictures);
+    if (!pictures)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < s->taken; i++)
+        pictures[i] = &s->pictures[i];
+    const int64_t before = now(s);
+    const enum status status = surround_view_draw(&s->view, world_from_view, pictures, s->taken, &s->how.view);
+    s->draw_ns += now(s) - before;
+    s->drawn++;
+    free(pictures);
+    return status;
+}

@@ -1,0 +1,100 @@
+#include "reenact/surround/view/surround_view.h"
+
+#include "reenact/surround/view/view_layers.h"
+#include "base/memory.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct view_options view_default_options(void)
+{
+    return (struct view_options){
+        .geometry_pictures = 6, .texture_pictures = 2, .depth_test = true, .apart = 0.04, .resolution_cost = 0.3};
+}
+
+enum status surround_view_open(struct surround_view *view, const struct lens *lens)
+{
+    const size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    *view = (struct surround_view){.lens = *lens,
+                                   .inverse_z = alloc_cache_aligned(pixels * sizeof *view->inverse_z),
+                                   .first = alloc_cache_aligned(pixels * sizeof *view->first),
+                                   .rgb = alloc_cache_aligned(pixels * 3),
+                                   .source = alloc_cache_aligned(pixels)};
+    if (view->inverse_z && view->first && view->rgb && view->source)
+        return OK;
+    surround_view_close(view);
+    return fail(ERR_MEMORY, "out of memory");
+}
+
+void surround_view_close(struct surround_view *view)
+{
+    free(view->inverse_z);
+    free(view->first);
+    free(view->rgb);
+    free(view->source);
+    *view = (struct surround_view){0};
+}
+
+void surround_view_point(const struct surround_view *view, int x, int y, float inverse_z, double world[3])
+{
+    const double z = inverse_z > 1e-4f ? 1 / (double)inverse_z : 1e4;
+    const double c[3] = {(x - view->lens.cx) / view->lens.fx * z, (y - view->lens.cy) / view->lens.fy * z, z};
+    const struct vec3 *t = &view->world_from_view.translation;
+    const double origin[3] = {t->x, t->y, t->z};
+    for (int i = 0; i < 3; i++)
+        world[i] = view->axes[i][0] * c[0] + view->axes[i][1] * c[1] + view->axes[i][2] * c[2] + origin[i];
+}
+
+struct ranked {
+    const struct surround_picture *picture;
+    double distance;
+};
+
+static int by_distance(const void *a, const void *b)
+{
+    const struct ranked *x = a, *y = b;
+    if (x->distance != y->distance)
+        return x->distance < y->distance ? -1 : 1;
+    return (x->picture->time_ns > y->picture->time_ns) - (x->picture->time_ns < y->picture->time_ns);
+}
+
+// The pictures by how near they are to the view or to what it looks at, a few metres ahead.
+static void rank(const struct surround_view *view, const struct surround_picture *const *pictures, int count,
+                 struct ranked *out)
+{
+    const struct vec3 ahead = v3(view->axes[0][2], view->axes[1][2], view->axes[2][2]);
+    const struct vec3 eye = view->world_from_view.translation, focus = v3_add(eye, v3_scale(ahead, 3));
+    for (int i = 0; i < count; i++) {
+        const struct vec3 at = pictures[i]->world_from_camera.translation;
+        out[i] = (struct ranked){pictures[i], fmin(v3_distance(at, eye), v3_distance(at, focus))};
+    }
+    qsort(out, (size_t)count, sizeof *out, by_distance);
+}
+
+enum status surround_view_draw(struct surround_view *view, struct pose world_from_view,
+                               const struct surround_picture *const *pictures, int count,
+                               const struct view_options *how)
+{
+    const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
+    view->world_from_view = world_from_view;
+    quat_to_matrix(world_from_view.rotation, view->axes);
+    struct ranked *ranks = malloc((size_t)(count + 1) * sizeof *ranks);
+    const struct surround_picture **sorted = malloc((size_t)(count + 1) * sizeof *sorted);
+    const int layers = count < how->geometry_pictures ? count : how->geometry_pictures;
+    float *depth = alloc_cache_aligned(((size_t)layers * pixels + 1) * sizeof *depth);
+    enum status status = ranks && sorted && depth ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK) {
+        rank(view, pictures, count, ranks);
+        for (int i = 0; i < count; i++)
+            sorted[i] = ranks[i].picture;
+        for (int i = 0; i < layers; i++)
+            view_warp(view, sorted[i], depth + (size_t)i * pixels);
+        view_merge(view, sorted, depth, layers, how);
+        const int most = SURROUND_MOST_LAYERS * 4;
+        status = view_texture(view, sorted, count < most ? count : most, how);
+    }
+    free(ranks);
+    free(sorted);
+    free(depth);
+    return status;
+}
