@@ -5,6 +5,9 @@
 
 #include <stdlib.h>
 
+// Every second row and column of a depth picture: finer than the voxels they are averaged in, nearer than 3 m.
+enum { DEPTH_STEP = 2 };
+
 struct surroundings_options surroundings_default_options(bool robot)
 {
     struct surroundings_options how = {.alignment = alignment_default_options(),
@@ -52,6 +55,7 @@ void surroundings_close(struct surroundings *s)
     free(s->poses);
     free(s->stale);
     free(s->points);
+    free(s->weights);
     depth_alignment_close(&s->alignment);
     surround_view_close(&s->view);
     surround_set_free(&s->set);
@@ -74,7 +78,7 @@ static enum status read_depth(const struct surroundings *s, int capture, struct 
         if (width != camera->lens.width || height != camera->lens.height)
             status = fail(ERR_INPUT, "%s is not of calibration.json's size", path);
         else
-            status = depth_points_add(points, depth, &camera->lens, camera->body_from_camera, 1);
+            status = depth_points_add(points, depth, &camera->lens, camera->body_from_camera, DEPTH_STEP);
         free(depth);
     }
     return status;
@@ -125,9 +129,13 @@ static enum status gather_points(struct surroundings *s)
 {
     const struct voxel_map *map = &s->alignment.surface;
     float(*points)[3] = realloc(s->points, (map->used + 1) * sizeof *points);
-    if (!points)
+    if (points)
+        s->points = points;
+    float *weights = realloc(s->weights, (map->used + 1) * sizeof *weights);
+    if (weights)
+        s->weights = weights;
+    if (!points || !weights)
         return fail(ERR_MEMORY, "out of memory");
-    s->points = points;
     s->point_count = 0;
     for (size_t i = 0; i < map->size; i++)
         if (map->table[i].key) {
@@ -135,7 +143,7 @@ static enum status gather_points(struct surroundings *s)
             voxel_mean(map, &map->table[i], mean);
             for (int k = 0; k < 3; k++)
                 s->points[s->point_count][k] = (float)mean[k];
-            s->point_count++;
+            s->weights[s->point_count++] = (float)(map->table[i].weight * 1e-6); // of 1 mm: 1
         }
     return OK;
 }
@@ -157,7 +165,7 @@ static void make_depth(void *context, int i)
 static enum status make_depths(struct surroundings *s)
 {
     struct depth_work w = {.s = s,
-                           .points = {(const float(*)[3])s->set.points, s->set.point_count},
+                           .points = {(const float(*)[3])s->set.points, NULL, s->set.point_count},
                            .pictures = malloc((size_t)(s->taken + 1) * sizeof *w.pictures),
                            .failures = calloc((size_t)(s->taken + 1), sizeof *w.failures)};
     int n = 0;
@@ -167,7 +175,7 @@ static enum status make_depths(struct surroundings *s)
             w.pictures[n++] = i;
     if (status == OK && n && s->set.robot) {
         status = gather_points(s);
-        w.points = (struct world_points){(const float(*)[3])s->points, s->point_count};
+        w.points = (struct world_points){(const float(*)[3])s->points, s->weights, s->point_count};
     }
     const int64_t before = now(s);
     if (status == OK)

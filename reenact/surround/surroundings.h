@@ -28,6 +28,7 @@ struct surroundings {
     bool *stale;                       // the depth is to be made
     int taken, unplaced;               // captures; those that did not fit and have the odometry's pose
     float (*points)[3];                // robot: means of the alignment's voxels
+    float *weights;                    // of each point
     int point_count;
     struct surround_view view;
     int64_t align_ns, worst_align_ns, depth_ns, draw_ns; // spent; by the clock that is given

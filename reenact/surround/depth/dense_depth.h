@@ -20,6 +20,7 @@ struct depth_options depth_default_options(void);
 // Points of the world; up is z.
 struct world_points {
     const float (*xyz)[3];
+    const float *weight; // of each, 1 / sigma^2; NULL: all alike
     int count;
 };
 

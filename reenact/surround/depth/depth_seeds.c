@@ -6,6 +6,27 @@
 #include <string.h>
 
 enum { NEIGHBOURS = 40, ENOUGH = 14, WIDEST = 20, TRIPLES = 8 };
+// For what hides a point: a wider window, since the near surface may be the sparser one.
+enum { HIDING_NEIGHBOURS = 160, HIDING_ENOUGH = 50, ALIKE = 40 /* most difference of a colour's channel */ };
+
+// Points within this share of a pixel's nearest are one surface and are averaged: the nearest alone of many noisy ones
+// would be too near.
+#define ONE_SURFACE 0.04f
+
+static void add_point(struct seed *seed, const struct seed *one)
+{
+    if (seed->weight > 0 && one->inverse < seed->inverse * (1 - ONE_SURFACE))
+        return;
+    if (seed->weight <= 0 || one->inverse > seed->inverse * (1 + ONE_SURFACE)) {
+        *seed = *one;
+        return;
+    }
+    seed->weight += one->weight;
+    const float share = one->weight / seed->weight;
+    for (int k = 0; k < 3; k++)
+        seed->ray[k] += share * (one->ray[k] - seed->ray[k]);
+    seed->inverse += share * (one->inverse - seed->inverse);
+}
 
 static void project_points(struct depth_seeds *s, const struct surround_picture *p, const struct world_points *points,
                            const struct depth_options *how)
@@ -21,17 +42,19 @@ static void project_points(struct depth_seeds *s, const struct surround_picture 
         if (u < 0 || v < 0 || u >= p->width || v >= p->height)
             continue;
         int32_t *slot = &s->at[(size_t)v * (size_t)p->width + (size_t)u];
-        const float inverse = 1 / at.distance;
-        if (*slot >= 0 && s->list[*slot].inverse >= inverse)
-            continue;
-        if (*slot < 0)
+        if (*slot < 0) {
             *slot = s->count++;
-        struct seed *seed = &s->list[*slot];
-        *seed = (struct seed){.u = u, .v = v, .inverse = inverse};
+            s->list[*slot].weight = 0;
+        }
+        struct seed one = {
+            .u = u, .v = v, .inverse = 1 / at.distance, .weight = points->weight ? points->weight[i] : 1};
         const double d[3] = {world[0] - t.x, world[1] - t.y, world[2] - t.z};
         for (int k = 0; k < 3; k++)
-            seed->ray[k] = (float)(p->axes[0][k] * d[0] + p->axes[1][k] * d[1] + p->axes[2][k] * d[2]) * inverse;
+            one.ray[k] = (float)(p->axes[0][k] * d[0] + p->axes[1][k] * d[1] + p->axes[2][k] * d[2]) * one.inverse;
+        add_point(&s->list[*slot], &one);
     }
+    for (int i = 0; i < s->count; i++)
+        s->list[i].weight = sqrtf(s->list[i].weight);
 }
 
 static void sum_area(struct depth_seeds *s, int width, int height)
@@ -52,8 +75,8 @@ struct window {
     int u0, u1, v0, v1;
 };
 
-// Around a pixel, as wide as needed for ENOUGH seeds; near a panorama's poles wider than tall.
-static struct window window_of(const struct depth_seeds *s, const struct surround_picture *p, int u, int v)
+// Around a pixel, as wide as needed for `enough` seeds; near a panorama's poles wider than tall.
+static struct window window_of(const struct depth_seeds *s, const struct surround_picture *p, int u, int v, int enough)
 {
     struct window w = {0};
     for (int r = 2; r <= WIDEST; r += r < 6 ? 1 : 3) {
@@ -66,23 +89,26 @@ static struct window window_of(const struct depth_seeds *s, const struct surroun
                             v - r < 0 ? 0 : v - r, v + r >= p->height ? p->height - 1 : v + r};
         const size_t line = (size_t)p->width + 1;
         const int32_t *top = s->before + (size_t)w.v0 * line, *bottom = s->before + (size_t)(w.v1 + 1) * line;
-        if (bottom[w.u1 + 1] - bottom[w.u0] - top[w.u1 + 1] + top[w.u0] >= ENOUGH)
+        if (bottom[w.u1 + 1] - bottom[w.u0] - top[w.u1 + 1] + top[w.u0] >= enough)
             break;
     }
     return w;
 }
 
-static int gather(const struct depth_seeds *s, const struct surround_picture *p, const struct window *w, int *out)
+static int gather(const struct depth_seeds *s, const struct surround_picture *p, const struct window *w, int most,
+                  int *out)
 {
     int n = 0;
     for (int v = w->v0; v <= w->v1; v++)
         for (int u = w->u0; u <= w->u1; u++) {
             const int32_t i = s->at[(size_t)v * (size_t)p->width + (size_t)u];
-            if (i >= 0 && n < NEIGHBOURS)
+            if (i >= 0 && n < most)
                 out[n++] = i;
         }
     return n;
 }
+
+#define OWN_APART 2.5f // a point may be so many tolerances off its own plane, if its neighbours say so
 
 static float dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -109,7 +135,7 @@ static float support(const struct depth_seeds *s, const int *near, int n, const 
     for (int i = 0; i < n; i++) {
         const struct seed *o = &s->list[near[i]];
         const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
-        sum += e * e < 1 ? 1 - e * e : 0;
+        sum += e * e < 1 ? (1 - e * e) * o->weight : 0;
     }
     return sum;
 }
@@ -129,11 +155,12 @@ static bool plane_of_three(const struct seed *a, const struct seed *b, const str
 static void polish(const struct depth_seeds *s, const int *near, int n, float tolerance, float plane[3])
 {
     for (int pass = 0; pass < 2; pass++) {
-        double m[3][3] = {{0}}, b[3] = {0};
+        double m[3][3] = {{0}}, b[3] = {0}, sum = 0;
         for (int i = 0; i < n; i++) {
             const struct seed *o = &s->list[near[i]];
             const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
-            const double weight = e * e < 1 ? (double)(1 - e * e) * (1 - e * e) : 0;
+            const double weight = e * e < 1 ? (double)(1 - e * e) * (double)((1 - e * e) * o->weight) : 0;
+            sum += weight;
             for (int j = 0; j < 3; j++) {
                 b[j] += weight * o->ray[j] * o->inverse;
                 for (int k = 0; k < 3; k++)
@@ -141,8 +168,8 @@ static void polish(const struct depth_seeds *s, const int *near, int n, float to
             }
         }
         for (int j = 0; j < 3; j++) {
-            m[j][j] += 1e-6;
-            b[j] += 1e-6 * plane[j];
+            m[j][j] += 1e-6 * sum + 1e-12;
+            b[j] += (1e-6 * sum + 1e-12) * plane[j];
         }
         float better[3];
         if (solve3((const double(*)[3])m, b, better))
@@ -155,9 +182,9 @@ static void polish(const struct depth_seeds *s, const int *near, int n, float to
 static void fit(struct depth_seeds *s, const struct surround_picture *p, int index, float tolerance)
 {
     struct seed *seed = &s->list[index];
-    const struct window w = window_of(s, p, seed->u, seed->v);
+    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
     int near[NEIGHBOURS];
-    const int n = gather(s, p, &w, near);
+    const int n = gather(s, p, &w, NEIGHBOURS, near);
     float best = -1, candidate[3];
     uint32_t random = 2463534242u + (uint32_t)index * 2654435761u;
     for (int c = 0; c < TRIPLES + 3; c++) {
@@ -181,9 +208,9 @@ static void fit(struct depth_seeds *s, const struct surround_picture *p, int ind
                 continue;
         }
         const float own = (dot(candidate, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
-        if (own * own > 1)
+        if (own * own > OWN_APART * OWN_APART)
             continue;
-        const float score = support(s, near, n, candidate, tolerance) + (c == 1 ? 0.5f : 0);
+        const float score = support(s, near, n, candidate, tolerance) + (c == 1 ? 0.5f * seed->weight : 0);
         if (score > best) {
             best = score;
             memcpy(seed->plane, candidate, sizeof candidate);
@@ -192,35 +219,37 @@ static void fit(struct depth_seeds *s, const struct surround_picture *p, int ind
     float polished[3];
     memcpy(polished, seed->plane, sizeof polished);
     polish(s, near, n, tolerance, polished);
-    const float own = (dot(polished, seed->ray) - seed->inverse) / (2 * tolerance * seed->inverse);
-    if (own * own <= 1)
+    const float own = (dot(polished, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
+    if (own * own <= OWN_APART * OWN_APART)
         memcpy(seed->plane, polished, sizeof polished);
 }
 
-// Hidden: in three of the four quarters around it a surface passes in front.
+static bool alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
+{
+    const uint8_t *x = p->rgb + 3 * ((size_t)a->v * (size_t)p->width + (size_t)a->u);
+    const uint8_t *y = p->rgb + 3 * ((size_t)b->v * (size_t)p->width + (size_t)b->u);
+    for (int c = 0; c < 3; c++)
+        if (abs((int)x[c] - (int)y[c]) > ALIKE)
+            return false;
+    return true;
+}
+
+// Hidden: in three of the four quarters around it a surface of the colour that the picture has here passes in front.
+// (Between the posts of a fence the picture has another colour than at the posts.)
 static bool is_hidden(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed)
 {
-    const struct window w = window_of(s, p, seed->u, seed->v);
-    int near[NEIGHBOURS], in_front[4] = {0}, beside[4] = {0};
-    const int n = gather(s, p, &w, near);
+    const struct window w = window_of(s, p, seed->u, seed->v, HIDING_ENOUGH);
+    int near[HIDING_NEIGHBOURS], in_front[4] = {0};
+    const int n = gather(s, p, &w, HIDING_NEIGHBOURS, near);
     for (int i = 0; i < n; i++) {
         const struct seed *o = &s->list[near[i]];
-        if (o == seed)
-            continue;
-        const int quarter = (o->u > seed->u) + 2 * (o->v > seed->v);
-        const float there = dot(o->plane, seed->ray);
-        if (there > 1.06f * seed->inverse && o->inverse > 1.02f * seed->inverse)
-            in_front[quarter]++;
-        else
-            beside[quarter]++;
+        if (o->inverse > 1.05f * seed->inverse && dot(o->plane, seed->ray) > 1.05f * seed->inverse && alike(p, seed, o))
+            in_front[(o->u > seed->u) + 2 * (o->v > seed->v)]++;
     }
-    int quarters = 0, front = 0, behind = 0;
-    for (int q = 0; q < 4; q++) {
+    int quarters = 0;
+    for (int q = 0; q < 4; q++)
         quarters += in_front[q] > 0;
-        front += in_front[q];
-        behind += beside[q];
-    }
-    return quarters >= 3 && front > behind;
+    return quarters >= 3;
 }
 
 static void set_up(struct depth_seeds *s, const struct surround_picture *p)

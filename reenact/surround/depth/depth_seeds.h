@@ -7,6 +7,7 @@ struct seed {
     float ray[3];   // unit, camera axes, to the point itself
     float inverse;  // 1 / distance
     float plane[3]; // 1 / distance along a unit ray r is plane . r
+    float weight;   // square root of its points' weights, so that one sharp point does not silence all others
     bool hidden;
 };
 
