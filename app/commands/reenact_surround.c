@@ -123,10 +123,10 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
     FILE *to = fopen(path, "w");
     if (!to)
         return fail(ERR_IO, "%s cannot be written", path);
-    fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n", s->set.robot ? "body" : "camera");
+    fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n", s->robot ? "body" : "camera");
     for (int i = 0; i < s->taken; i++) {
         const struct pose p = s->poses[i];
-        const int64_t t = s->set.captures[i].time_ns;
+        const int64_t t = s->pictures[i].time_ns;
         fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", t / 1000000000, t % 1000000000,
                 p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z,
                 p.rotation.w);

@@ -25,26 +25,35 @@ struct surroundings_options surroundings_default_options(bool robot)
 
 static int64_t now(const struct surroundings *s) { return s->clock ? s->clock() : 0; }
 
-enum status surroundings_open(struct surroundings *s, const char *folder, const struct surroundings_options *how)
+static enum status open_parts(struct surroundings *s, const struct lens *view, const struct surroundings_options *how)
 {
-    *s = (struct surroundings){0};
-    enum status status = surround_set_read(&s->set, folder);
-    if (status != OK)
-        return status;
-    s->how = how ? *how : surroundings_default_options(s->set.robot);
-    const size_t n = (size_t)s->set.capture_count;
-    s->pictures = calloc(n, sizeof *s->pictures);
-    s->poses = calloc(n, sizeof *s->poses);
-    s->stale = calloc(n, sizeof *s->stale);
-    if (!s->pictures || !s->poses || !s->stale)
-        status = fail(ERR_MEMORY, "out of memory");
+    s->how = *how;
+    enum status status = depth_alignment_open(&s->alignment, &s->how.alignment);
     if (status == OK)
-        status = depth_alignment_open(&s->alignment, &s->how.alignment);
-    if (status == OK)
-        status = surround_view_open(&s->view, &s->set.view);
+        status = surround_view_open(&s->view, view);
     if (status != OK)
         surroundings_close(s);
     return status;
+}
+
+enum status surroundings_open(struct surroundings *s, const char *folder, const struct surroundings_options *how)
+{
+    *s = (struct surroundings){0};
+    const enum status status = surround_set_read(&s->set, folder);
+    if (status != OK)
+        return status;
+    s->robot = s->set.robot;
+    s->body_from_panorama = s->set.body_from_panorama;
+    const struct surroundings_options usual = surroundings_default_options(s->robot);
+    return open_parts(s, &s->set.view, how ? how : &usual);
+}
+
+enum status surroundings_open_live(struct surroundings *s, const struct lens *view, struct pose body_from_panorama,
+                                   const struct surroundings_options *how)
+{
+    *s = (struct surroundings){.robot = true, .body_from_panorama = body_from_panorama};
+    const struct surroundings_options usual = surroundings_default_options(true);
+    return open_parts(s, view, how ? how : &usual);
 }
 
 void surroundings_close(struct surroundings *s)
@@ -84,45 +93,86 @@ static enum status read_depth(const struct surroundings *s, int capture, struct 
     return status;
 }
 
-static enum status align(struct surroundings *s, int capture, struct pose *world_from_body)
+static enum status grow(struct surroundings *s)
 {
-    struct depth_points points = {0};
-    enum status status = read_depth(s, capture, &points);
+    if (s->taken < s->room)
+        return OK;
+    const size_t room = (size_t)s->room * 2 + 16;
+    struct surround_picture *pictures = realloc(s->pictures, room * sizeof *pictures);
+    if (pictures)
+        s->pictures = pictures;
+    struct pose *poses = realloc(s->poses, room * sizeof *poses);
+    if (poses)
+        s->poses = poses;
+    bool *stale = realloc(s->stale, room * sizeof *stale);
+    if (stale)
+        s->stale = stale;
+    if (!pictures || !poses || !stale)
+        return fail(ERR_MEMORY, "out of memory");
+    s->room = (int)room;
+    return OK;
+}
+
+// Owns the picture, also after a failure.
+static enum status keep(struct surroundings *s, struct surround_picture *picture, struct pose pose)
+{
+    const enum status status = grow(s);
+    if (status != OK) {
+        surround_picture_free(picture);
+        return status;
+    }
+    const struct pose world_from_camera = s->robot ? pose_multiply(pose, s->body_from_panorama) : pose;
+    surround_picture_place(picture, world_from_camera);
+    s->pictures[s->taken] = *picture;
+    *picture = (struct surround_picture){0};
+    s->poses[s->taken++] = pose;
+    for (int k = 0; k < s->taken; k++) {
+        const double apart = v3_distance(s->pictures[k].world_from_camera.translation, world_from_camera.translation);
+        if (k == s->taken - 1)
+            s->stale[k] = true;
+        else if (s->robot && apart < s->how.redo_m)
+            s->stale[k] = true;
+    }
+    return OK;
+}
+
+enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
+                              const struct depth_points *points, struct pose odometry)
+{
+    struct pose pose;
     const int64_t before = now(s);
-    if (status == OK)
-        status = depth_alignment_add(&s->alignment, &points, s->set.captures[capture].guess, world_from_body);
+    enum status status = depth_alignment_add(&s->alignment, points, odometry, &pose);
     const int64_t spent = now(s) - before;
     s->align_ns += spent;
     s->worst_align_ns = spent > s->worst_align_ns ? spent : s->worst_align_ns;
-    depth_points_free(&points);
-    if (status == NOTHING) {
+    if (status == NOTHING)
         s->unplaced++;
-        status = OK;
+    else if (status != OK) {
+        surround_picture_free(picture);
+        return status;
     }
-    return status;
+    return keep(s, picture, pose);
 }
 
-static enum status take(struct surroundings *s)
+static enum status take_next(struct surroundings *s)
 {
-    const int i = s->taken;
-    struct pose world_from_camera;
-    enum status status = OK;
-    s->poses[i] = world_from_camera = s->set.captures[i].guess;
-    if (s->set.robot) {
-        status = align(s, i, &s->poses[i]);
-        world_from_camera = pose_multiply(s->poses[i], s->set.body_from_panorama);
-    }
-    if (status == OK)
-        status = surround_set_picture(&s->set, i, &s->pictures[i]);
+    const int i = s->next++;
+    struct surround_picture picture;
+    if (s->delivers && !s->delivers(s->delivers_self, i))
+        return OK;
+    enum status status = surround_set_picture(&s->set, i, &picture);
     if (status != OK)
         return status;
-    surround_picture_place(&s->pictures[i], world_from_camera);
-    s->taken++;
-    for (int k = 0; k <= i; k++)
-        if (k == i || (s->set.robot && v3_distance(s->pictures[k].world_from_camera.translation,
-                                                   world_from_camera.translation) < s->how.redo_m))
-            s->stale[k] = true;
-    return OK;
+    if (!s->robot)
+        return keep(s, &picture, s->set.captures[i].guess);
+    struct depth_points points = {0};
+    status = read_depth(s, i, &points);
+    if (status == OK)
+        status = surroundings_take(s, &picture, &points, s->set.captures[i].guess);
+    else
+        surround_picture_free(&picture);
+    depth_points_free(&points);
+    return status;
 }
 
 static enum status gather_points(struct surroundings *s)
@@ -162,7 +212,7 @@ static void make_depth(void *context, int i)
     failure_keep(&w->failures[i], status);
 }
 
-static enum status make_depths(struct surroundings *s)
+enum status surroundings_update(struct surroundings *s)
 {
     struct depth_work w = {.s = s,
                            .points = {(const float(*)[3])s->set.points, NULL, s->set.point_count},
@@ -173,7 +223,7 @@ static enum status make_depths(struct surroundings *s)
     for (int i = 0; status == OK && i < s->taken; i++)
         if (s->stale[i])
             w.pictures[n++] = i;
-    if (status == OK && n && s->set.robot) {
+    if (status == OK && n && s->robot) {
         status = gather_points(s);
         w.points = (struct world_points){(const float(*)[3])s->points, s->weights, s->point_count};
     }
@@ -194,9 +244,9 @@ static enum status make_depths(struct surroundings *s)
 enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
 {
     enum status status = OK;
-    while (status == OK && s->taken < s->set.capture_count && s->set.captures[s->taken].time_ns <= time_ns)
-        status = take(s);
-    return status == OK ? make_depths(s) : status;
+    while (status == OK && s->next < s->set.capture_count && s->set.captures[s->next].time_ns <= time_ns)
+        status = take_next(s);
+    return status == OK ? surroundings_update(s) : status;
 }
 
 enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)

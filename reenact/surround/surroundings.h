@@ -20,13 +20,16 @@ struct surroundings_options {
 struct surroundings_options surroundings_default_options(bool robot);
 
 struct surroundings {
-    struct surround_set set;
+    struct surround_set set; // of a folder; empty when live
+    bool robot;
+    struct pose body_from_panorama;
     struct surroundings_options how;
     struct depth_alignment alignment;
     struct surround_picture *pictures; // one for each capture taken
     struct pose *poses;                // world_from_body (robot) or world_from_camera (vehicle) of each
     bool *stale;                       // the depth is to be made
-    int taken, unplaced;               // captures; those that did not fit and have the odometry's pose
+    int taken, room, unplaced;         // captures; allocated; those that did not fit and have the odometry's pose
+    int next;                          // the set's next capture
     float (*points)[3];                // robot: means of the alignment's voxels
     float *weights;                    // of each point
     int point_count;
@@ -34,15 +37,28 @@ struct surroundings {
     int64_t align_ns, worst_align_ns, depth_ns, draw_ns; // spent; by the clock that is given
     int depths_made, drawn;
     int64_t (*clock)(void); // for the times above; NULL: none
+    // Whether a capture of the set arrives over the link; NULL: all do.
+    bool (*delivers)(void *self, int capture);
+    void *delivers_self;
 };
 
-// how NULL: the default. ERR_…: as surround_set_read.
+// Of a folder. how NULL: the default. ERR_…: as surround_set_read.
 MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *folder,
                                          const struct surroundings_options *how);
+// Of a robot whose captures are given one by one. ERR_MEMORY.
+MUST_CHECK enum status surroundings_open_live(struct surroundings *s, const struct lens *view,
+                                              struct pose body_from_panorama, const struct surroundings_options *how);
 void surroundings_close(struct surroundings *s); // what was zeroed, too
 
-// Takes the captures up to a time.
+// Takes the set's captures up to a time, and makes their depth.
 MUST_CHECK enum status surroundings_advance(struct surroundings *s, int64_t time_ns);
+
+// A live robot's capture. Owns the picture from now on, also after a failure; *picture is then zeroed. A capture that
+// does not fit the earlier ones keeps the odometry's pose and adds no points.
+MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
+                                         const struct depth_points *points, struct pose odometry);
+// Makes the depth of the pictures that newer captures have made stale.
+MUST_CHECK enum status surroundings_update(struct surroundings *s);
 
 // Draws into s->view. Before the first capture nothing is seen.
 MUST_CHECK enum status surroundings_draw(struct surroundings *s, struct pose world_from_view);

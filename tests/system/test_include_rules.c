@@ -45,6 +45,7 @@ static const struct rule rules[] = {
     {"reenact/surround/depth/", {"reenact/surround/picture/", "base/"}},
     {"reenact/surround/view/", {"reenact/surround/picture/", "base/"}},
     {"reenact/surround/", {SURROUND}},
+    {"reenact/surround/drive/", {"reenact/surround/", SURROUND}},
     {"compare/", {RECORDING}},
     {"app/state/", {"base/"}},
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
@@ -52,7 +53,8 @@ static const struct rule rules[] = {
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
     {"app/commands/",
-     {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER, "reenact/surround/", SURROUND}},
+     {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER, "reenact/surround/drive/",
+      "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 
