@@ -14,10 +14,10 @@
 
 struct surround_arguments {
     const char *folder, *views, *out;
-    bool layers, json, no_depth_test, force;
+    bool layers, json, no_depth_test, plain, force;
 };
 
-enum { KEY_VIEWS = COMMAND_KEY, KEY_OUT, KEY_LAYERS, KEY_JSON, KEY_NO_TEST, KEY_FORCE };
+enum { KEY_VIEWS = COMMAND_KEY, KEY_OUT, KEY_LAYERS, KEY_JSON, KEY_NO_TEST, KEY_PLAIN, KEY_FORCE };
 
 static const struct argp_option options[] = {
     {"views", KEY_VIEWS, "VIEWS.txt", 0,
@@ -27,6 +27,7 @@ static const struct argp_option options[] = {
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
     {"layers", KEY_LAYERS, NULL, 0, "also write …_source.png (red 0: nobody has seen this)", 0},
     {"no-depth-test", KEY_NO_TEST, NULL, 0, "without the view-dependent depth test, to see what it does", 0},
+    {"plain", KEY_PLAIN, NULL, 0, "draw the plain coloured point cloud instead, to compare", 0},
     {"force", KEY_FORCE, NULL, 0, "write over pictures that are there", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
@@ -41,6 +42,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_LAYERS: a->layers = true; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_NO_TEST: a->no_depth_test = true; return 0;
+    case KEY_PLAIN: a->plain = true; return 0;
     case KEY_FORCE: a->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->folder, value); return 0;
     case ARGP_KEY_END:
@@ -123,7 +125,8 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
     FILE *to = fopen(path, "w");
     if (!to)
         return fail(ERR_IO, "%s cannot be written", path);
-    fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n", s->robot ? "body" : "camera");
+    fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n",
+            s->kind == SURROUNDINGS_ROBOT ? "body" : "camera");
     for (int i = 0; i < s->taken; i++) {
         const struct pose p = s->poses[i];
         const int64_t t = s->pictures[i].time_ns;
@@ -180,6 +183,7 @@ int reenact_surround(int argc, char **argv)
     if (status != OK)
         return command_failed(argv[0]);
     s.clock = clock_now_ns;
+    s.plain = arguments.plain;
     s.how.view.depth_test = !arguments.no_depth_test;
     status = folder_make(arguments.out);
     if (status == OK)

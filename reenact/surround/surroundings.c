@@ -8,15 +8,22 @@
 // Every second row and column of a depth picture: finer than the voxels they are averaged in, nearer than 3 m.
 enum { DEPTH_STEP = 2 };
 
-struct surroundings_options surroundings_default_options(bool robot)
+struct surroundings_options surroundings_default_options(enum surroundings_kind kind)
 {
     struct surroundings_options how = {.alignment = alignment_default_options(),
                                        .depth = depth_default_options(),
                                        .view = view_default_options(),
                                        .redo_m = 5,
                                        .threads = 2};
-    how.depth.sky = !robot;
-    if (robot) {
+    how.depth.sky = kind == SURROUNDINGS_VEHICLE;
+    if (kind == SURROUNDINGS_FILMED) {
+        how.alignment.surface_m = 0.01;
+        how.depth.upright = false; // what was not filmed stays plain
+        how.depth.reach = 8;
+        how.depth.farthest_m = 12;
+        how.view.geometry_pictures = 8;
+    }
+    if (kind == SURROUNDINGS_ROBOT) {
         how.depth.farthest_m = 30;
         how.view.geometry_pictures = SURROUND_MOST_LAYERS;
     }
@@ -42,17 +49,17 @@ enum status surroundings_open(struct surroundings *s, const char *folder, const 
     const enum status status = surround_set_read(&s->set, folder);
     if (status != OK)
         return status;
-    s->robot = s->set.robot;
+    s->kind = s->set.robot ? SURROUNDINGS_ROBOT : s->set.filmed ? SURROUNDINGS_FILMED : SURROUNDINGS_VEHICLE;
     s->body_from_panorama = s->set.body_from_panorama;
-    const struct surroundings_options usual = surroundings_default_options(s->robot);
+    const struct surroundings_options usual = surroundings_default_options(s->kind);
     return open_parts(s, &s->set.view, how ? how : &usual);
 }
 
-enum status surroundings_open_live(struct surroundings *s, const struct lens *view, struct pose body_from_panorama,
-                                   const struct surroundings_options *how)
+enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind, const struct lens *view,
+                                   struct pose body_from_panorama, const struct surroundings_options *how)
 {
-    *s = (struct surroundings){.robot = true, .body_from_panorama = body_from_panorama};
-    const struct surroundings_options usual = surroundings_default_options(true);
+    *s = (struct surroundings){.kind = kind, .body_from_panorama = body_from_panorama};
+    const struct surroundings_options usual = surroundings_default_options(kind);
     return open_parts(s, view, how ? how : &usual);
 }
 
@@ -121,7 +128,8 @@ static enum status keep(struct surroundings *s, struct surround_picture *picture
         surround_picture_free(picture);
         return status;
     }
-    const struct pose world_from_camera = s->robot ? pose_multiply(pose, s->body_from_panorama) : pose;
+    const struct pose world_from_camera =
+        s->kind == SURROUNDINGS_ROBOT ? pose_multiply(pose, s->body_from_panorama) : pose;
     surround_picture_place(picture, world_from_camera);
     s->pictures[s->taken] = *picture;
     *picture = (struct surround_picture){0};
@@ -130,7 +138,7 @@ static enum status keep(struct surroundings *s, struct surround_picture *picture
         const double apart = v3_distance(s->pictures[k].world_from_camera.translation, world_from_camera.translation);
         if (k == s->taken - 1)
             s->stale[k] = true;
-        else if (s->robot && apart < s->how.redo_m)
+        else if (s->kind != SURROUNDINGS_VEHICLE && apart < s->how.redo_m)
             s->stale[k] = true;
     }
     return OK;
@@ -154,6 +162,16 @@ enum status surroundings_take(struct surroundings *s, struct surround_picture *p
     return keep(s, picture, pose);
 }
 
+enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
+                                     const struct depth_points *points, struct pose world_from_camera)
+{
+    const enum status status = depth_alignment_unify(&s->alignment, points, world_from_camera);
+    if (status == OK)
+        return keep(s, picture, world_from_camera);
+    surround_picture_free(picture);
+    return status;
+}
+
 static enum status take_next(struct surroundings *s)
 {
     const int i = s->next++;
@@ -163,11 +181,13 @@ static enum status take_next(struct surroundings *s)
     enum status status = surround_set_picture(&s->set, i, &picture);
     if (status != OK)
         return status;
-    if (!s->robot)
+    if (s->kind == SURROUNDINGS_VEHICLE)
         return keep(s, &picture, s->set.captures[i].guess);
     struct depth_points points = {0};
     status = read_depth(s, i, &points);
-    if (status == OK)
+    if (status == OK && s->kind == SURROUNDINGS_FILMED)
+        status = surroundings_take_placed(s, &picture, &points, s->set.captures[i].guess);
+    else if (status == OK)
         status = surroundings_take(s, &picture, &points, s->set.captures[i].guess);
     else
         surround_picture_free(&picture);
@@ -223,7 +243,7 @@ enum status surroundings_update(struct surroundings *s)
     for (int i = 0; status == OK && i < s->taken; i++)
         if (s->stale[i])
             w.pictures[n++] = i;
-    if (status == OK && n && s->robot) {
+    if (status == OK && n && s->kind != SURROUNDINGS_VEHICLE) {
         status = gather_points(s);
         w.points = (struct world_points){(const float(*)[3])s->points, s->weights, s->point_count};
     }
@@ -257,7 +277,11 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
     for (int i = 0; i < s->taken; i++)
         pictures[i] = &s->pictures[i];
     const int64_t before = now(s);
-    const enum status status = surround_view_draw(&s->view, world_from_view, pictures, s->taken, &s->how.view);
+    enum status status = OK;
+    if (s->plain)
+        surround_view_splat(&s->view, world_from_view, pictures, s->taken);
+    else
+        status = surround_view_draw(&s->view, world_from_view, pictures, s->taken, &s->how.view);
     s->draw_ns += now(s) - before;
     s->drawn++;
     free(pictures);

@@ -16,12 +16,13 @@ struct surroundings_options {
     double redo_m; // a new capture renews the depth of pictures within this, 5
     int threads;
 };
-// What suits a robot's or a vehicle's set.
-struct surroundings_options surroundings_default_options(bool robot);
+// What suits a robot's, a vehicle's or a filmed room's set.
+enum surroundings_kind { SURROUNDINGS_ROBOT, SURROUNDINGS_VEHICLE, SURROUNDINGS_FILMED };
+struct surroundings_options surroundings_default_options(enum surroundings_kind kind);
 
 struct surroundings {
     struct surround_set set; // of a folder; empty when live
-    bool robot;
+    enum surroundings_kind kind;
     struct pose body_from_panorama;
     struct surroundings_options how;
     struct depth_alignment alignment;
@@ -34,6 +35,7 @@ struct surroundings {
     float *weights;                    // of each point
     int point_count;
     struct surround_view view;
+    bool plain;                                          // draw the plain point cloud instead, to compare
     int64_t align_ns, worst_align_ns, depth_ns, draw_ns; // spent; by the clock that is given
     int depths_made, drawn;
     int64_t (*clock)(void); // for the times above; NULL: none
@@ -45,9 +47,10 @@ struct surroundings {
 // Of a folder. how NULL: the default. ERR_…: as surround_set_read.
 MUST_CHECK enum status surroundings_open(struct surroundings *s, const char *folder,
                                          const struct surroundings_options *how);
-// Of a robot whose captures are given one by one. ERR_MEMORY.
-MUST_CHECK enum status surroundings_open_live(struct surroundings *s, const struct lens *view,
-                                              struct pose body_from_panorama, const struct surroundings_options *how);
+// Of a robot or a filmed room whose captures are given one by one. ERR_MEMORY.
+MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surroundings_kind kind,
+                                              const struct lens *view, struct pose body_from_panorama,
+                                              const struct surroundings_options *how);
 void surroundings_close(struct surroundings *s); // what was zeroed, too
 
 // Takes the set's captures up to a time, and makes their depth.
@@ -57,6 +60,9 @@ MUST_CHECK enum status surroundings_advance(struct surroundings *s, int64_t time
 // does not fit the earlier ones keeps the odometry's pose and adds no points.
 MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
                                          const struct depth_points *points, struct pose odometry);
+// A filmed room's picture with its pose and depth points (in the camera's axes). Ownership as above.
+MUST_CHECK enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
+                                                const struct depth_points *points, struct pose world_from_camera);
 // Makes the depth of the pictures that newer captures have made stale.
 MUST_CHECK enum status surroundings_update(struct surroundings *s);
 

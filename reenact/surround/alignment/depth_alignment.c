@@ -14,6 +14,7 @@ enum { REFINED_POINTS = 4000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 15
 struct alignment_options alignment_default_options(void)
 {
     return (struct alignment_options){.search = search_default_options(),
+                                      .surface_m = SURFACE_M,
                                       .low_m = 0.08,
                                       .high_m = 0.85,
                                       .least_hits = 0.5,
@@ -25,7 +26,7 @@ struct alignment_options alignment_default_options(void)
 enum status depth_alignment_open(struct depth_alignment *a, const struct alignment_options *how)
 {
     *a = (struct depth_alignment){.how = *how, .world_from_body = POSE_IDENTITY, .odometry = POSE_IDENTITY};
-    enum status status = voxel_map_open(&a->surface, SURFACE_M);
+    enum status status = voxel_map_open(&a->surface, how->surface_m);
     if (status == OK)
         status = voxel_map_open(&a->planes, PLANES_M);
     if (status == OK)
@@ -186,6 +187,15 @@ static enum status unify(struct depth_alignment *a, const struct depth_points *p
             status = voxel_map_add(&a->outline, p, sigma, a->capture_count);
         }
     }
+    return status;
+}
+
+enum status depth_alignment_unify(struct depth_alignment *a, const struct depth_points *points,
+                                  struct pose world_from_body)
+{
+    const enum status status = unify(a, points, &world_from_body);
+    if (status == OK)
+        a->capture_count++;
     return status;
 }
 

@@ -13,6 +13,7 @@ struct alignment_options {
     struct search_options search;
     double low_m, high_m;        // heights above the floor whose points are compared: 0.08, 0.85
     double least_hits;           // share of a capture's points that must fit; below, the search is widened, 0.5
+    double surface_m;            // side of the voxels that all points are averaged in, 0.02
     bool tilt;                   // six degrees of freedom
     double move_m, turn, wait_s; // when to capture anew: moved 0.6 m, turned 20 degrees, or 200 s later
 };
@@ -39,6 +40,10 @@ bool depth_alignment_wants(const struct depth_alignment *a, struct pose odometry
 // after the widened search; then *world_from_body is the odometry's, and the points are not added. ERR_MEMORY.
 MUST_CHECK enum status depth_alignment_add(struct depth_alignment *a, const struct depth_points *points,
                                            struct pose odometry, struct pose *world_from_body);
+
+// Adds points whose pose is known.
+MUST_CHECK enum status depth_alignment_unify(struct depth_alignment *a, const struct depth_points *points,
+                                             struct pose world_from_body);
 
 // The body's pose at a time between captures or before the newest has arrived: the last aligned pose, moved on by the
 // odometry since.

@@ -46,7 +46,7 @@ static enum status open_folder(struct drive_session *s, const char *folder)
     enum status status = surroundings_open(&s->played, folder, NULL);
     if (status != OK)
         return status;
-    if (!s->played.robot)
+    if (s->played.kind != SURROUNDINGS_ROBOT)
         return fail(ERR_INPUT, "%s holds no robot's captures (odometry.txt); for a vehicle's use reenact surround",
                     folder);
     s->played.delivers = delivers;

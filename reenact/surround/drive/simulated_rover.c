@@ -38,7 +38,7 @@ enum status simulated_rover_open(struct simulated_rover *r, const struct box_wor
     *r = (struct simulated_rover){
         .world = *world, .how = *how, .start = start, .world_from_body = start, .odometry = POSE_IDENTITY};
     const struct pose head = {body_from_camera(0, 0), v3(0, 0, HEAD_M)};
-    const enum status status = surroundings_open_live(&r->surroundings, &how->view, head, NULL);
+    const enum status status = surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &how->view, head, NULL);
     return status == OK ? simulated_rover_step(r, (struct drive_command){0, 0}, 0) : status;
 }
 

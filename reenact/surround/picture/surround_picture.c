@@ -4,6 +4,7 @@
 #include "base/portable_math.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #define PI 3.14159265358979323846
 
@@ -24,6 +25,33 @@ enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int 
         p->ray_table[2 * i + 1] = (float)portable_cos(angle);
     }
     surround_picture_place(p, POSE_IDENTITY);
+    return OK;
+}
+
+enum status surround_image_undistort(uint8_t *rgb, struct lens *lens)
+{
+    const size_t w = (size_t)lens->width, bytes = w * (size_t)lens->height * 3;
+    if (lens_is_ideal(lens))
+        return OK;
+    uint8_t *taken = malloc(bytes);
+    if (!taken)
+        return fail(ERR_MEMORY, "out of memory");
+    memcpy(taken, rgb, bytes);
+    const double largest = lens_max_radius2(lens);
+    for (int v = 0; v < lens->height; v++)
+        for (int u = 0; u < lens->width; u++) {
+            const struct vec3 ray = v3((u - lens->cx) / lens->fx, (v - lens->cy) / lens->fy, 1);
+            const struct pixel at = lens_project_clamped(lens, largest, ray);
+            const double x = fmax(0, fmin(lens->width - 1.001, at.x)), y = fmax(0, fmin(lens->height - 1.001, at.y));
+            const uint8_t *p = taken + 3 * ((size_t)y * w + (size_t)x);
+            const double fx = x - (int)x, fy = y - (int)y;
+            for (size_t c = 0; c < 3; c++)
+                rgb[3 * ((size_t)v * w + (size_t)u) + c] =
+                    (uint8_t)((1 - fy) * ((1 - fx) * p[c] + fx * p[c + 3]) +
+                              fy * ((1 - fx) * p[c + 3 * w] + fx * p[c + 3 * w + 3]) + 0.5);
+        }
+    free(taken);
+    lens->k1 = lens->k2 = lens->p1 = lens->p2 = lens->k3 = 0;
     return OK;
 }
 

@@ -87,6 +87,24 @@ static enum status read_calibration(struct surround_set *set, const struct json 
     return status;
 }
 
+static enum status read_filmed_calibration(struct surround_set *set, const struct json *root, const char *path)
+{
+    const struct json *color = json_member(root, "color"), *distortion = json_member(color, "distortion");
+    enum status status = read_lens(color, path, &set->panorama_lens);
+    if (status == OK)
+        status = read_lens(json_member(root, "depth"), path, &set->depth_cameras[0].lens);
+    if (status != OK)
+        return status;
+    struct lens *lens = &set->panorama_lens;
+    double *const terms[5] = {&lens->k1, &lens->k2, &lens->p1, &lens->p2, &lens->k3};
+    for (int i = 0; i < 5; i++)
+        json_get_number(json_at(distortion, i), terms[i]);
+    set->view = *lens;
+    set->view.k1 = set->view.k2 = set->view.p1 = set->view.p2 = set->view.k3 = 0;
+    set->body_from_panorama = set->depth_cameras[0].body_from_camera = POSE_IDENTITY;
+    return lens_check(lens, path);
+}
+
 static enum status open_calibration(struct surround_set *set, const char *folder)
 {
     char path[2048];
@@ -95,7 +113,7 @@ static enum status open_calibration(struct surround_set *set, const char *folder
     enum status status = json_read(path, &root);
     if (status != OK)
         return status;
-    status = read_calibration(set, root, path);
+    status = set->filmed ? read_filmed_calibration(set, root, path) : read_calibration(set, root, path);
     json_free(&root);
     return status;
 }
@@ -112,7 +130,8 @@ static const char *file_at(const struct timed_file *list, int count, int64_t tim
 
 static enum status read_captures(struct surround_set *set, const char *folder)
 {
-    enum status status = file_list_read(folder, "panorama.txt", &set->files[0], &set->capture_count);
+    enum status status =
+        file_list_read(folder, set->filmed ? "rgb.txt" : "panorama.txt", &set->files[0], &set->capture_count);
     int counts[SURROUND_DEPTH_CAMERAS] = {0};
     for (int c = 0; status == OK && set->robot && c < SURROUND_DEPTH_CAMERAS; c++) {
         char name[64];
@@ -120,6 +139,8 @@ static enum status read_captures(struct surround_set *set, const char *folder)
         if (set->depth_cameras[c].lens.width)
             status = file_list_read(folder, name, &set->files[1 + c], &counts[c]);
     }
+    if (status == OK && set->filmed)
+        status = file_list_read(folder, "depth.txt", &set->files[1], &counts[0]);
     if (status == OK && !(set->captures = calloc((size_t)set->capture_count, sizeof *set->captures)))
         status = fail(ERR_MEMORY, "out of memory");
     for (int i = 0; status == OK && i < set->capture_count; i++) {
@@ -138,14 +159,17 @@ static enum status read_set(struct surround_set *set, const char *folder)
     char path[2048];
     snprintf(path, sizeof path, "%s/odometry.txt", folder);
     set->robot = file_exists(path);
-    if (!set->robot)
-        snprintf(path, sizeof path, "%s/panorama_poses.txt", folder);
+    if (!set->robot) {
+        snprintf(path, sizeof path, "%s/rgb.txt", folder);
+        set->filmed = file_exists(path);
+        snprintf(path, sizeof path, "%s/%s", folder, set->filmed ? "trajectory.txt" : "panorama_poses.txt");
+    }
     enum status status = open_calibration(set, folder);
     if (status == OK)
         status = pose_list_read(path, &set->odometry, &set->odometry_count);
     if (status == OK)
         status = read_captures(set, folder);
-    if (status == OK && !set->robot) {
+    if (status == OK && !set->robot && !set->filmed) {
         snprintf(path, sizeof path, "%s/points.ply", folder);
         status = ply_points_read(path, &set->points, &set->point_count);
     }
@@ -211,7 +235,14 @@ enum status surround_set_picture(const struct surround_set *set, int capture, st
         free(rgb);
         return fail(ERR_INPUT, "%s is not of calibration.json's size", set->captures[capture].panorama);
     }
-    status = surround_picture_make(out, rgb, width, height, lens);
+    struct lens ideal = set->panorama_lens;
+    if (lens)
+        status = surround_image_undistort(rgb, &ideal);
+    if (status != OK) {
+        free(rgb);
+        return status;
+    }
+    status = surround_picture_make(out, rgb, width, height, lens ? &ideal : NULL);
     out->time_ns = set->captures[capture].time_ns;
     return status;
 }

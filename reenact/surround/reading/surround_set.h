@@ -7,6 +7,9 @@
 //
 // A vehicle's: panorama.txt, panorama_poses.txt (world_from_camera), points.ply (world, z up) and calibration.json.
 //
+// A filmed room's: rgb.txt, depth.txt (registered), trajectory.txt (world_from_camera) and calibration.json with
+// `color` and `depth`, as in the TUM RGB-D layout; its view is the colour camera's lens without distortion.
+//
 // `view` in calibration.json is the lens of the pictures to draw.
 #pragma once
 #include "reenact/surround/picture/surround_picture.h"
@@ -27,7 +30,7 @@ struct capture {
 };
 
 struct surround_set {
-    bool robot;                      // else a vehicle
+    bool robot, filmed;              // else a vehicle
     struct lens view, panorama_lens; // panorama_lens.width 0: equirectangular
     double body_size_m[3];           // robot: length, width, height
     struct pose body_from_panorama;

@@ -67,6 +67,10 @@ static void rank(const struct surround_view *view, const struct surround_picture
     for (int i = 0; i < count; i++) {
         const struct vec3 at = pictures[i]->world_from_camera.translation;
         out[i] = (struct ranked){pictures[i], fmin(v3_distance(at, eye), v3_distance(at, focus))};
+        if (!pictures[i]->panorama) { // one that looks elsewhere is as far as a metre for each right angle
+            const double(*axes)[3] = pictures[i]->axes;
+            out[i].distance += 1 - (axes[0][2] * ahead.x + axes[1][2] * ahead.y + axes[2][2] * ahead.z);
+        }
     }
     qsort(out, (size_t)count, sizeof *out, by_distance);
 }

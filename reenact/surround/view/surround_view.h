@@ -38,5 +38,10 @@ MUST_CHECK enum status surround_view_draw(struct surround_view *view, struct pos
                                           const struct surround_picture *const *pictures, int count,
                                           const struct view_options *how);
 
+// What a user would take instead, to compare with: every known pixel of every picture as a coloured point, drawn 2 x 2
+// pixels large, the nearest winning.
+void surround_view_splat(struct surround_view *view, struct pose world_from_view,
+                         const struct surround_picture *const *pictures, int count);
+
 // The world point of a pixel with depth; of the sky, one 10 km away.
 void surround_view_point(const struct surround_view *view, int x, int y, float inverse_z, double world[3]);
