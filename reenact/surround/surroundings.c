@@ -14,6 +14,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
                                        .depth = depth_default_options(),
                                        .view = view_default_options(),
                                        .redo_m = 5,
+                                       .most_pictures = 16,
                                        .threads = 2};
     how.depth.sky = kind == SURROUNDINGS_VEHICLE;
     if (kind == SURROUNDINGS_FILMED) {
@@ -70,6 +71,7 @@ void surroundings_close(struct surroundings *s)
     free(s->pictures);
     free(s->poses);
     free(s->stale);
+    free(s->blank);
     free(s->points);
     free(s->weights);
     depth_alignment_close(&s->alignment);
@@ -114,10 +116,29 @@ static enum status grow(struct surroundings *s)
     bool *stale = realloc(s->stale, room * sizeof *stale);
     if (stale)
         s->stale = stale;
-    if (!pictures || !poses || !stale)
+    bool *blank = realloc(s->blank, room * sizeof *blank);
+    if (blank)
+        s->blank = blank;
+    if (!pictures || !poses || !stale || !blank)
         return fail(ERR_MEMORY, "out of memory");
     s->room = (int)room;
     return OK;
+}
+
+// No pixel of a grid over the picture is brighter than this: chosen by hand, above a camera's noise.
+enum { BLANK_LEVEL = 16, BLANK_GRID = 64 };
+
+static bool is_blank(const struct surround_picture *p)
+{
+    int most = 0;
+    for (int i = 0; i < BLANK_GRID * BLANK_GRID; i++) {
+        const int u = i % BLANK_GRID * p->width / BLANK_GRID, v = i / BLANK_GRID * p->height / BLANK_GRID;
+        for (size_t k = 0; k < 3; k++) {
+            const int value = p->rgb[3 * ((size_t)v * (size_t)p->width + (size_t)u) + k];
+            most = value > most ? value : most;
+        }
+    }
+    return most < BLANK_LEVEL;
 }
 
 // Owns the picture, also after a failure.
@@ -131,6 +152,7 @@ static enum status keep(struct surroundings *s, struct surround_picture *picture
     const struct pose world_from_camera =
         s->kind == SURROUNDINGS_ROBOT ? pose_multiply(pose, s->body_from_panorama) : pose;
     surround_picture_place(picture, world_from_camera);
+    s->blank[s->taken] = is_blank(picture);
     s->pictures[s->taken] = *picture;
     *picture = (struct surround_picture){0};
     s->poses[s->taken++] = pose;
@@ -232,7 +254,7 @@ static void make_depth(void *context, int i)
     failure_keep(&w->failures[i], status);
 }
 
-enum status surroundings_update(struct surroundings *s)
+static enum status make_depths(struct surroundings *s, const struct surround_picture *const *pictures, int count)
 {
     struct depth_work w = {.s = s,
                            .points = {(const float(*)[3])s->set.points, NULL, s->set.point_count},
@@ -240,9 +262,11 @@ enum status surroundings_update(struct surroundings *s)
                            .failures = calloc((size_t)(s->taken + 1), sizeof *w.failures)};
     int n = 0;
     enum status status = w.pictures && w.failures ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; status == OK && i < s->taken; i++)
-        if (s->stale[i])
-            w.pictures[n++] = i;
+    for (int i = 0; status == OK && i < count; i++) {
+        const int picture = (int)(pictures[i] - s->pictures);
+        if (s->stale[picture])
+            w.pictures[n++] = picture;
+    }
     if (status == OK && n && s->kind != SURROUNDINGS_VEHICLE) {
         status = gather_points(s);
         w.points = (struct world_points){(const float(*)[3])s->points, s->weights, s->point_count};
@@ -266,7 +290,7 @@ enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
     enum status status = OK;
     while (status == OK && s->next < s->set.capture_count && s->set.captures[s->next].time_ns <= time_ns)
         status = take_next(s);
-    return status == OK ? surroundings_update(s) : status;
+    return status;
 }
 
 enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
@@ -274,14 +298,19 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
     const struct surround_picture **pictures = malloc((size_t)(s->taken + 1) * sizeof *pictures);
     if (!pictures)
         return fail(ERR_MEMORY, "out of memory");
+    int usable = 0;
     for (int i = 0; i < s->taken; i++)
-        pictures[i] = &s->pictures[i];
+        if (!s->blank[i])
+            pictures[usable++] = &s->pictures[i];
+    enum status status = surround_view_rank(world_from_view, pictures, usable);
+    const int count = usable < s->how.most_pictures ? usable : s->how.most_pictures;
+    if (status == OK)
+        status = make_depths(s, pictures, count);
     const int64_t before = now(s);
-    enum status status = OK;
-    if (s->plain)
-        surround_view_splat(&s->view, world_from_view, pictures, s->taken);
-    else
-        status = surround_view_draw(&s->view, world_from_view, pictures, s->taken, &s->how.view);
+    if (status == OK && s->plain)
+        surround_view_splat(&s->view, world_from_view, pictures, count);
+    else if (status == OK)
+        status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->how.view);
     s->draw_ns += now(s) - before;
     s->drawn++;
     free(pictures);

@@ -13,7 +13,8 @@ struct surroundings_options {
     struct alignment_options alignment;
     struct depth_options depth;
     struct view_options view;
-    double redo_m; // a new capture renews the depth of pictures within this, 5
+    double redo_m;     // a new capture renews the depth of pictures within this, 5
+    int most_pictures; // the nearest so many make a view; depth is made for these only
     int threads;
 };
 // What suits a robot's, a vehicle's or a filmed room's set.
@@ -29,6 +30,7 @@ struct surroundings {
     struct surround_picture *pictures; // one for each capture taken
     struct pose *poses;                // world_from_body (robot) or world_from_camera (vehicle) of each
     bool *stale;                       // the depth is to be made
+    bool *blank;                       // a picture without light (its lens was covered): not used
     int taken, room, unplaced;         // captures; allocated; those that did not fit and have the odometry's pose
     int next;                          // the set's next capture
     float (*points)[3];                // robot: means of the alignment's voxels
@@ -53,7 +55,7 @@ MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surro
                                               const struct surroundings_options *how);
 void surroundings_close(struct surroundings *s); // what was zeroed, too
 
-// Takes the set's captures up to a time, and makes their depth.
+// Takes the set's captures up to a time.
 MUST_CHECK enum status surroundings_advance(struct surroundings *s, int64_t time_ns);
 
 // A live robot's capture. Owns the picture from now on, also after a failure; *picture is then zeroed. A capture that
@@ -63,8 +65,6 @@ MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround
 // A filmed room's picture with its pose and depth points (in the camera's axes). Ownership as above.
 MUST_CHECK enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
                                                 const struct depth_points *points, struct pose world_from_camera);
-// Makes the depth of the pictures that newer captures have made stale.
-MUST_CHECK enum status surroundings_update(struct surroundings *s);
-
-// Draws into s->view. Before the first capture nothing is seen.
+// Makes depth where it is lacking or newer captures have made it stale, and draws into s->view. Before the first
+// capture nothing is seen.
 MUST_CHECK enum status surroundings_draw(struct surroundings *s, struct pose world_from_view);

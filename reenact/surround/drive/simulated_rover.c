@@ -89,7 +89,7 @@ static enum status capture(struct simulated_rover *r)
     else
         surround_picture_free(&picture);
     depth_points_free(&points);
-    return status == OK ? surroundings_update(s) : status;
+    return status;
 }
 
 enum status simulated_rover_step(struct simulated_rover *r, struct drive_command command, double seconds)

@@ -58,21 +58,26 @@ static int by_distance(const void *a, const void *b)
     return (x->picture->time_ns > y->picture->time_ns) - (x->picture->time_ns < y->picture->time_ns);
 }
 
-// The pictures by how near they are to the view or to what it looks at, a few metres ahead.
-static void rank(const struct surround_view *view, const struct surround_picture *const *pictures, int count,
-                 struct ranked *out)
+enum status surround_view_rank(struct pose world_from_view, const struct surround_picture **pictures, int count)
 {
-    const struct vec3 ahead = v3(view->axes[0][2], view->axes[1][2], view->axes[2][2]);
-    const struct vec3 eye = view->world_from_view.translation, focus = v3_add(eye, v3_scale(ahead, 3));
+    struct ranked *list = malloc((size_t)(count + 1) * sizeof *list);
+    if (!list)
+        return fail(ERR_MEMORY, "out of memory");
+    const struct vec3 eye = world_from_view.translation, ahead = quat_rotate(world_from_view.rotation, v3(0, 0, 1));
+    const struct vec3 focus = v3_add(eye, v3_scale(ahead, 3));
     for (int i = 0; i < count; i++) {
         const struct vec3 at = pictures[i]->world_from_camera.translation;
-        out[i] = (struct ranked){pictures[i], fmin(v3_distance(at, eye), v3_distance(at, focus))};
+        list[i] = (struct ranked){pictures[i], fmin(v3_distance(at, eye), v3_distance(at, focus))};
         if (!pictures[i]->panorama) { // one that looks elsewhere is as far as a metre for each right angle
             const double(*axes)[3] = pictures[i]->axes;
-            out[i].distance += 1 - (axes[0][2] * ahead.x + axes[1][2] * ahead.y + axes[2][2] * ahead.z);
+            list[i].distance += 1 - (axes[0][2] * ahead.x + axes[1][2] * ahead.y + axes[2][2] * ahead.z);
         }
     }
-    qsort(out, (size_t)count, sizeof *out, by_distance);
+    qsort(list, (size_t)count, sizeof *list, by_distance);
+    for (int i = 0; i < count; i++)
+        pictures[i] = list[i].picture;
+    free(list);
+    return OK;
 }
 
 enum status surround_view_draw(struct surround_view *view, struct pose world_from_view,
@@ -82,23 +87,14 @@ enum status surround_view_draw(struct surround_view *view, struct pose world_fro
     const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
     view->world_from_view = world_from_view;
     quat_to_matrix(world_from_view.rotation, view->axes);
-    struct ranked *ranks = malloc((size_t)(count + 1) * sizeof *ranks);
-    const struct surround_picture **sorted = malloc((size_t)(count + 1) * sizeof *sorted);
     const int layers = count < how->geometry_pictures ? count : how->geometry_pictures;
     float *depth = alloc_cache_aligned(((size_t)layers * pixels + 1) * sizeof *depth);
-    enum status status = ranks && sorted && depth ? OK : fail(ERR_MEMORY, "out of memory");
-    if (status == OK) {
-        rank(view, pictures, count, ranks);
-        for (int i = 0; i < count; i++)
-            sorted[i] = ranks[i].picture;
-        for (int i = 0; i < layers; i++)
-            view_warp(view, sorted[i], depth + (size_t)i * pixels);
-        view_merge(view, sorted, depth, layers, how);
-        const int most = SURROUND_MOST_LAYERS * 4;
-        status = view_texture(view, sorted, count < most ? count : most, how);
-    }
-    free(ranks);
-    free(sorted);
+    if (!depth)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < layers; i++)
+        view_warp(view, pictures[i], depth + (size_t)i * pixels);
+    view_merge(view, pictures, depth, layers, how);
     free(depth);
-    return status;
+    const int most = SURROUND_MOST_LAYERS * 4;
+    return view_texture(view, pictures, count < most ? count : most, how);
 }

@@ -33,7 +33,11 @@ struct surround_view {
 MUST_CHECK enum status surround_view_open(struct surround_view *view, const struct lens *lens);
 void surround_view_close(struct surround_view *view); // what was zeroed, too
 
-// Fills all of *view. The pictures have depth. ERR_MEMORY.
+// Sorts pictures by how near they are to the view or to what it looks at, a few metres ahead. ERR_MEMORY.
+MUST_CHECK enum status surround_view_rank(struct pose world_from_view, const struct surround_picture **pictures,
+                                          int count);
+
+// Fills all of *view. The pictures have depth and are sorted by surround_view_rank. ERR_MEMORY.
 MUST_CHECK enum status surround_view_draw(struct surround_view *view, struct pose world_from_view,
                                           const struct surround_picture *const *pictures, int count,
                                           const struct view_options *how);
