@@ -16,4 +16,6 @@ int capture_objects(int argc, char **argv);
 int reenact_render(int argc, char **argv);
 int reenact_compare(int argc, char **argv);
 int reenact_locate(int argc, char **argv);
+int reenact_drive(int argc, char **argv);
+int reenact_surround(int argc, char **argv);
 int reenact_watch(int argc, char **argv);

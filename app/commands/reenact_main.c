@@ -7,6 +7,8 @@ int main(int argc, char **argv)
         {"render", "draw a take into a camera's pictures", reenact_render},
         {"locate", "say where a camera was in the place", reenact_locate},
         {"compare", "say where two movements differ", reenact_compare},
+        {"surround", "draw surroundings from a free viewpoint", reenact_surround},
+        {"drive", "drive a robot by pictures of its surroundings", reenact_drive},
     };
     static const struct command watch = {"FILE", "watch, in a window", reenact_watch};
     return command_main(

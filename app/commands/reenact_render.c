@@ -1,6 +1,7 @@
 // reenact render: draws a take into the images of a camera.
 #include "app/commands/commands.h"
 
+#include "app/commands/filmed_path.h"
 #include "locate/camera_tracker.h"
 #include "base/clock.h"
 #include "platform/file.h"
@@ -41,7 +42,11 @@ static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FUL
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take to show", 0},
-    {"camera", KEY_CAMERA, "URI", 0, "the tablet's camera: libcamera, libcamera:N or folder:DIR", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "the tablet's camera: libcamera, libcamera:N or folder:DIR; or a FILE.txt of poses (seconds tx ty tz qx qy qz "
+     "qw): "
+     "no camera, the place as it was filmed behind the actor",
+     0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
     {"detail", KEY_DETAIL, "LEVEL", 0,
      "paper: the 2014 method to the letter; full: the best quality (default); auto: as much as the eye can see", 0},
@@ -100,6 +105,7 @@ struct render_run {
     struct take *take;
     struct source *camera;
     struct camera_tracker *track;
+    struct filmed_path path; // instead of a camera; count 0: there is a camera
     struct gpu *gpu;
     struct renderer *renderer;
     FILE *trajectory;
@@ -123,15 +129,32 @@ static void lap(struct render_run *r, enum render_stage stage)
     r->lap_ns = now;
 }
 
+static bool is_path(const char *camera)
+{
+    const size_t length = strlen(camera);
+    return length > 4 && !strchr(camera, ':') && !strcmp(camera + length - 4, ".txt");
+}
+
+// The camera and its tracker, or the path; with the place.
 static enum status open_locator(struct render_run *r)
 {
-    enum status status = recording_read_place(r->recording, &r->place);
+    const bool path = is_path(r->arguments->camera);
+    enum status status = path ? OK : source_open(&r->camera, r->arguments->camera, SOURCE_CAMERA);
+    if (status == OK)
+        status = recording_read_place(r->recording, &r->place);
     if (status == NOTHING)
         return fail(ERR_INPUT,
                     "%s holds no place, so the camera cannot be found in it; "
                     "film the empty place first with reenact-capture map",
                     r->arguments->file);
+    if (status == OK && path) {
+        status = filmed_path_open(&r->path, &r->place, r->arguments->camera);
+        r->lens = r->path.lens;
+        return status;
+    }
     struct locator_options how = locator_default_options();
+    if (status == OK)
+        r->lens = source_calibration(r->camera)->color;
     if (status == OK)
         status = camera_tracker_open(&r->track, &r->place, &r->lens, &how);
     return status;
@@ -186,13 +209,9 @@ static enum status open_run(struct render_run *r)
     if (status == OK)
         status = take_open(&r->take, r->recording, a->take);
     if (status == OK)
-        status = source_open(&r->camera, a->camera, SOURCE_CAMERA);
-    if (status != OK)
-        return status;
-    r->lens = source_calibration(r->camera)->color;
-    status = open_film(r);
-    if (status == OK)
         status = open_locator(r);
+    if (status == OK)
+        status = open_film(r);
     if (status == OK)
         status = gpu_open(&r->gpu);
     if (status == OK)
@@ -225,6 +244,7 @@ static void close_run(struct render_run *r)
     renderer_close(&r->renderer);
     gpu_close(&r->gpu);
     camera_tracker_close(&r->track);
+    filmed_path_close(&r->path);
     place_free(&r->place);
     source_close(&r->camera);
     take_close(&r->take);
@@ -255,29 +275,18 @@ static enum status write_image(struct render_run *r, const char *name, const cha
     return status;
 }
 
-static enum status draw(struct render_run *r, const struct frame *frame)
+// The actor into a picture taken at a known pose.
+static enum status draw_placed(struct render_run *r, const struct frame *frame, struct pose world_from_camera)
 {
-    struct location location;
-    struct camera_motion motion;
-    enum status found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
-    lap(r, STAGE_LOCATE);
-    if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
-        return found;
-    if (found != OK && found != AMBIGUOUS)
-        return renderer_draw_background(r->renderer, frame->color);
     r->placed++;
-    r->ambiguous += found == AMBIGUOUS;
-    write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
-    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(location.world_from_camera));
-    enum status status = renderer_set_lens(r->renderer, camera_tracker_lens(r->track));
-    if (status != OK)
-        return status;
-    struct renderer_view view = {.world_from_camera = location.world_from_camera,
+    write_pose(r->trajectory, frame->time_ns, world_from_camera);
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(world_from_camera));
+    struct renderer_view view = {.world_from_camera = world_from_camera,
                                  .viewer_from_room = &viewer_from_room,
                                  .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
                                  .color = frame->color};
     struct renderer_result result;
-    status = renderer_draw(r->renderer, &view, &result);
+    const enum status status = renderer_draw(r->renderer, &view, &result);
     if (status != OK)
         return status;
     r->with_actor += result.parts > 0;
@@ -286,6 +295,23 @@ static enum status draw(struct render_run *r, const struct frame *frame)
     if (result.parts)
         r->at_level[result.level]++;
     return OK;
+}
+
+static enum status draw(struct render_run *r, const struct frame *frame)
+{
+    struct location location;
+    struct camera_motion motion;
+    if (r->path.count)
+        return draw_placed(r, frame, r->path.poses[r->images - 1].pose);
+    enum status found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
+    lap(r, STAGE_LOCATE);
+    if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
+        return found;
+    if (found != OK && found != AMBIGUOUS)
+        return renderer_draw_background(r->renderer, frame->color);
+    r->ambiguous += found == AMBIGUOUS;
+    const enum status status = renderer_set_lens(r->renderer, camera_tracker_lens(r->track));
+    return status == OK ? draw_placed(r, frame, location.world_from_camera) : status;
 }
 
 static enum status render_image(struct render_run *r, const struct frame *frame)
@@ -315,17 +341,30 @@ static enum status render_image(struct render_run *r, const struct frame *frame)
     return status;
 }
 
+// The next image: of the camera, or of the place from the path's next pose. NOTHING: the end.
+static enum status next_image(struct render_run *r, struct frame *frame)
+{
+    if (!r->path.count)
+        return source_next(r->camera, frame);
+    if (r->images == r->path.count)
+        return NOTHING;
+    const struct timed_pose *pose = &r->path.poses[r->images];
+    *frame = (struct frame){.time_ns = pose->time_ns, .color = r->path.room.view.rgb};
+    snprintf(frame->name, sizeof frame->name, "%04d", (int)r->images);
+    return filmed_path_draw(&r->path, (int)r->images);
+}
+
 static enum status render_images(struct render_run *r)
 {
     struct progress_bar progress;
-    progress_bar_start(&progress, "drawing", source_remaining(r->camera));
+    progress_bar_start(&progress, "drawing", r->path.count ? r->path.count : source_remaining(r->camera));
     enum status status = OK;
     r->lap_ns = clock_now_ns();
     while (!command_stopped()) {
         struct frame frame;
-        status = source_next(r->camera, &frame);
+        status = next_image(r, &frame);
         lap(r, STAGE_CAMERA);
-        if (status == ERR_INPUT) { // one damaged image; the next call continues after it
+        if (status == ERR_INPUT && !r->path.count) { // one damaged image; the next call continues after it
             progress_bar_end(&progress);
             fprintf(stderr, "reenact render: %s; left out\n", status_message());
             r->damaged++;
@@ -405,14 +444,14 @@ int reenact_render(int argc, char **argv)
     status = output_close(&run.film, video_close(&run.video, status));
     if (status == OK)
         status = write_stats(&run);
-    if (status == OK) {
+    if (status == OK && run.camera) {
         const enum status kept = source_save_lens(run.camera, camera_tracker_lens(run.track));
         status = kept < 0 ? kept : OK;
     }
     if (status == OK && !arguments.json)
         printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.images, run.placed,
                run.with_actor);
-    if (status == OK) {
+    if (status == OK && run.camera) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
     }

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MOST_USED = 20 };
+enum { MOST_USED = 32 };
 
 struct rule {
     const char *room;               // a file belongs to the longest room that its path begins with
@@ -17,6 +17,9 @@ struct rule {
 #define SKELETON  "reenact/skeleton/", RECORDING
 #define AVATAR    "reenact/avatar/", "reenact/observation/", SKELETON
 #define RENDER    "reenact/render/", "reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR
+#define SURROUND                                                                                                       \
+    "reenact/surround/view/", "reenact/surround/depth/", "reenact/surround/alignment/", "reenact/surround/reading/",   \
+        "reenact/surround/picture/", "platform/", "base/"
 
 static const struct rule rules[] = {
     {"base/", {0}},
@@ -40,6 +43,13 @@ static const struct rule rules[] = {
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
+    {"reenact/surround/picture/", {"base/"}},
+    {"reenact/surround/reading/", {"reenact/surround/picture/", "platform/", "base/"}},
+    {"reenact/surround/alignment/", {"base/"}},
+    {"reenact/surround/depth/", {"reenact/surround/picture/", "base/"}},
+    {"reenact/surround/view/", {"reenact/surround/picture/", "base/"}},
+    {"reenact/surround/", {SURROUND}},
+    {"reenact/surround/drive/", {"reenact/surround/", SURROUND}},
     {"compare/", {RECORDING}},
     {"app/state/", {"base/"}},
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
@@ -51,7 +61,7 @@ static const struct rule rules[] = {
     {"app/", {"app/ui/", "app/live/", "app/camera/", "app/view/", "app/state/", "compare/", "locate/", RENDER}},
     {"app/commands/",
      {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
-      "reenact/export/", RENDER}},
+      "reenact/export/", RENDER, "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

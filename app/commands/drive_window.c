@@ -1,0 +1,153 @@
+#include "app/commands/drive_window.h"
+
+#include "base/clock.h"
+#include "platform/gpu_draw2d.h"
+#include "platform/window.h"
+#include "reenact/render/shaders.h"
+
+// Chosen by hand.
+#define FASTEST_M_S    0.5
+#define FASTEST_RAD_S  0.8
+#define RADIANS_PER_PX 0.006
+#define STEP_NS        50000000 // the stick is sent 20 times a second
+
+struct drive_window {
+    struct drive_session *session;
+    struct window *screen;
+    struct gpu *gpu;
+    struct gpu_draw2d *draw;
+    struct gpu_texture *texture;
+    struct drive_command stick;
+    bool down, quit;
+    double last_x, last_y;
+};
+
+static void turn_view(struct drive_window *w, double dx, double dy)
+{
+    struct drive_session *s = w->session;
+    s->orbit = true;
+    s->azimuth -= dx * RADIANS_PER_PX;
+    s->elevation = fmin(1.5, fmax(-0.1, s->elevation + dy * RADIANS_PER_PX));
+}
+
+static void on_key(struct drive_window *w, int key)
+{
+    struct drive_session *s = w->session;
+    switch (key) {
+    case WINDOW_KEY_UP: w->stick.speed = fmin(FASTEST_M_S, w->stick.speed + 0.1); return;
+    case WINDOW_KEY_DOWN: w->stick.speed = fmax(-FASTEST_M_S, w->stick.speed - 0.1); return;
+    case WINDOW_KEY_LEFT: w->stick.turn_rate = fmin(FASTEST_RAD_S, w->stick.turn_rate + 0.2); return;
+    case WINDOW_KEY_RIGHT: w->stick.turn_rate = fmax(-FASTEST_RAD_S, w->stick.turn_rate - 0.2); return;
+    case WINDOW_KEY_SPACE: w->stick = (struct drive_command){0, 0}; return;
+    case WINDOW_KEY_ESCAPE: w->quit = true; return;
+    case '1':
+    case '2':
+    case '3':
+        s->viewpoint = key == '1' ? VIEWPOINT_FIRST : key == '2' ? VIEWPOINT_THIRD : VIEWPOINT_ABOVE;
+        s->orbit = false;
+        return;
+    default: return;
+    }
+}
+
+static void on_event(struct drive_window *w, const struct window_event *e)
+{
+    struct drive_session *s = w->session;
+    switch (e->kind) {
+    case WINDOW_QUIT: w->quit = true; return;
+    case WINDOW_KEY: on_key(w, e->key); return;
+    case WINDOW_POINTER_DOWN: w->down = true; break;
+    case WINDOW_POINTER_UP: w->down = false; break;
+    case WINDOW_POINTER_MOVE:
+        if (w->down)
+            turn_view(w, e->x - w->last_x, e->y - w->last_y);
+        break;
+    case WINDOW_WHEEL: s->distance_m = fmin(10, fmax(0.5, s->distance_m * (1 - 0.1 * e->amount))); return;
+    case WINDOW_PAD_AXIS:
+        if (e->axis == PAD_LEFT_Y)
+            w->stick.speed = -e->amount * FASTEST_M_S;
+        else if (e->axis == PAD_LEFT_X)
+            w->stick.turn_rate = -e->amount * FASTEST_RAD_S;
+        else if (e->axis == PAD_RIGHT_X || e->axis == PAD_RIGHT_Y)
+            turn_view(w, e->axis == PAD_RIGHT_X ? 8 * e->amount : 0, e->axis == PAD_RIGHT_Y ? 8 * e->amount : 0);
+        return;
+    case WINDOW_PAD_BUTTON:
+        if (e->button == PAD_X)
+            on_key(w, s->viewpoint == VIEWPOINT_FIRST ? '2' : s->viewpoint == VIEWPOINT_THIRD ? '3' : '1');
+        return;
+    default: return;
+    }
+    w->last_x = e->x;
+    w->last_y = e->y;
+}
+
+static enum status show(struct drive_window *w, const struct surround_view *view)
+{
+    int width, height;
+    const float black[3] = {0, 0, 0};
+    window_size(w->screen, &width, &height);
+    gpu_texture_write(w->texture, view->rgb);
+    const double scale = fmin((double)width / view->lens.width, (double)height / view->lens.height);
+    const float x = (float)((width - scale * view->lens.width) / 2),
+                y = (float)((height - scale * view->lens.height) / 2);
+    const float right = (float)width - x, bottom = (float)height - y;
+    const struct gpu_draw2d_vertex corners[4] = {{x, y, 0, 0, {255, 255, 255, 255}},
+                                                 {right, y, 1, 0, {255, 255, 255, 255}},
+                                                 {right, bottom, 1, 1, {255, 255, 255, 255}},
+                                                 {x, bottom, 0, 1, {255, 255, 255, 255}}};
+    const uint16_t indices[6] = {0, 1, 2, 0, 2, 3};
+    const struct gpu_draw2d_batch batch = {w->texture, 0, 0, (float)width, (float)height, 0, 0, 6};
+    const struct gpu_draw2d_list list = {corners, indices, &batch, 4, 6, 1};
+    const struct gpu_draw2d_view to = {NULL, width, height, window_quarter_turns(w->screen), black};
+    gpu_draw2d_begin(w->draw, &to);
+    gpu_draw2d_draw(w->draw, &list);
+    const enum status status = gpu_draw2d_end(w->draw);
+    window_present(w->screen);
+    return status;
+}
+
+static enum status open_window(struct drive_window *w)
+{
+    const struct window_options screen = {"Reenact", 1280, 800, false, 0, 0};
+    const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
+    const struct surround_view *view;
+    enum status status = drive_session_draw(w->session, &view);
+    if (status == OK)
+        status = window_open(&w->screen, &screen);
+    if (status == OK)
+        status = gpu_adopt(&w->gpu);
+    if (status == OK)
+        status = gpu_draw2d_open(&w->draw, w->gpu, &shaders);
+    if (status == OK) {
+        const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
+        status = gpu_texture_open(&w->texture, w->gpu, &layout, view->rgb);
+    }
+    return status;
+}
+
+enum status drive_window_run(struct drive_session *session, double seconds)
+{
+    struct drive_window w = {.session = session};
+    enum status status = open_window(&w);
+    const int64_t start = clock_now_ns() - session->now_ns;
+    while (status == OK && !w.quit) {
+        const int64_t before = clock_now_ns();
+        for (struct window_event e; (e = window_wait(w.screen, 0)).kind != WINDOW_NO_EVENT && !w.quit;)
+            on_event(&w, &e);
+        const struct surround_view *view;
+        status = drive_session_step(session, clock_now_ns() - start, &w.stick);
+        if (status == OK)
+            status = drive_session_draw(session, &view);
+        if (status == OK)
+            status = show(&w, view);
+        w.quit |= seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > seconds;
+        const int64_t left = STEP_NS - (clock_now_ns() - before);
+        const struct window_event e = window_wait(w.screen, left > 0 ? (int)(left / 1000000) : 0);
+        on_event(&w, &e);
+    }
+    gpu_texture_close(&w.texture);
+    gpu_draw2d_close(&w.draw);
+    gpu_close(&w.gpu);
+    window_close(&w.screen);
+    return status;
+}

@@ -1,0 +1,20 @@
+// A camera's way through a filmed place without a camera: poses from a file, and what each would see of the place,
+// drawn from its recorded views (the ones that hold both colour and depth).
+#pragma once
+#include "capture/recording/place.h"
+#include "reenact/surround/surroundings.h"
+
+struct filmed_path {
+    struct timed_pose *poses; // world_from_camera
+    int count;
+    struct lens lens; // the place's colour camera, without distortion
+    struct surroundings room;
+};
+
+// `path`: lines of "seconds tx ty tz qx qy qz qw". ERR_INPUT: no pose, or the place has no colour camera; otherwise as
+// pose_list_read. On failure *p is zeroed.
+MUST_CHECK enum status filmed_path_open(struct filmed_path *p, const struct place *place, const char *path);
+void filmed_path_close(struct filmed_path *p); // what was zeroed, too
+
+// The place from pose i: p->room.view.rgb. What was not filmed is hatched.
+MUST_CHECK enum status filmed_path_draw(struct filmed_path *p, int i);

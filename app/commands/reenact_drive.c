@@ -1,0 +1,146 @@
+// reenact drive: drive a robot by free-viewpoint pictures of its surroundings.
+#include "app/commands/commands.h"
+
+#include "app/commands/drive_window.h"
+#include "platform/file.h"
+#include "platform/json.h"
+#include "platform/png.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct drive_arguments {
+    const char *uri, *out;
+    int trials;
+    bool json;
+    double seconds, every_s;
+    struct drive_options how;
+};
+
+enum { KEY_DELAY = COMMAND_KEY, KEY_LOSS, KEY_TRIAL, KEY_OUT, KEY_EVERY, KEY_SECONDS, KEY_JSON };
+
+static const struct argp_option options[] = {
+    {"delay", KEY_DELAY, "S", 0, "the link's delay, one way (default 0)", 0},
+    {"loss", KEY_LOSS, "SHARE", 0, "share of packets that the link loses, 0 to 1 (default 0)", 0},
+    {"trial", KEY_TRIAL, "N", 0,
+     "with sim: instead of a window, N times a scripted driver who sees only the drawn picture's nearest distance "
+     "approaches the wall",
+     0},
+    {"out", KEY_OUT, "DIR", 0, "instead of a window, write the operator's pictures NNNN.png here", 0},
+    {"every", KEY_EVERY, "S", 0, "with --out, seconds from one picture to the next (default 1)", 0},
+    {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    COMMAND_OPTION_JSON(KEY_JSON),
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct drive_arguments *a = state->input;
+    switch (key) {
+    case KEY_DELAY: a->how.link.delay_s = command_parse_number(state, "--delay", value, 0, 60); return 0;
+    case KEY_LOSS: a->how.link.loss = command_parse_number(state, "--loss", value, 0, 1); return 0;
+    case KEY_TRIAL: a->trials = (int)command_parse_number(state, "--trial", value, 1, 1000); return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_EVERY: a->every_s = command_parse_number(state, "--every", value, 0.01, 1e4); return 0;
+    case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.01, 1e6); return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->uri, value); return 0;
+    case ARGP_KEY_END: command_require(state, a->uri, "URI"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// Starts differ in distance from the wall and in heading, by fixed steps.
+static enum status run_trial(int number, double *clearance_m)
+{
+    struct box_world world;
+    struct pose start;
+    struct simulated_rover rover;
+    struct rover_options how = rover_default_options();
+    how.seed = (uint32_t)number + 1;
+    rover_trial_world(3, &world, &start);
+    start.translation.x = 0.1 * (number % 7);
+    start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 9) - 0.2));
+    enum status status = simulated_rover_open(&rover, &world, start, &how);
+    if (status == OK)
+        status = rover_trial_approach(&rover, clearance_m);
+    simulated_rover_close(&rover);
+    return status;
+}
+
+static enum status run_trials(const struct drive_arguments *a)
+{
+    struct json *root = json_new_object(), *list = json_add_array(root, "clearance_mm");
+    int close = 0, touched = 0;
+    enum status status = OK;
+    for (int i = 0; status == OK && i < a->trials && !command_stopped(); i++) {
+        double clearance_m;
+        status = run_trial(i, &clearance_m);
+        if (status != OK)
+            break;
+        touched += clearance_m <= 0;
+        close += clearance_m > 0 && clearance_m <= 0.05;
+        json_push_number(list, clearance_m * 1e3);
+    }
+    json_add_number(root, "trials", a->trials);
+    json_add_number(root, "touched", touched);
+    json_add_number(root, "within_5_cm", close);
+    char *text = json_print(root);
+    json_free(&root);
+    if (status == OK && a->json && text)
+        fputs(text, stdout);
+    else if (status == OK)
+        printf("%d trials: %d touched the wall, %d came within 5 cm without touching\n", a->trials, touched, close);
+    free(text);
+    return status;
+}
+
+static enum status write_pictures(const struct drive_arguments *a, struct drive_session *s)
+{
+    enum status status = folder_make(a->out);
+    const int64_t every_ns = (int64_t)(a->every_s * 1e9);
+    for (int i = 0; status == OK && !command_stopped() && !s->ended; i++) {
+        const struct drive_command ahead = {0.2, 0.1};
+        const struct surround_view *view;
+        char path[4096];
+        if (a->seconds > 0 && (double)i * a->every_s > a->seconds)
+            break;
+        status = drive_session_step(s, i * every_ns, &ahead);
+        if (status == OK)
+            status = drive_session_draw(s, &view);
+        snprintf(path, sizeof path, "%s/%04d.png", a->out, i);
+        if (status == OK && file_exists(path))
+            status = fail(ERR_EXISTS, "%s is there already; choose another --out", path);
+        if (status == OK)
+            status = png_write(path, PNG_RGB8, view->rgb, view->lens.width, view->lens.height);
+    }
+    return status;
+}
+
+int reenact_drive(int argc, char **argv)
+{
+    struct drive_arguments arguments = {.every_s = 1, .how = drive_default_options()};
+    static const struct argp argp = {
+        options,
+        parse,
+        "URI",
+        "Drives a robot by free-viewpoint pictures of its surroundings.\v"
+        "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall) or folder:DIR (a "
+        "robot's captures, played in real time). Stick or arrow keys drive, space stops; a finger turns the viewpoint; "
+        "1, 2 and 3 choose first person, third person and from above.",
+        NULL,
+        NULL,
+        NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_catch_signals();
+    if (arguments.trials)
+        return run_trials(&arguments) == OK ? 0 : command_failed(argv[0]);
+    struct drive_session session;
+    enum status status = drive_session_open(&session, arguments.uri, &arguments.how);
+    if (status != OK)
+        return command_failed(argv[0]);
+    status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, arguments.seconds);
+    drive_session_close(&session);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,199 @@
+// reenact surround: pictures of surroundings from a free viewpoint.
+#include "app/commands/commands.h"
+
+#include "reenact/surround/surroundings.h"
+#include "base/clock.h"
+#include "platform/file.h"
+#include "platform/json.h"
+#include "platform/png.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct surround_arguments {
+    const char *folder, *views, *out;
+    bool layers, json, no_depth_test, plain, force;
+};
+
+enum { KEY_VIEWS = COMMAND_KEY, KEY_OUT, KEY_LAYERS, KEY_JSON, KEY_NO_TEST, KEY_PLAIN, KEY_FORCE };
+
+static const struct argp_option options[] = {
+    {"views", KEY_VIEWS, "VIEWS.txt", 0,
+     "the viewpoints: a line each, 'seconds tx ty tz qx qy qz qw' (only what was captured by then is used) or 'name "
+     "number tx ty tz qx qy qz qw' (everything is used); world_from_camera",
+     0},
+    {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
+    {"layers", KEY_LAYERS, NULL, 0, "also write …_source.png (red 0: nobody has seen this)", 0},
+    {"no-depth-test", KEY_NO_TEST, NULL, 0, "without the view-dependent depth test, to see what it does", 0},
+    {"plain", KEY_PLAIN, NULL, 0, "draw the plain coloured point cloud instead, to compare", 0},
+    {"force", KEY_FORCE, NULL, 0, "write over pictures that are there", 0},
+    COMMAND_OPTION_JSON(KEY_JSON),
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct surround_arguments *a = state->input;
+    switch (key) {
+    case KEY_VIEWS: a->views = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_LAYERS: a->layers = true; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_NO_TEST: a->no_depth_test = true; return 0;
+    case KEY_PLAIN: a->plain = true; return 0;
+    case KEY_FORCE: a->force = true; return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->folder, value); return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->folder, "FOLDER");
+        command_require(state, a->views, "--views VIEWS.txt");
+        command_require(state, a->out, "--out DIR");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static enum status write_image(const struct surround_arguments *a, const char *name, const char *ending,
+                               const struct png_layout *layout, const void *pixels)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%s/%s%s.png", a->out, name, ending);
+    if (!a->force && file_exists(path))
+        return fail(ERR_EXISTS, "%s is there already; --force writes over it", path);
+    char *slash = strrchr(path, '/');
+    *slash = 0;
+    enum status status = folder_make(path);
+    *slash = '/';
+    uint8_t *bytes;
+    size_t count;
+    if (status == OK)
+        status = png_encode(layout, pixels, 3, &bytes, &count);
+    if (status != OK)
+        return status;
+    status = file_write(path, bytes, count);
+    free(bytes);
+    return status;
+}
+
+static enum status write_view(const struct surround_arguments *a, const struct surround_view *view, const char *name)
+{
+    const struct png_layout layout = {PNG_RGB8, view->lens.width, view->lens.height};
+    enum status status = write_image(a, name, "", &layout, view->rgb);
+    if (status != OK || !a->layers)
+        return status;
+    const size_t pixels = (size_t)layout.width * (size_t)layout.height;
+    uint8_t *source = malloc(pixels * 3);
+    if (!source)
+        return fail(ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < pixels; i++)
+        memset(source + 3 * i, view->source[i], 3);
+    status = write_image(a, name, "_source", &layout, source);
+    free(source);
+    return status;
+}
+
+static enum status draw_views(const struct surround_arguments *a, struct surroundings *s)
+{
+    struct timed_pose *views;
+    int count;
+    enum status status = pose_list_read(a->views, &views, &count);
+    if (status != OK)
+        return status;
+    struct progress_bar progress;
+    progress_bar_start(&progress, "drawing", count);
+    for (int i = 0; status == OK && i < count && !command_stopped(); i++) {
+        const bool timed = !strchr(views[i].name, '/');
+        status = surroundings_advance(s, timed ? views[i].time_ns : INT64_MAX);
+        if (status == OK)
+            status = surroundings_draw(s, views[i].pose);
+        if (status == OK)
+            status = write_view(a, &s->view, views[i].name);
+        progress_bar_step(&progress);
+    }
+    progress_bar_end(&progress);
+    free(views);
+    if (status == OK) // the rest of the path is part of the answer
+        status = surroundings_advance(s, INT64_MAX);
+    return status;
+}
+
+static enum status write_trajectory(const struct surround_arguments *a, const struct surroundings *s)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
+    FILE *to = fopen(path, "w");
+    if (!to)
+        return fail(ERR_IO, "%s cannot be written", path);
+    fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n",
+            s->kind == SURROUNDINGS_ROBOT ? "body" : "camera");
+    for (int i = 0; i < s->taken; i++) {
+        const struct pose p = s->poses[i];
+        const int64_t t = s->pictures[i].time_ns;
+        fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", t / 1000000000, t % 1000000000,
+                p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z,
+                p.rotation.w);
+    }
+    const bool bad = ferror(to);
+    return fclose(to) || bad ? fail(ERR_IO, "%s cannot be written; is the disk full?", path) : OK;
+}
+
+static enum status write_stats(const struct surround_arguments *a, const struct surroundings *s)
+{
+    struct json *root = json_new_object();
+    json_add_number(root, "pictures", s->drawn);
+    json_add_number(root, "captures", s->taken);
+    json_add_number(root, "unplaced", s->unplaced);
+    json_add_number(root, "align_ms", s->taken ? (double)s->align_ns * 1e-6 / s->taken : 0);
+    json_add_number(root, "align_worst_ms", (double)s->worst_align_ns * 1e-6);
+    json_add_number(root, "depth_ms", s->depths_made ? (double)s->depth_ns * 1e-6 / s->depths_made : 0);
+    json_add_number(root, "depths_made", s->depths_made);
+    json_add_number(root, "draw_ms", s->drawn ? (double)s->draw_ns * 1e-6 / s->drawn : 0);
+    json_add_number(root, "threads", s->how.threads);
+    char *text = json_print(root);
+    json_free(&root);
+    if (!text)
+        return fail(ERR_MEMORY, "out of memory");
+    char path[4096];
+    snprintf(path, sizeof path, "%s/stats.json", a->out);
+    const enum status status = file_write(path, text, strlen(text));
+    if (status == OK && a->json)
+        fputs(text, stdout);
+    free(text);
+    return status;
+}
+
+int reenact_surround(int argc, char **argv)
+{
+    struct surround_arguments arguments = {0};
+    static const struct argp argp = {
+        options,
+        parse,
+        "FOLDER",
+        "Draws pictures of surroundings from a free viewpoint.\v"
+        "FOLDER holds a robot's captures (panorama.txt, depth_*.txt, odometry.txt) or a vehicle's (panorama.txt, "
+        "panorama_poses.txt, points.ply), and calibration.json. What nobody has seen is hatched.",
+        NULL,
+        NULL,
+        NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_catch_signals();
+    struct surroundings s;
+    enum status status = surroundings_open(&s, arguments.folder, NULL);
+    if (status != OK)
+        return command_failed(argv[0]);
+    s.clock = clock_now_ns;
+    s.plain = arguments.plain;
+    s.how.view.depth_test = !arguments.no_depth_test;
+    status = folder_make(arguments.out);
+    if (status == OK)
+        status = draw_views(&arguments, &s);
+    if (status == OK)
+        status = write_trajectory(&arguments, &s);
+    if (status == OK)
+        status = write_stats(&arguments, &s);
+    if (status == OK && !arguments.json)
+        printf("%d pictures from %d captures, %d of them not aligned\n", s.drawn, s.taken, s.unplaced);
+    surroundings_close(&s);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,9 @@
+// Watershed segmentation of an image by flooding from seeds (Meyer 1991). Pure but for memory.
+#pragma once
+#include "reenact/surround/picture/surround_picture.h"
+
+// label[width * height]: the seed's number at seeds, WATERSHED_FREE where it may grow, WATERSHED_BARRED where not.
+// Free pixels get the label of the seed that reaches them over the lowest edges of colour, at most `reach` steps away
+// (steps along a panorama's row count by their true width); the others stay free. ERR_MEMORY.
+enum { WATERSHED_FREE = -1, WATERSHED_BARRED = -2 };
+MUST_CHECK enum status watershed_grow(const struct surround_picture *p, int reach, int32_t *label);

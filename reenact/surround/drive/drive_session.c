@@ -1,0 +1,166 @@
+#include "reenact/surround/drive/drive_session.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct drive_options drive_default_options(void) { return (struct drive_options){.patience_s = 0.5}; }
+
+static bool delivers(void *self, int capture)
+{
+    const struct drive_session *s = self;
+    return drive_link_delivers(&s->how.link, (uint32_t)capture);
+}
+
+static struct lens resized(const struct lens *lens, const struct drive_options *how)
+{
+    struct lens out = *lens;
+    if (how->width > 0 && how->height > 0) {
+        const double scale = (double)how->width / lens->width;
+        out.width = how->width;
+        out.height = how->height;
+        out.fx *= scale;
+        out.fy *= scale;
+        out.cx = (how->width - 1) / 2.0;
+        out.cy = (how->height - 1) / 2.0;
+    }
+    return out;
+}
+
+static enum status open_simulated(struct drive_session *s, const char *stage)
+{
+    struct box_world world;
+    struct pose start;
+    struct rover_options how = rover_default_options();
+    const int number = *stage ? atoi(stage) : 3;
+    if (number < 1 || number > 3)
+        return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
+                    stage);
+    s->simulated = true;
+    how.view = resized(&how.view, &s->how);
+    rover_trial_world(number, &world, &start);
+    return simulated_rover_open(&s->rover, &world, start, &how);
+}
+
+static enum status open_folder(struct drive_session *s, const char *folder)
+{
+    enum status status = surroundings_open(&s->played, folder, NULL);
+    if (status != OK)
+        return status;
+    if (s->played.kind != SURROUNDINGS_ROBOT)
+        return fail(ERR_INPUT, "%s holds no robot's captures (odometry.txt); for a vehicle's use reenact surround",
+                    folder);
+    s->played.delivers = delivers;
+    s->played.delivers_self = s;
+    s->first_ns = s->played.set.captures[0].time_ns;
+    const struct lens lens = resized(&s->played.set.view, &s->how);
+    surround_view_close(&s->played.view);
+    return surround_view_open(&s->played.view, &lens);
+}
+
+enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
+{
+    *s = (struct drive_session){.how = *how, .viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2};
+    s->watch.patience_s = how->patience_s;
+    enum status status;
+    if (!strncmp(uri, "sim:", 4))
+        status = open_simulated(s, uri + 4);
+    else if (!strncmp(uri, "folder:", 7))
+        status = open_folder(s, uri + 7);
+    else
+        status = fail(ERR_INPUT, "'%s' is no robot; use folder:DIR or sim:", uri);
+    if (status != OK)
+        drive_session_close(s);
+    return status;
+}
+
+void drive_session_close(struct drive_session *s)
+{
+    simulated_rover_close(&s->rover);
+    surroundings_close(&s->played);
+    *s = (struct drive_session){0};
+}
+
+// What arrives at the robot by now.
+static void receive(struct drive_session *s)
+{
+    while (s->pending_count && s->pending[0].arrives_ns <= s->now_ns) {
+        s->command = s->pending[0].command;
+        s->watch.heard = true;
+        s->watch.heard_ns = s->pending[0].arrives_ns;
+        memmove(s->pending, s->pending + 1, (size_t)--s->pending_count * sizeof *s->pending);
+    }
+}
+
+static int64_t delay_ns(const struct drive_session *s) { return llround(s->how.link.delay_s * 1e9); }
+
+static void send(struct drive_session *s, const struct drive_command *command)
+{
+    if (!drive_link_delivers(&s->how.link, s->sent++) || s->pending_count == DRIVE_PENDING)
+        return;
+    s->pending[s->pending_count].command = *command;
+    s->pending[s->pending_count++].arrives_ns = s->now_ns + delay_ns(s);
+}
+
+enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
+{
+    const double seconds = (double)(now_ns - s->now_ns) * 1e-9;
+    s->now_ns = now_ns;
+    if (command)
+        send(s, command);
+    receive(s);
+    if (!s->simulated) {
+        const struct surround_set *set = &s->played.set;
+        const int64_t at = s->first_ns + now_ns - delay_ns(s);
+        s->ended = at > set->odometry[set->odometry_count - 1].time_ns;
+        s->link_lost = s->ended;
+        return surroundings_advance(&s->played, at);
+    }
+    const struct drive_command carried = link_watch_command(&s->watch, s->command, now_ns, &s->link_lost);
+    return simulated_rover_step(&s->rover, carried, seconds);
+}
+
+struct pose drive_session_pose(const struct drive_session *s)
+{
+    if (s->simulated)
+        return simulated_rover_pose(&s->rover);
+    const struct surround_set *set = &s->played.set;
+    const int64_t at = s->first_ns + s->now_ns - delay_ns(s);
+    return depth_alignment_bridge(&s->played.alignment, pose_list_at(set->odometry, set->odometry_count, at));
+}
+
+// The command that moved the body over the last quarter of a second of a played folder.
+static struct drive_command played_command(const struct drive_session *s)
+{
+    const struct surround_set *set = &s->played.set;
+    const int64_t at = s->first_ns + s->now_ns - delay_ns(s);
+    const struct pose before = pose_list_at(set->odometry, set->odometry_count, at - 250000000);
+    const struct pose after = pose_list_at(set->odometry, set->odometry_count, at);
+    const struct pose moved = pose_multiply(pose_inverse(before), after);
+    return (struct drive_command){moved.translation.x / 0.25, quat_to_rotation_vector(moved.rotation).z / 0.25};
+}
+
+enum status drive_session_draw(struct drive_session *s, const struct surround_view **view)
+{
+    struct surroundings *seen = s->simulated ? &s->rover.surroundings : &s->played;
+    const double *size = s->simulated ? s->rover.how.size_m : s->played.set.body_size_m;
+    const struct pose body = drive_session_pose(s);
+    const struct pose eye = s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
+                                     : operator_viewpoint(s->viewpoint, body, size);
+    const enum status status = surroundings_draw(seen, eye);
+    if (status != OK)
+        return status;
+    struct operator_overlay overlay = {.world_from_body = body, .link_lost = s->link_lost};
+    memcpy(overlay.size_m, size, sizeof overlay.size_m);
+    overlay.command = s->simulated ? s->rover.command : played_command(s);
+    const int64_t newest = seen->taken ? seen->pictures[seen->taken - 1].time_ns : s->first_ns;
+    overlay.age_s = (double)(s->now_ns + (s->simulated ? 0 : s->first_ns) - newest) * 1e-9;
+    struct nearest_thing thing;
+    const bool near = nearest_in_view(&seen->view, body, size, 0.1, &thing) == OK;
+    if (!s->orbit && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
+        overlay.size_m[0] = overlay.size_m[1] = overlay.size_m[2] = 0;
+        overlay.command = (struct drive_command){0, 0};
+    }
+    operator_overlay_draw(&seen->view, &overlay, near ? &thing : NULL);
+    *view = &seen->view;
+    return OK;
+}

@@ -1,0 +1,48 @@
+// Driving by pictures, whatever the robot: `sim:` (sim:1, sim:2, sim:3: the stages of simulated_rover.h) or
+// `folder:DIR`, a set that is played in real time. Times are given: the session reads no clock. One thread.
+#pragma once
+#include "reenact/surround/drive/simulated_rover.h"
+
+struct drive_options {
+    struct drive_link link; // delay and loss; default: none
+    double patience_s;      // without a command for this long the robot stops, 0.5
+    int width, height;      // of the operator's pictures; 0: the set's
+};
+struct drive_options drive_default_options(void);
+
+enum { DRIVE_PENDING = 64 };
+
+struct drive_session {
+    bool simulated;
+    struct drive_options how;
+    struct simulated_rover rover; // simulated
+    struct surroundings played;   // folder
+    int64_t first_ns;             // folder: its time at session time 0
+    int64_t now_ns;               // session time
+    struct link_watch watch;
+    struct drive_command command; // the last that arrived
+    struct {
+        struct drive_command command;
+        int64_t arrives_ns;
+    } pending[DRIVE_PENDING]; // under way to the robot, oldest first
+    int pending_count;
+    uint32_t sent;         // packets
+    bool link_lost, ended; // ended: the folder is played to its end
+    enum viewpoint viewpoint;
+    bool orbit; // a free viewpoint round the body
+    double azimuth, elevation, distance_m;
+};
+
+// ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
+MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how);
+void drive_session_close(struct drive_session *s); // what was zeroed, too
+
+// Moves on to `now_ns` (session time, rising, steps of at most a second are sensible). command: what the operator sends
+// at this moment; NULL: nothing.
+MUST_CHECK enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command);
+
+// Draws the operator's picture with the overlay; *view lives as long as the session.
+MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct surround_view **view);
+
+// The body as the operator's side believes it to be.
+struct pose drive_session_pose(const struct drive_session *s);

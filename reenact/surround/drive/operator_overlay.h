@@ -1,0 +1,35 @@
+// What an operator sees over the surroundings: the robot's body, transparent and of its true size, hidden where
+// something stands in front of it; an arrow along the arc that it will drive in the next two seconds; a line to what is
+// nearest, with its distance; the picture's age; and a warning when the link is lost. Drawn into a surround_view.
+#pragma once
+#include "reenact/surround/drive/robot_motion.h"
+#include "reenact/surround/view/surround_view.h"
+
+struct operator_overlay {
+    struct pose world_from_body;
+    double size_m[3]; // length, width, height
+    struct drive_command command;
+    double age_s;   // of the newest capture
+    bool link_lost; // the robot stands
+};
+
+struct nearest_thing {
+    double distance_m; // from the body's rectangle on the floor
+    double at[3];      // world
+    double from[3];    // the body's nearest point, at the same height
+};
+
+// The nearest thing in a drawn picture that stands between `low_m` above the floor and the body's height: of the
+// distances of its pixels the tenth smallest, so that a single wrong pixel says nothing. NOTHING: none in the picture.
+MUST_CHECK enum status nearest_in_view(const struct surround_view *view, struct pose world_from_body,
+                                       const double size_m[3], double low_m, struct nearest_thing *out);
+
+// thing NULL: no line.
+void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *o,
+                           const struct nearest_thing *thing);
+
+// Viewpoints. First person: at the head, looking ahead. Third person: behind and above. Above: straight down.
+enum viewpoint { VIEWPOINT_FIRST, VIEWPOINT_THIRD, VIEWPOINT_ABOVE };
+struct pose operator_viewpoint(enum viewpoint kind, struct pose world_from_body, const double size_m[3]);
+// A free one: round the body at `azimuth` (0: behind it), `elevation` above level and `distance_m`.
+struct pose operator_orbit(struct pose world_from_body, double azimuth, double elevation, double distance_m);

@@ -1,0 +1,60 @@
+// A picture of the surroundings: an equirectangular panorama or a perspective picture, its pose, and the depth of each
+// of its pixels.
+//
+// Camera axes x right, y down, z forward; metres. Equirectangular: column u is the angle (u + 0.5) / width 2 pi - pi
+// about the vertical, 0 straight ahead, growing to the right; row v is (v + 0.5) / height pi below the zenith. Depth is
+// kept as the inverse of the distance along the pixel's ray, because that is linear in the unit ray on every plane:
+// 1 / distance = a . ray, with a = n / d of the plane n . p = d.
+//
+// Pure but for memory; a picture may be read by any number of threads.
+#pragma once
+#include "base/lens.h"
+
+// inverse[] of a pixel: 1/m of its ray's length. 0: infinitely far (sky). Negative: not known.
+#define DEPTH_UNKNOWN (-1.0f)
+
+// joined[]: which neighbours lie on the same surface as a pixel.
+enum { JOINED_RIGHT = 1, JOINED_DOWN = 2, JOINED_DIAGONAL = 4 /* all of the four pixels right and down of this one */ };
+
+struct surround_picture {
+    bool panorama;     // else perspective, by lens
+    int width, height; // pixels
+    struct lens lens;  // of a perspective picture; ideal (undistort first)
+    struct pose world_from_camera;
+    int64_t time_ns;
+    uint8_t *rgb;      // width * height * 3, owned
+    float *inverse;    // width * height, owned; NULL until the depth is made
+    uint8_t *joined;   // width * height, owned; with inverse
+    float gain[3];     // what the colours are multiplied by so that all pictures have one exposure; 1 at first
+    float *ray_table;  // sine and cosine of each column, then of each row (panoramas), owned
+    double axes[3][3]; // the rotation of world_from_camera as a matrix, set by surround_picture_place
+};
+
+// A picture of `rgb`, which it owns from now on, also after a failure. lens NULL: a panorama. ERR_MEMORY.
+MUST_CHECK enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int width, int height,
+                                             const struct lens *lens);
+// The image that an ideal lens of the same size and focal length would have taken: rgb as `lens` took it, in place of
+// which the result is written; lens loses its distortion. ERR_MEMORY.
+MUST_CHECK enum status surround_image_undistort(uint8_t *rgb, struct lens *lens);
+void surround_picture_free(struct surround_picture *p); // what was zeroed, too
+
+void surround_picture_place(struct surround_picture *p, struct pose world_from_camera);
+
+// Marks the pixels that lie on one surface: neighbours whose depth continues each other's slope within 3 %.
+// Needs inverse; fills joined.
+void surround_picture_join(struct surround_picture *p);
+
+// Unit vector in camera axes through a pixel.
+void surround_picture_ray(const struct surround_picture *p, int u, int v, float ray[3]);
+
+struct picture_point {
+    float u, v;     // pixels
+    float distance; // metres, along the ray
+};
+
+// Where a world point lies in the picture. False: behind a perspective picture or outside it. Panoramas wrap: u is in
+// [-0.5, width - 0.5).
+bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out);
+
+// The colour at (u, v), by Catmull-Rom interpolation, times the gain.
+void surround_picture_sample(const struct surround_picture *p, float u, float v, float rgb[3]);

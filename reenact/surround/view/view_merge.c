@@ -1,0 +1,128 @@
+// Which of the layers' depths a pixel has, by the view-dependent depth test.
+#include "reenact/surround/view/view_layers.h"
+
+#include <string.h>
+
+// The nearest and farthest of the 3 x 3 pixels around a point decide, so that an edge a pixel off is no contradiction.
+enum sight picture_sight(const struct surround_picture *p, const struct picture_point *at, float apart)
+{
+    const int u = (int)floorf(at->u + 0.5f), v = (int)floorf(at->v + 0.5f);
+    const float wanted = 1 / at->distance;
+    float least = 1e9f, most = DEPTH_UNKNOWN;
+    for (int j = -1; j <= 1; j++)
+        for (int i = -1; i <= 1; i++) {
+            int x = u + i, y = v + j;
+            if (p->panorama)
+                x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
+            if (x < 0 || x >= p->width || y < 0 || y >= p->height)
+                continue;
+            const float inverse = p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
+            if (inverse < 0)
+                continue;
+            least = inverse < least ? inverse : least;
+            most = inverse > most ? inverse : most;
+        }
+    if (most < 0)
+        return SIGHT_UNKNOWN;
+    if (least > wanted * (1 + apart) + 1e-4f)
+        return SIGHT_HIDDEN;
+    return most < wanted * (1 - apart) - 1e-4f ? SIGHT_THROUGH : SIGHT_SEEN;
+}
+
+struct candidate {
+    float inverse_z;
+    int layer;
+};
+
+// Error of a candidate by equation 1: the mean, weighted by 1 / angle, of how far behind it the pictures see that look
+// through it, as a share of its distance; those that are hidden from it say nothing.
+static double error_of(const struct surround_view *view, const struct surround_picture *const *pictures, int count,
+                       int pixel, float inverse_z)
+{
+    double world[3], sum = 0, weights = 0;
+    surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, inverse_z, world);
+    const struct vec3 at = v3(world[0], world[1], world[2]);
+    const struct vec3 to_view = v3_unit(v3_sub(view->world_from_view.translation, at));
+    for (int i = 0; i < count; i++) {
+        struct picture_point seen;
+        if (!surround_picture_project(pictures[i], world, &seen))
+            continue;
+        const enum sight sight = picture_sight(pictures[i], &seen, 0.03f);
+        if (sight == SIGHT_HIDDEN || sight == SIGHT_UNKNOWN)
+            continue;
+        const struct vec3 to_picture = v3_unit(v3_sub(pictures[i]->world_from_camera.translation, at));
+        const double sine = v3_length(v3_cross(to_view, to_picture)) + 0.05;
+        weights += 1 / sine;
+        sum += (sight == SIGHT_THROUGH) / sine;
+    }
+    return weights > 0 ? sum / weights : 0;
+}
+
+// Sorted from the nearest; returns how many.
+static int collect(const float *layers, size_t pixels, int count, size_t pixel, struct candidate *out)
+{
+    int n = 0;
+    for (int l = 0; l < count; l++) {
+        const float value = layers[(size_t)l * pixels + pixel];
+        if (value < 0)
+            continue;
+        int at = n++;
+        for (; at > 0 && out[at - 1].inverse_z < value; at--)
+            out[at] = out[at - 1];
+        out[at] = (struct candidate){value, l};
+    }
+    return n;
+}
+
+// The end of the surface that begins at candidate `from`.
+static int surface_end(const struct candidate *c, int count, int from, double apart)
+{
+    int end = from + 1;
+    while (end < count && c[end].inverse_z >= (float)(1 - apart) * c[from].inverse_z - 1e-4f)
+        end++;
+    return end;
+}
+
+// The mean of a surface's depths, the nearer pictures (lower layers) counting more.
+static struct candidate surface_mean(const struct candidate *c, int from, int end)
+{
+    double sum = 0, weights = 0;
+    struct candidate out = c[from];
+    for (int i = from; i < end; i++) {
+        const double w = 1.0 / (1 + c[i].layer);
+        sum += w * (double)c[i].inverse_z;
+        weights += w;
+        out.layer = c[i].layer < out.layer ? c[i].layer : out.layer;
+    }
+    out.inverse_z = (float)(sum / weights);
+    return out;
+}
+
+void view_merge(struct surround_view *view, const struct surround_picture *const *pictures, const float *layers,
+                int count, const struct view_options *how)
+{
+    const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
+    for (size_t i = 0; i < pixels; i++) {
+        struct candidate list[SURROUND_MOST_LAYERS];
+        const int n = collect(layers, pixels, count, i, list);
+        view->inverse_z[i] = DEPTH_UNKNOWN;
+        view->first[i] = -1;
+        if (!n)
+            continue;
+        struct candidate best = {0};
+        double least = 2;
+        for (int from = 0, end; from < n && least > 0.4; from = end) {
+            end = surface_end(list, n, from, how->apart);
+            const struct candidate mean = surface_mean(list, from, end);
+            const bool alone = from == 0 && end == n;
+            const double error =
+                how->depth_test && !alone ? error_of(view, pictures, count < 8 ? count : 8, (int)i, mean.inverse_z) : 0;
+            if (error < least) {
+                least = error;
+                best = mean;
+            }
+        }
+        view->inverse_z[i] = best.inverse_z;
+        view->first[i] = (int16_t)best.layer;
+    }
+}

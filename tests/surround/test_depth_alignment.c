@@ -1,0 +1,202 @@
+// Alignment of depth: branch and bound gives the exhaustive search's answer, and captures of a small world are placed
+// where they were, also when the odometry jumps, where one flat wall leaves a shift open, and where a person walks by.
+#include "tests/support/test.h"
+
+#include "reenact/surround/alignment/depth_alignment.h"
+#include "reenact/surround/drive/simulated_rover.h"
+#include "base/portable_math.h"
+
+#include <stdio.h>
+
+enum { POINTS = 300, CLOUDS = 6 };
+
+// The same answer on random maps with clutter, ties (an empty map) included, for a fraction of the reads.
+static void test_branch_and_bound_is_exact(void **state)
+{
+    (void)state;
+    struct search_options how = search_default_options();
+    how.turns = 4;
+    int64_t all = 0, bounded = 0;
+    for (uint64_t seed = 1; seed <= CLOUDS; seed++) {
+        struct rng random = {seed};
+        double(*points)[2] = calloc(POINTS, sizeof *points);
+        struct search_grid grid;
+        const double low[2] = {-4, -4}, high[2] = {4, 4}, guess[3] = {0.05, -0.03, 0.02};
+        assert_int_equal(search_grid_make(&grid, low, high, &how), OK);
+        for (int i = 0; i < POINTS; i++) {
+            const bool wall = i % 3 > 0;
+            points[i][0] = wall ? 2 : 3 * rng_between(&random, -1, 1);
+            points[i][1] = wall ? 2 * rng_between(&random, -1, 1) : 3 * rng_between(&random, -1, 1);
+            if (seed > 1 && i % 5)
+                search_grid_mark(&grid, points[i][0] + 0.11, points[i][1] - 0.07, how.epsilon_m);
+        }
+        search_grid_finish(&grid);
+        struct search_result a, b;
+        assert_int_equal(search_exhaustive(&grid, (const double(*)[2])points, POINTS, guess, &how, &a), OK);
+        assert_int_equal(search_branch_and_bound(&grid, (const double(*)[2])points, POINTS, guess, &how, &b), OK);
+        if (a.turn != b.turn || a.x != b.x || a.y != b.y || a.score != b.score) {
+            print_error("seed %d: all (%d %d %d, %d hits), branch and bound (%d %d %d, %d hits)\n", (int)seed, a.turn,
+                        a.x, a.y, a.hits, b.turn, b.x, b.y, b.hits);
+            fail_test();
+        }
+        all += seed > 1 ? a.lookups : 0;
+        bounded += seed > 1 ? b.lookups : 0;
+        search_grid_free(&grid);
+        free(points);
+    }
+    EXPECT_AT_LEAST((double)all / (double)bounded, 10);
+}
+
+struct ride {
+    struct box_world world;
+    struct depth_alignment alignment;
+    uint32_t seed;
+};
+
+static struct pose at(double x, double y, double degrees)
+{
+    return (struct pose){quat_from_rotation_vector(v3(0, 0, degrees * 0.017453292519943295)), v3(x, y, 0)};
+}
+
+static void see(struct ride *r, struct pose world_from_body, struct depth_points *points)
+{
+    const struct lens lens = {.width = 120, .height = 90, .fx = 107, .fy = 107, .cx = 59.5, .cy = 44.5};
+    static uint16_t depth[120 * 90];
+    for (int c = 0; c < 4; c++) {
+        double level[3][3] = {{0, 0, 1}, {-1, 0, 0}, {0, -1, 0}};
+        const struct quat down = quat_from_rotation_vector(v3(0, 0.436, 0));
+        const struct quat turn = quat_from_rotation_vector(v3(0, 0, c * 1.5707963));
+        const struct pose camera = {quat_multiply(turn, quat_multiply(down, quat_from_matrix(level))), v3(0, 0, 0.9)};
+        box_world_depth(&r->world, pose_multiply(world_from_body, camera), &lens, 4, ++r->seed, depth);
+        assert_int_equal(depth_points_add(points, depth, &lens, camera, 1), OK);
+    }
+}
+
+static enum status capture(struct ride *r, struct pose truth, struct pose odometry, struct pose *found)
+{
+    struct depth_points points = {0};
+    see(r, truth, &points);
+    const enum status status = depth_alignment_add(&r->alignment, &points, odometry, found);
+    depth_points_free(&points);
+    return status;
+}
+
+static void start(struct ride *r, int stage)
+{
+    struct pose begin;
+    const struct alignment_options how = alignment_default_options();
+    *r = (struct ride){.seed = 7};
+    rover_trial_world(stage, &r->world, &begin);
+    assert_int_equal(depth_alignment_open(&r->alignment, &how), OK);
+}
+
+static void expect_pose(struct pose found, struct pose truth, double within_m, double within_degrees)
+{
+    EXPECT_NEAR(found.translation.x, truth.translation.x, within_m);
+    EXPECT_NEAR(found.translation.y, truth.translation.y, within_m);
+    EXPECT_NEAR(pose_angle(found, truth) * 57.29577951308232, 0, within_degrees);
+}
+
+static void test_captures_are_placed(void **state)
+{
+    (void)state;
+    struct ride r;
+    struct pose found;
+    start(&r, 3);
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    assert_int_equal(capture(&r, at(0.3, 0.05, 8), at(0.33, 0.02, 9.5), &found), OK);
+    expect_pose(found, at(0.3, 0.05, 8), 0.006, 0.2);
+    assert_int_equal(capture(&r, at(0.6, 0.1, 0), at(0.66, 0.05, 3), &found), OK);
+    expect_pose(found, at(0.6, 0.1, 0), 0.006, 0.2);
+    depth_alignment_close(&r.alignment);
+}
+
+static void test_odometry_that_jumps(void **state)
+{
+    (void)state;
+    struct ride r;
+    struct pose found;
+    start(&r, 3);
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    assert_int_equal(capture(&r, at(0.3, 0.05, 4), at(1.1, 0.6, 14), &found), OK);
+    expect_pose(found, at(0.3, 0.05, 4), 0.01, 0.3);
+    depth_alignment_close(&r.alignment);
+}
+
+// Along the wall the odometry stands; across it the wall decides.
+static void test_one_flat_wall(void **state)
+{
+    (void)state;
+    struct ride r;
+    struct pose found;
+    start(&r, 1);
+    r.world.boxes[0].low[0] = -30; // no end in range
+    r.world.boxes[0].high[0] = 30;
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    assert_int_equal(capture(&r, at(0.5, 0.1, 2), at(0.52, 0.06, 3), &found), OK);
+    EXPECT_NEAR(found.translation.y, 0.1, 0.006);
+    EXPECT_NEAR(pose_angle(found, at(0, 0, 2)) * 57.3, 0, 0.2);
+    EXPECT_NEAR(found.translation.x, 0.52, 0.03);
+    depth_alignment_close(&r.alignment);
+}
+
+static void test_a_person_walks_through(void **state)
+{
+    (void)state;
+    struct ride r;
+    struct pose found;
+    start(&r, 3);
+    struct box *person = &r.world.boxes[r.world.count++];
+    *person = (struct box){.low = {1.0, -0.2, 0}, .high = {1.3, 0.2, 1.8}};
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    person->low[1] = 0.3, person->high[1] = 0.7;
+    assert_int_equal(capture(&r, at(0.2, 0, 5), at(0.23, 0.02, 6), &found), OK);
+    expect_pose(found, at(0.2, 0, 5), 0.01, 0.3);
+    depth_alignment_close(&r.alignment);
+}
+
+// What does not fit keeps the odometry's pose, says so, and leaves the map alone.
+static void test_what_does_not_fit(void **state)
+{
+    (void)state;
+    struct ride r, other;
+    struct pose found;
+    start(&r, 3);
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    const size_t before = r.alignment.surface.used;
+    rover_trial_world(1, &other.world, &found);
+    r.world = other.world;
+    r.world.boxes[0].low[0] = -0.4, r.world.boxes[0].high[0] = 0.45;
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0.1, 0, 0), &found), NOTHING);
+    expect_pose(found, at(0.1, 0, 0), 1e-9, 1e-6);
+    assert_int_equal(r.alignment.surface.used, before);
+    assert_int_equal(r.alignment.capture_count, 1);
+    depth_alignment_close(&r.alignment);
+}
+
+static void test_when_to_capture(void **state)
+{
+    (void)state;
+    struct ride r;
+    struct pose found;
+    start(&r, 3);
+    assert_true(depth_alignment_wants(&r.alignment, at(0, 0, 0), 0));
+    assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
+    assert_false(depth_alignment_wants(&r.alignment, at(0.59, 0, 0), 0));
+    assert_true(depth_alignment_wants(&r.alignment, at(0.61, 0, 0), 0));
+    assert_true(depth_alignment_wants(&r.alignment, at(0, 0, 21), 0));
+    assert_false(depth_alignment_wants(&r.alignment, at(0, 0, 19), 199000000000));
+    assert_true(depth_alignment_wants(&r.alignment, at(0, 0, 0), 200000000000));
+    depth_alignment_close(&r.alignment);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_branch_and_bound_is_exact), cmocka_unit_test(test_captures_are_placed),
+        cmocka_unit_test(test_odometry_that_jumps),       cmocka_unit_test(test_one_flat_wall),
+        cmocka_unit_test(test_a_person_walks_through),    cmocka_unit_test(test_what_does_not_fit),
+        cmocka_unit_test(test_when_to_capture),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

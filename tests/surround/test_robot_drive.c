@@ -1,0 +1,122 @@
+// Driving: motion, the link, the overlay, and the trial in which a scripted driver who only sees the drawn picture's
+// nearest distance approaches a wall without touching it.
+#include "tests/support/test.h"
+
+#include "reenact/surround/drive/simulated_rover.h"
+
+#include <stdio.h>
+
+static void test_motion_is_an_arc(void **state)
+{
+    (void)state;
+    const struct drive_command c = {0.5, 0.4};
+    struct pose steps = POSE_IDENTITY;
+    const struct pose once = robot_motion_after(POSE_IDENTITY, c, 2);
+    for (int i = 0; i < 100; i++)
+        steps = robot_motion_after(steps, c, 0.02);
+    EXPECT_NEAR(v3_distance(steps.translation, once.translation), 0, 1e-9);
+    EXPECT_NEAR(once.translation.x, 0.5 / 0.4 * sin(0.8), 1e-12);
+    EXPECT_NEAR(once.translation.y, 0.5 / 0.4 * (1 - cos(0.8)), 1e-12);
+}
+
+static void test_a_lost_link_stops_the_robot(void **state)
+{
+    (void)state;
+    struct link_watch watch = {.patience_s = 0.5};
+    const struct drive_command go = {0.3, 0};
+    bool lost;
+    EXPECT_NEAR(link_watch_command(&watch, go, 0, &lost).speed, 0, 0);
+    assert_true(lost);
+    watch.heard = true;
+    watch.heard_ns = 1000000000;
+    EXPECT_NEAR(link_watch_command(&watch, go, 1400000000, &lost).speed, 0.3, 0);
+    assert_false(lost);
+    EXPECT_NEAR(link_watch_command(&watch, go, 1600000000, &lost).speed, 0, 0);
+    assert_true(lost);
+    const struct drive_link link = {.loss = 0.3, .seed = 5};
+    int arrived = 0;
+    for (uint32_t i = 0; i < 10000; i++)
+        arrived += drive_link_delivers(&link, i);
+    EXPECT_NEAR(arrived, 7000, 200);
+}
+
+static void test_clearance(void **state)
+{
+    (void)state;
+    struct box_world w;
+    struct pose start;
+    const double size[3] = {0.6, 0.5, 1.2};
+    rover_trial_world(1, &w, &start);
+    EXPECT_NEAR(box_world_clearance(&w, start, size), 0.2, 1e-12);
+    rover_trial_world(2, &w, &start);
+    start.translation.x = 0.8;
+    start.translation.y = -0.5;
+    EXPECT_NEAR(box_world_clearance(&w, start, size), 0.1, 1e-12);
+    start.translation.x = 1.2;
+    EXPECT_AT_MOST(box_world_clearance(&w, start, size), 0);
+}
+
+// A narrow run of the trial: 4 starts here; `reenact drive sim: --trial 20` runs twenty.
+static void test_approaches_without_touching(void **state)
+{
+    (void)state;
+    for (uint32_t trial = 0; trial < 4; trial++) {
+        struct box_world world;
+        struct pose start;
+        struct simulated_rover rover;
+        struct rover_options how = rover_default_options();
+        double clearance;
+        how.seed = trial + 1;
+        how.panorama_height = 128;
+        rover_trial_world(3, &world, &start);
+        start.translation.x = 0.5 + 0.1 * trial;
+        start.rotation = quat_from_rotation_vector(v3(0, 0, 0.1 * trial - 0.15));
+        assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+        assert_int_equal(rover_trial_approach(&rover, &clearance), OK);
+        print_message("trial %u: %.1f mm, %d captures\n", trial, clearance * 1e3, rover.surroundings.taken);
+        EXPECT_AT_LEAST(clearance, 0.001);
+        EXPECT_AT_MOST(clearance, 0.05);
+        simulated_rover_close(&rover);
+    }
+}
+
+static void test_overlay(void **state)
+{
+    (void)state;
+    struct box_world world;
+    struct pose start;
+    struct simulated_rover rover;
+    struct rover_options how = rover_default_options();
+    how.panorama_height = 128;
+    rover_trial_world(3, &world, &start);
+    assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+    const struct surround_view *view = &rover.surroundings.view;
+    assert_int_equal(simulated_rover_draw(&rover, operator_viewpoint(VIEWPOINT_THIRD, start, how.size_m)), OK);
+    const size_t bytes = (size_t)view->lens.width * (size_t)view->lens.height * 3;
+    uint8_t *before = malloc(bytes);
+    memcpy(before, view->rgb, bytes);
+    const struct operator_overlay overlay = {
+        .world_from_body = start, .size_m = {0.6, 0.5, 1.2}, .command = {0.3, 0.2}, .age_s = 1, .link_lost = true};
+    struct nearest_thing thing;
+    assert_int_equal(nearest_in_view(view, start, how.size_m, 0.1, &thing), OK);
+    operator_overlay_draw(&rover.surroundings.view, &overlay, &thing);
+    int changed = 0;
+    for (size_t i = 0; i < bytes; i += 3)
+        changed += memcmp(before + i, view->rgb + i, 3) != 0;
+    EXPECT_AT_LEAST(changed, bytes / 3 / 50);
+    EXPECT_AT_MOST(changed, bytes / 3 / 2);
+    free(before);
+    simulated_rover_close(&rover);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_motion_is_an_arc),
+        cmocka_unit_test(test_a_lost_link_stops_the_robot),
+        cmocka_unit_test(test_clearance),
+        cmocka_unit_test(test_overlay),
+        cmocka_unit_test(test_approaches_without_touching),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
