@@ -129,6 +129,9 @@ static enum status read_relation(const struct json *root, const char *path, stru
     double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(fabs(length - 1) < 1e-2))
         return fail(ERR_INPUT, "%s: 'color_from_depth.rotation' is no unit quaternion (x, y, z, w)", path);
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(t[i]) <= 100)) // metres; no sensor is that wide
+            return fail(ERR_INPUT, "%s: the cameras of 'color_from_depth.translation_m' are %g m apart", path, t[i]);
     out->color_from_depth.rotation = quat_unit((struct quat){q[0], q[1], q[2], q[3]});
     out->color_from_depth.translation = v3(t[0], t[1], t[2]);
     return OK;

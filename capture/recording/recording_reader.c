@@ -250,6 +250,8 @@ static enum status read_place(struct recording *r, bool views, struct place *out
         status = read_view(r, s, coder, &place);
     statement_close(&s);
     depth_coder_close(&coder);
+    if (has_place && status == NOTHING && !place_is_finite(&place))
+        status = recording_damaged(r, "the place holds a number that is not finite");
     if (has_place && status == NOTHING) {
         *out = place;
         return OK;

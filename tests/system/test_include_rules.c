@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MOST_USED = 16 };
+enum { MOST_USED = 20 };
 
 struct rule {
     const char *room;               // a file belongs to the longest room that its path begins with
@@ -27,8 +27,11 @@ static const struct rule rules[] = {
     {"capture/body/", {"capture/segmentation/", RECORDING}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
+    {"capture/calibration/", {RECORDING}},
+    {"capture/objects/", {"capture/calibration/", RECORDING}},
     {"capture/",
-     {"capture/mapping/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
+      "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
@@ -43,7 +46,9 @@ static const struct rule rules[] = {
     {"app/view/", {"app/state/", RENDER}},
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
-    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", "reenact/export/", RENDER}},
+    {"app/commands/",
+     {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
+      "reenact/export/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
