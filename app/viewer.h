@@ -19,7 +19,7 @@ struct viewer_options {
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
                                  // be NULL
-    void (*wake)(void *self); // called on other threads: there is something new; may be NULL
+    void (*wake)(void *self);    // called on other threads: there is something new; may be NULL
     void *wake_self;
 };
 
