@@ -74,8 +74,8 @@ static void fill_block(struct rows *r, int x)
         if (r->level[x] != HOLE)
             continue;
         const bool run = !(r->level[x - 1] | above[-1] | above[0] | above[1]); // of holes
-        r->filled[x] = run ? r->filled[x - 1]
-                           : (LEVEL)predict(r->filled[x - 1], r->filled_above[x], r->filled_above[x - 1]);
+        r->filled[x] =
+            run ? r->filled[x - 1] : (LEVEL)predict(r->filled[x - 1], r->filled_above[x], r->filled_above[x - 1]);
     }
 }
 

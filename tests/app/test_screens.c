@@ -405,6 +405,7 @@ static void test_take_opens_immediately_and_refines(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "once more", NULL);
     glass_draw(&g);
     EXPECT_TRUE(v->image.full); // with the first drawing
+    glass_draw(&g);
     EXPECT_NEAR(v->state.avatar_progress, 1, 0);
     glass_close(&g);
 }
