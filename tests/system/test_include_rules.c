@@ -36,6 +36,7 @@ static const struct rule rules[] = {
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
     {"reenact/avatar/", {"reenact/observation/", SKELETON}},
+    {"reenact/export/", {AVATAR}},
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
@@ -47,7 +48,7 @@ static const struct rule rules[] = {
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
     {"app/commands/",
      {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
-      RENDER}},
+      "reenact/export/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
