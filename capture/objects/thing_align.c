@@ -263,12 +263,9 @@ bool thing_align(const struct align_input *in, int steps, struct alignment *a)
         return false;
     // the noise from the residuals: 1.25 is a normal distribution's standard deviation over its mean magnitude
     for (int i = 0; i < steps && damping < 1e4; i++) {
-        const double noise = 1.25 * now.magnitude / now.residuals, before = a->noise;
-        a->noise = noise < LEAST_NOISE ? LEAST_NOISE : noise;
-        // the weights hardly change with a little noise more or less: what was built stays
-        if (fabs(a->noise - before) < 0.15 * before)
-            a->noise = before;
-        else if (!build(in, a, &now))
+        a->noise = 1.25 * now.magnitude / now.residuals;
+        a->noise = a->noise < LEAST_NOISE ? LEAST_NOISE : a->noise;
+        if (!build(in, a, &now))
             return false;
         double step[ALIGN_UNKNOWNS];
         struct alignment moved = *a;

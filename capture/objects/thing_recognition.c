@@ -13,8 +13,7 @@
 #define TILT         0.5
 #define SAME_PLACE   0.25 // of its size: hypotheses of one place
 #define COARSE_SCORE 0.45
-#define WORTH_SCORE  0.3 // of the first check: a hypothesis below is not aligned
-enum { CHECK_POINTS = 160, COARSE_POINTS = 350, COARSE_STEPS = 8, TILTED = 3, FINE_STEPS = 10, MOST_HYPOTHESES = 8000 };
+enum { CHECK_POINTS = 160, COARSE_POINTS = 350, COARSE_STEPS = 12, FINE_STEPS = 10, MOST_HYPOTHESES = 8000 };
 
 struct recognizer {
     const struct thing_list *things;
@@ -235,7 +234,7 @@ static struct alignment tilted(const struct alignment *a, double x, double y)
 }
 
 // One turn tried from coarse to the level where it is decided whether it is the thing at all.
-static double align_coarse(struct search *s, int thing, const struct hypothesis *h, bool tilt, struct alignment *out)
+static double align_coarse(struct search *s, int thing, const struct hypothesis *h, struct alignment *out)
 {
     static const double tilts[5][2] = {{0, 0}, {0, TILT}, {0, -TILT}, {TILT, 0}, {-TILT, 0}};
     const struct thing_view *v = &s->views[h->view];
@@ -243,7 +242,7 @@ static double align_coarse(struct search *s, int thing, const struct hypothesis 
     const int level = level_for(&s->r->things->things[thing], v, depth, SPAN_PX);
     double best = -1;
     thing_sample(&s->r->models[thing], px_per_metre(v, depth, level), COARSE_POINTS, s->samples);
-    for (size_t k = 0; k < (tilt ? COUNT_OF(tilts) : 1); k++) {
+    for (size_t k = 0; k < COUNT_OF(tilts); k++) {
         const struct align_input in = {s->samples, THING_FLAT, s->views, s->view_count, level, {0, 0.05}, 1};
         struct alignment a = tilted(&h->pose, tilts[k][0], tilts[k][1]);
         if (!thing_align(&in, COARSE_STEPS, &a))
@@ -348,9 +347,9 @@ static enum status find_thing(struct search *s, int thing, struct detection *out
     struct alignment best = {0};
     double score = -1;
     *found = false;
-    for (int i = 0; i < count && status == OK && score < 0.95 && s->best[i].score >= WORTH_SCORE; i++) {
+    for (int i = 0; i < count && status == OK && score < 0.95; i++) {
         struct alignment a;
-        const double now = align_coarse(s, thing, &s->best[i], i < TILTED, &a);
+        const double now = align_coarse(s, thing, &s->best[i], &a);
         if (now > score) {
             score = now;
             best = a;
