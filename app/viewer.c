@@ -12,6 +12,7 @@
 // Chosen by hand.
 static const int64_t CHECK_NS = 1000000000; // interval of looking whether the file is still there
 static const int64_t POLL_NS = 4000000;     // interval of looking for frame data that is being loaded
+static const int64_t REST_NS = 500000000;   // how long the camera's images must be unneeded before it is closed
 static const double EASE_S = 0.07;          // time constant of the free box
 static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames counts as this
 
@@ -28,7 +29,7 @@ static enum status open_recording(struct viewer *v)
         status = fail(ERR_MISSING, "%s holds no take. Film one with reenact-capture record.", v->options.file);
     if (status != OK)
         return status;
-    status = recording_read_place(v->recording, &v->place);
+    status = recording_read_map(v->recording, &v->place);
     v->has_place = status == OK && v->place.tag_count + v->place.point_count > 0;
     return status < 0 ? status : OK;
 }
@@ -55,6 +56,8 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     if (status != OK)
         return status;
     int64_t now_ns = clock_now_ns();
+    if (options->opening)
+        options->opening(options->wake_self);
     status = open_recording(v);
     if (status == ERR_DEVICE || status == ERR_MEMORY)
         return status;
@@ -110,8 +113,8 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     if (v->feed) {
         const struct camera_frame *frame = v->frame = camera_feed_latest(v->feed);
         v->feed_state = camera_feed_query(v->feed);
-        camera.seeing = v->feed_state.seeing;
-        camera.received_ns = v->feed_state.received_ns;
+        camera.seeing = v->feed_state.seeing || v->camera_rests;
+        camera.received_ns = v->camera_rests ? now_ns : v->feed_state.received_ns;
         camera.frame = frame ? frame->number : 0;
         camera.placed = frame && frame->placed;
         camera.moved_tags = frame ? frame->moved_tags : 0;
@@ -119,6 +122,25 @@ static void update_camera(struct viewer *v, int64_t now_ns)
         camera.trouble = v->feed_state.trouble;
     }
     view_state_on_camera(&v->state, &camera, now_ns);
+}
+
+// The camera is not read while its images would change nothing: while the user walks round by hand, and while the take
+// is paused and the last image has its pose; that image then stays.
+static void rest_camera(struct viewer *v, int64_t now_ns)
+{
+    const struct view_state *s = &v->state;
+    const bool paused = !s->playback.playing && !s->scrubbing && v->frame && v->frame->placed;
+    const bool unneeded = s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving;
+    if (!v->feed)
+        return;
+    if (!unneeded)
+        v->camera_unneeded_ns = 0;
+    else if (!v->camera_unneeded_ns)
+        v->camera_unneeded_ns = now_ns;
+    const bool rest = unneeded && now_ns - v->camera_unneeded_ns >= REST_NS;
+    if (rest != v->camera_rests && !v->suspended)
+        camera_feed_suspend(v->feed, rest);
+    v->camera_rests = rest;
 }
 
 static void apply_gesture(struct viewer *v, int64_t now_ns)
@@ -176,7 +198,7 @@ void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns)
         return;
     v->suspended = suspend;
     if (v->feed)
-        camera_feed_suspend(v->feed, suspend);
+        camera_feed_suspend(v->feed, suspend || v->camera_rests);
     if (suspend)
         v->suspended_ns = now_ns;
     else
@@ -187,6 +209,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
 {
     struct view_state *s = &v->state;
     update_camera(v, now_ns);
+    rest_camera(v, now_ns);
     apply_gesture(v, now_ns);
     bool sticks = input_map_pad(&v->input, s, fmin((double)(now_ns - v->pad_ns) * 1e-9, 0.1), now_ns);
     v->pad_ns = now_ns;
@@ -202,6 +225,8 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         next_ns = now_ns + POLL_NS;
     if (s->page == PAGE_WATCH && v->take_view && !take_view_final(v->take_view))
         next_ns = now_ns;
+    if (v->camera_unneeded_ns && !v->camera_rests && v->camera_unneeded_ns + REST_NS < next_ns)
+        next_ns = v->camera_unneeded_ns + REST_NS;
     return sticks ? now_ns : next_ns;
 }
 
@@ -370,6 +395,25 @@ static enum status take_screenshot(struct viewer *v, int64_t now_ns)
     return OK;
 }
 
+static struct ui_input input_of(const struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
+{
+    return (struct ui_input){surface->width,     surface->height,    surface->px_per_dp,    now_ns,
+                             v->input.pointer_x, v->input.pointer_y, v->input.pointer_down, v->input.pointer_there};
+}
+
+enum status viewer_draw_opening(struct viewer *v, const struct viewer_surface *surface)
+{
+    const struct ui_input input = input_of(v, surface, clock_now_ns());
+    const struct brush brush = {v->ui, theme_of(!v->options.light)};
+    const char *slash = strrchr(v->options.file, '/');
+    enum status status = ui_begin(v->ui, &input);
+    if (status != OK)
+        return status;
+    screen_opening(&brush, slash ? slash + 1 : v->options.file);
+    ui_end(v->ui);
+    return ui_draw(v->ui, surface->target, surface->quarter_turns);
+}
+
 enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     struct view_state *s = &v->state;
@@ -383,9 +427,7 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     if (status != OK)
         return status;
     v->drawn_ns = clock_now_ns();
-    const struct ui_input input = {
-        surface->width,     surface->height,    surface->px_per_dp,    now_ns,
-        v->input.pointer_x, v->input.pointer_y, v->input.pointer_down, v->input.pointer_there};
+    const struct ui_input input = input_of(v, surface, now_ns);
     status = ui_begin(v->ui, &input);
     if (status != OK)
         return status;

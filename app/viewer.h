@@ -17,6 +17,8 @@ struct viewer_options {
     bool light;
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
+    void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
+                                 // be NULL
     void (*wake)(void *self); // called on other threads: there is something new; may be NULL
     void *wake_self;
 };
@@ -50,6 +52,8 @@ struct viewer {
     char trouble[512], problem[512];
     int64_t checked_ns, pad_ns, timed_frame;
     bool suspended;
+    bool camera_rests;                         // the camera is closed, since its images are not needed
+    int64_t camera_unneeded_ns;                // since when; 0: they are needed
     int64_t suspended_ns;                      // when it was suspended
     int64_t drawing_ns, drawn_ns, controls_ns; // when the last frame's stages began and ended
 };
@@ -71,6 +75,9 @@ struct viewer_surface {
     int quarter_turns;         // clockwise rotation of the display
     double px_per_dp;
 };
+// What the screen shows while viewer_open opens the recording (viewer_options.opening). ERR_DEVICE.
+MUST_CHECK enum status viewer_draw_opening(struct viewer *v, const struct viewer_surface *surface);
+
 // ERR_DEVICE: the GPU context is lost; close everything and open it again.
 MUST_CHECK enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns);
 

@@ -90,6 +90,27 @@ struct vec3 lens_ray(const struct lens *l, struct pixel px)
     return v3(x, y, 1);
 }
 
+// Whether the image's rim can be traced back: each of its pixels has a ray that projects to it. Beyond the fold of a
+// strong distortion none does, and Newton's method would give some other one.
+static bool is_invertible(const struct lens *l)
+{
+    enum { ALONG = 8 };
+    const double most_px = 0.1;
+    if (lens_is_ideal(l))
+        return true;
+    for (int i = 0; i < 4 * ALONG; i++) {
+        const double along = i / 4 / (double)(ALONG - 1), x = along * (l->width - 1), y = along * (l->height - 1);
+        const struct pixel rim[4] = {{x, 0}, {x, l->height - 1}, {0, y}, {l->width - 1, y}}, at = rim[i % 4];
+        const struct vec3 ray = lens_ray(l, at);
+        const struct pixel back = lens_project(l, ray);
+        // On the near side of the fold, distances from the axis grow with the ray's.
+        const double out = ray.x * (at.x - l->cx) / l->fx + ray.y * (at.y - l->cy) / l->fy;
+        if (!(fabs(back.x - at.x) <= most_px && fabs(back.y - at.y) <= most_px && out >= 0))
+            return false;
+    }
+    return true;
+}
+
 enum status lens_check(const struct lens *l, const char *what)
 {
     if (l->width <= 0 || l->height <= 0 || l->width > 16384 || l->height > 16384)
@@ -101,6 +122,17 @@ enum status lens_check(const struct lens *l, const char *what)
             return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
     if (!(l->fx > 0) || !(l->fy > 0))
         return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
+    if (!(l->fx >= LENS_MIN_FOCAL_PX && l->fy >= LENS_MIN_FOCAL_PX && l->fx <= LENS_MAX_PX && l->fy <= LENS_MAX_PX))
+        return fail(ERR_INPUT, "the %s camera's focal length is %g x %g pixels, which no lens has", what, l->fx, l->fy);
+    if (!(fabs(l->cx) <= LENS_MAX_PX && fabs(l->cy) <= LENS_MAX_PX))
+        return fail(ERR_INPUT,
+                    "the %s camera's principal point is %g pixels right and %g below the first, which no "
+                    "lens has",
+                    what, l->cx, l->cy);
+    if (!is_invertible(l))
+        return fail(ERR_INPUT,
+                    "the %s camera's distortion folds the image over itself before its rim; check k1, k2, p1, p2, k3",
+                    what);
     if (!(l->readout_s >= 0 && l->readout_s <= LENS_MAX_READOUT_S))
         return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
                     LENS_MAX_READOUT_S * 1e3, l->readout_s * 1e3);

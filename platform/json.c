@@ -12,6 +12,19 @@ static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value;
 
 static struct json *from_node(cJSON *value) { return (struct json *)value; }
 
+enum status json_parse(const char *text, size_t count, const char *name, struct json **out)
+{
+    const char *end = NULL;
+    cJSON *root = cJSON_ParseWithLengthOpts(text, count, &end, false);
+    *out = from_node(root);
+    if (root)
+        return OK;
+    int line = 1;
+    for (const char *at = text; end && at < end && *at; at++)
+        line += *at == '\n';
+    return fail(ERR_INPUT, "%s is not valid JSON near line %d", name, line);
+}
+
 enum status json_read(const char *path, struct json **out)
 {
     uint8_t *text;
@@ -20,16 +33,8 @@ enum status json_read(const char *path, struct json **out)
     enum status status = file_read(path, &text, &count);
     if (status != OK)
         return status;
-    const char *end = NULL;
-    cJSON *root = cJSON_ParseWithLengthOpts((const char *)text, count, &end, false);
-    if (!root) {
-        int line = 1;
-        for (const uint8_t *at = text; end && at < (const uint8_t *)end && *at; at++)
-            line += *at == '\n';
-        status = fail(ERR_INPUT, "%s is not valid JSON near line %d", path, line);
-    }
+    status = json_parse((const char *)text, count, path, out);
     free(text);
-    *out = from_node(root);
     return status;
 }
 

@@ -8,6 +8,8 @@ struct json; // a value and everything below it
 // ---- reading
 // ERR_MISSING, ERR_IO, ERR_MEMORY; ERR_INPUT: not JSON, with the line. *out is then NULL.
 MUST_CHECK enum status json_read(const char *path, struct json **out);
+// The same from memory; `name` is for the sentence.
+MUST_CHECK enum status json_parse(const char *text, size_t count, const char *name, struct json **out);
 void json_free(struct json **root); // only roots; NULL is fine; sets *root = NULL
 
 const struct json *json_member(const struct json *object, const char *name); // NULL: no such member, or object is NULL

@@ -11,6 +11,8 @@ int main(int argc, char **argv)
         {"verify", "read every byte of a recording", capture_verify},
         {"repair", "save what can be read of a damaged recording", capture_repair},
         {"export", "write a take's joints for other programs", capture_export},
+        {"calibrate", "measure the lenses of two cameras and the pose between them", capture_calibrate},
+        {"objects", "find known things before a stereo rig", capture_objects},
     };
     return command_main("reenact-capture films a person with one depth camera.", commands, COUNT_OF(commands), NULL,
                         argc, argv);

@@ -6,8 +6,10 @@
 #include "base/clock.h"
 #include "platform/file.h"
 #include "platform/json.h"
+#include "platform/output.h"
 #include "platform/png.h"
 #include "platform/source.h"
+#include "platform/video.h"
 #include "reenact/render/actor_renderer_live.h"
 
 #include <inttypes.h>
@@ -16,13 +18,25 @@
 #include <string.h>
 
 struct render_arguments {
-    const char *file, *take, *camera, *out;
+    const char *file, *take, *camera, *out, *mp4;
     enum detail detail;
-    bool layers, json, alone;
+    bool layers, json, alone, force;
     double start_s, error_px;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_OUT,
+    KEY_DETAIL,
+    KEY_LAYERS,
+    KEY_START,
+    KEY_ERROR,
+    KEY_ALONE,
+    KEY_JSON,
+    KEY_MP4,
+    KEY_FORCE
+};
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -45,6 +59,8 @@ static const struct argp_option options[] = {
     {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
     {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under the actor; paper never has them",
      0},
+    {"mp4", KEY_MP4, "FILE", 0, "also write the pictures as a film", 0},
+    {"force", KEY_FORCE, NULL, 0, "write over a film that exists", 0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -60,6 +76,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_ERROR: a->error_px = command_parse_number(state, "--error", value, 0, 1000); return 0;
     case KEY_ALONE: a->alone = true; return 0;
     case KEY_JSON: a->json = true; return 0;
+    case KEY_MP4: a->mp4 = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
     case KEY_START: a->start_s = command_parse_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
         a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, COUNT_OF(detail_names));
@@ -91,6 +109,8 @@ struct render_run {
     struct gpu *gpu;
     struct renderer *renderer;
     FILE *trajectory;
+    struct output *film; // NULL: not wanted
+    struct video_writer *video;
     uint8_t *rgb, *rgba;
     struct lens lens;
 
@@ -169,14 +189,29 @@ static enum status open_renderer(struct render_run *r)
     return status < 0 ? status : OK;
 }
 
+static enum status open_film(struct render_run *r)
+{
+    if (!r->arguments->mp4)
+        return OK;
+    enum status status = output_open(&r->film, r->arguments->mp4);
+    if (status != OK)
+        return status;
+    const struct video_layout layout = {r->lens.width, r->lens.height, output_can_seek(r->film)};
+    return video_open(&r->video, output_file(r->film), &layout);
+}
+
 static enum status open_run(struct render_run *r)
 {
     const struct render_arguments *a = r->arguments;
-    enum status status = recording_open(&r->recording, a->file);
+    enum status status = a->mp4 ? output_check(a->mp4, a->file, a->force) : OK;
+    if (status == OK)
+        status = recording_open(&r->recording, a->file);
     if (status == OK)
         status = take_open(&r->take, r->recording, a->take);
     if (status == OK)
         status = open_locator(r);
+    if (status == OK)
+        status = open_film(r);
     if (status == OK)
         status = gpu_open(&r->gpu);
     if (status == OK)
@@ -294,6 +329,8 @@ static enum status render_image(struct render_run *r, const struct frame *frame)
     lap(r, STAGE_READ);
     if (status == OK)
         status = write_image(r, frame->name, "", PNG_RGB8, r->rgb);
+    if (status == OK && r->video)
+        status = video_add(r->video, r->rgb, frame->time_ns);
     if (status == OK && r->arguments->layers)
         status = write_image(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
     if (status == OK && r->arguments->layers)
@@ -402,6 +439,9 @@ int reenact_render(int argc, char **argv)
         status = render_images(&run);
     if (status == OK && (fflush(run.trajectory) || ferror(run.trajectory)))
         status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
+    if (status == OK && command_stopped() && run.video)
+        status = fail(ERR_IO, "stopped; the pictures drawn so far are in %s, there is no film", arguments.out);
+    status = output_close(&run.film, video_close(&run.video, status));
     if (status == OK)
         status = write_stats(&run);
     if (status == OK && run.camera) {

@@ -94,12 +94,46 @@ struct watch {
     struct gpu *gpu;
     struct viewer viewer;
     bool fullscreen, hidden;
-    int64_t shown_ns, until_ns;
+    int64_t started_ns, shown_ns, until_ns;
+    int milestones;        // of those below, how many the screen has shown
     char status_text[512]; // the sentence that the screen shows
     int64_t placed_before; // images with the actor in place when that sentence appeared
 };
 
 static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
+
+static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
+
+// Prints when, since the program began, the screen first showed something, the actor, and the actor's model.
+static void print_milestones(struct watch *w)
+{
+    static const char *const names[] = {"a screen", "the actor", "a whole body", "full"};
+    const struct viewer *t = &w->viewer;
+    const bool actor = t->has_image && t->image.parts > 0;
+    const bool reached[] = {true, actor, actor && t->image.prepared, actor && t->image.full};
+    for (; w->milestones < (int)COUNT_OF(names) && reached[w->milestones]; w->milestones++)
+        printf("opening   %s after %.0f ms\n", names[w->milestones], (double)(w->shown_ns - w->started_ns) * 1e-6);
+}
+
+static void surface_of(const struct watch *w, struct viewer_surface *surface)
+{
+    *surface = (struct viewer_surface){.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
+    window_size(w->screen, &surface->width, &surface->height);
+}
+
+// While the recording is being opened.
+static void show_opening(void *self)
+{
+    struct watch *w = self;
+    struct viewer_surface surface;
+    surface_of(w, &surface);
+    if (viewer_draw_opening(&w->viewer, &surface) != OK)
+        return; // the first frame will report it
+    window_present(w->screen);
+    w->shown_ns = clock_now_ns();
+    if (w->arguments->stats)
+        print_milestones(w);
+}
 
 static enum status watch_open(struct watch *w)
 {
@@ -117,6 +151,7 @@ static enum status watch_open(struct watch *w)
                                        .photos = a->photos,
                                        .light = a->light,
                                        .refresh_hz = window_refresh_hz(w->screen),
+                                       .opening = show_opening,
                                        .wake = wake,
                                        .wake_self = w};
     w->fullscreen = w->viewer.state.fullscreen = a->fullscreen;
@@ -154,8 +189,6 @@ static enum status watch_reopen(struct watch *w)
 
 // ---------------------------------------------------------------- the loop
 
-static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
-
 // Handles events until none is left, or one needs a redraw first.
 static void handle_events(struct watch *w, int wait_ms)
 {
@@ -188,8 +221,8 @@ static void print_status_change(struct watch *w)
 
 static enum status draw(struct watch *w, int64_t now_ns)
 {
-    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
-    window_size(w->screen, &surface.width, &surface.height);
+    struct viewer_surface surface;
+    surface_of(w, &surface);
     if (w->fullscreen != w->viewer.state.fullscreen)
         window_fullscreen(w->screen, w->fullscreen = w->viewer.state.fullscreen);
     enum status status = viewer_draw(&w->viewer, &surface, now_ns);
@@ -198,8 +231,10 @@ static enum status draw(struct watch *w, int64_t now_ns)
     window_present(w->screen);
     w->shown_ns = clock_now_ns();
     viewer_presented(&w->viewer, w->shown_ns);
-    if (w->arguments->stats)
+    if (w->arguments->stats) {
+        print_milestones(w);
         print_status_change(w);
+    }
     return OK;
 }
 
@@ -267,7 +302,7 @@ int reenact_watch(int argc, char **argv)
         0};
     struct watch_arguments given = {.width = 1280, .height = 800};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
-    struct watch watch = {.arguments = &given};
+    struct watch watch = {.arguments = &given, .started_ns = clock_now_ns()};
     command_catch_signals();
     enum status status = watch_open(&watch);
     if (given.seconds > 0)

@@ -83,12 +83,15 @@ static void top_row(const struct brush *b, struct view_state *s, const struct wa
         view_state_do(s, DO_ORBIT, now_ns);
     if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
         view_state_do(s, DO_MOVE, now_ns);
-    double width = fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, page->file));
+    char making[64];
+    snprintf(making, sizeof making, "Improving the picture, %.0f %%", 100 * s->avatar_progress);
+    const char *second = s->avatar_progress < 1 ? making : page->file;
+    double width = fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, second));
     struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
     ui_shadow(b->ui, name, TARGET / 2, 8, t->shadow);
     ui_fill(b->ui, name, TARGET / 2, t->glass);
     label(b, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
-    label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, page->file);
+    label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, second);
 }
 
 static void shutter(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
@@ -196,19 +199,14 @@ void screen_watch(const struct brush *b, struct screens *screens, struct view_st
     sense_image_touch(b, screens, all);
 }
 
-// The progress of building the avatar.
+// The progress of building the avatar: along the screen's upper edge, where it hides nothing of the actor.
 static void draw_progress(const struct brush *b, const struct view_state *s)
 {
-    const struct theme *t = b->theme;
-    double w = fmin(360, ui_width(b->ui) - 2 * MARGIN);
-    struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, TARGET};
-    struct ui_box words = {box.x + 24, box.y + 9, w - 48, 24}, groove = {box.x + 24, box.y + TARGET - 20, w - 48, 6};
+    enum { THICK = 4 };
+    const double w = ui_width(b->ui);
     ui_layer(b->ui, 2);
-    ui_shadow(b->ui, box, TARGET / 2, 16, t->shadow);
-    ui_fill(b->ui, box, TARGET / 2, t->glass);
-    label(b, FACE_SMALL, words, t->text, "Building the actor's model");
-    ui_fill(b->ui, groove, 3, faint(t->text, 0.2));
-    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->avatar_progress), groove.h}, 3, t->accent);
+    ui_fill(b->ui, (struct ui_box){0, 0, w, THICK}, 0, faint(b->theme->text, 0.2));
+    ui_fill(b->ui, (struct ui_box){0, 0, w * s->avatar_progress, THICK}, 0, b->theme->accent);
     ui_layer(b->ui, 0);
 }
 
@@ -216,7 +214,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     const char *hint = view_state_hint(s), *text = s->notice[0] ? s->notice : hint;
-    if (!text && s->page == PAGE_WATCH && s->avatar_progress < 1)
+    if (s->page == PAGE_WATCH && s->avatar_progress < 1)
         draw_progress(b, s);
     if (!text)
         return;
@@ -236,6 +234,15 @@ void screen_message(const struct brush *b, const struct view_state *s)
     ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, text_w + 1, t->text,
                   text);
     ui_layer(b->ui, 0);
+}
+
+void screen_opening(const struct brush *b, const char *file)
+{
+    const struct theme *t = b->theme;
+    const double w = ui_width(b->ui), h = ui_height(b->ui);
+    ui_fill(b->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
+    label_centred(b, FACE_HEAD, (struct ui_box){MARGIN, h / 2 - 36, w - 2 * MARGIN, 36}, t->text, "Opening");
+    label_centred(b, FACE_BODY, (struct ui_box){MARGIN, h / 2 + 6, w - 2 * MARGIN, 30}, t->quiet, file);
 }
 
 void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns)

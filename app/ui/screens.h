@@ -36,6 +36,9 @@ struct watch_page {
 void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
                   int64_t now_ns);
 
+// While the recording `file` is being opened.
+void screen_opening(const struct brush *b, const char *file);
+
 void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns);
 
 // The notice, the hint or the progress bar, over any screen.

@@ -1,7 +1,10 @@
 #include "app/view/avatar_builder.h"
 
+#include "base/clock.h"
+#include "base/condition.h"
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "reenact/avatar/avatar_store.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -9,6 +12,9 @@
 #include <string.h>
 
 enum { PROGRESS_STEPS = 100 }; // resolution at which progress is reported
+
+// Of the simple avatar: enough to see a person from all sides who turns. Chosen by hand.
+enum { SIMPLE_FRAMES = 8 };
 
 struct avatar_builder {
     char *path;
@@ -19,8 +25,16 @@ struct avatar_builder {
     bool runs;
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
-    struct failure failure; // OK and NOTHING included; written by the threads, read when `ended` is set
+
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    // Under the lock:
+    bool looked; // whether the recording keeps an avatar is known
+    bool begun;  // avatar_builder_begin was called
+    enum avatar_news news;
     struct avatar avatar;
+    struct failure failure; // of AVATAR_FULL; OK and NOTHING included
+    bool has_occluders;
     struct occluder_mesh occluders;
 };
 
@@ -46,6 +60,39 @@ static bool report_progress(void *self, double share)
     return !atomic_load(&p->cancelled);
 }
 
+// Hands over an avatar, or, with AVATAR_FULL, why there is none. Takes over the contents of *avatar.
+static void publish(struct avatar_builder *p, enum avatar_news news, struct avatar *avatar, enum status status)
+{
+    pthread_mutex_lock(&p->lock);
+    avatar_free(&p->avatar); // a simple one that was not taken
+    p->avatar = *avatar;
+    p->news = news;
+    p->looked = true;
+    failure_keep(&p->failure, status);
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->lock);
+    *avatar = (struct avatar){0};
+    notify_change(p);
+}
+
+static void set_looked(struct avatar_builder *p)
+{
+    pthread_mutex_lock(&p->lock);
+    p->looked = true;
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->lock);
+}
+
+// False: cancelled before it may begin.
+static bool await_begin(struct avatar_builder *p)
+{
+    pthread_mutex_lock(&p->lock);
+    while (!p->begun && !atomic_load(&p->cancelled))
+        pthread_cond_wait(&p->changed, &p->lock);
+    pthread_mutex_unlock(&p->lock);
+    return !atomic_load(&p->cancelled);
+}
+
 static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
 {
     enum status status = recording_open(recording, p->path);
@@ -57,33 +104,78 @@ static void build_occluders(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.on_progress = keep_going, .self = p};
     struct occluder_options options = occluder_default_options();
+    struct occluder_mesh made = {0};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct place place = {0};
     options.watch = &watch;
-    if (open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
-        occluder_mesh_make(&p->occluders, &place, take, &options) != OK)
-        p->occluders = (struct occluder_mesh){0};
+    if (!await_begin(p) || open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
+        occluder_mesh_make(&made, &place, take, &options) != OK)
+        made = (struct occluder_mesh){0};
     place_free(&place);
     take_close(&take);
     recording_free(&recording);
+    pthread_mutex_lock(&p->lock);
+    p->occluders = made;
+    p->has_occluders = true;
+    pthread_mutex_unlock(&p->lock);
+    notify_change(p);
+}
+
+// A simple avatar, which stands in until the full one is there. Without one the cylinders do.
+static void make_simple(struct avatar_builder *p, struct take *take, const struct source_rays *rays)
+{
+    const struct progress_watch watch = {.on_progress = keep_going, .self = p};
+    struct avatar_options options = avatar_default_options();
+    struct avatar avatar;
+    options.simple = true;
+    options.max_frames = SIMPLE_FRAMES;
+    options.watch = &watch;
+    if (avatar_make(&avatar, take, rays, &options) == OK)
+        publish(p, AVATAR_SIMPLE, &avatar, OK);
+}
+
+// The full avatar is packed before it is handed over and written after that, when nothing waits for it any more.
+static enum status make_full(struct avatar_builder *p, struct take *take, const struct source_rays *rays)
+{
+    const struct progress_watch watch = {.on_progress = report_progress, .self = p};
+    struct avatar_options options = avatar_default_options();
+    struct avatar avatar;
+    uint8_t *bytes = NULL;
+    size_t count = 0;
+    options.watch = &watch;
+    enum status status = avatar_make(&avatar, take, rays, &options);
+    if (status != OK)
+        return status;
+    const bool packed = avatar_pack(&avatar, &bytes, &count) == OK;
+    publish(p, AVATAR_FULL, &avatar, OK);
+    if (packed && !atomic_load(&p->cancelled))
+        (void)!avatar_save(bytes, count, p->path, p->take); // not kept: made again the next time
+    free(bytes);
+    return OK;
 }
 
 static enum status build_avatar(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.on_progress = report_progress, .self = p};
-    struct avatar_options options = avatar_default_options();
-    options.watch = &watch;
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
+    struct avatar kept;
     enum status status = open_take(p, &recording, &take);
     if (status == OK && !(take_calibration(take)->depth.width > 0))
         status = NOTHING;
-    if (status == OK)
+    const bool found = status == OK && avatar_load(&kept, take) == OK;
+    if (found)
+        publish(p, AVATAR_FULL, &kept, OK);
+    set_looked(p);
+    if (status == OK && !found && !await_begin(p))
+        status = NOTHING;
+    if (status == OK && !found)
         status = source_rays_open(&rays, take_calibration(take));
-    if (status == OK)
-        status = avatar_make(&p->avatar, take, rays, &options);
+    if (status == OK && !found)
+        make_simple(p, take, rays);
+    if (status == OK && !found)
+        status = make_full(p, take, rays);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
@@ -96,11 +188,14 @@ enum { TASK_AVATAR, TASK_OCCLUDERS, TASK_COUNT };
 static void do_task(void *self, int task)
 {
     struct avatar_builder *p = self;
+    struct avatar none = {0};
     if (task == TASK_OCCLUDERS) {
         build_occluders(p);
         return;
     }
-    failure_keep(&p->failure, build_avatar(p));
+    const enum status status = build_avatar(p);
+    if (status != OK)
+        publish(p, AVATAR_FULL, &none, status);
 }
 
 static void *run(void *self)
@@ -118,6 +213,8 @@ enum status avatar_builder_start(struct avatar_builder **out, const struct avata
     struct avatar_builder *p = *out = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
+    pthread_mutex_init(&p->lock, NULL);
+    condition_open(&p->changed);
     p->notify = options->notify;
     p->notify_self = options->notify_self;
     p->path = strdup(options->path);
@@ -134,14 +231,27 @@ void avatar_builder_close(struct avatar_builder **out)
     struct avatar_builder *p = *out;
     if (!p)
         return;
+    pthread_mutex_lock(&p->lock);
     atomic_store(&p->cancelled, true);
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->lock);
     if (p->runs)
         pthread_join(p->thread, NULL);
     avatar_free(&p->avatar);
     occluder_mesh_free(&p->occluders);
+    pthread_cond_destroy(&p->changed);
+    pthread_mutex_destroy(&p->lock);
     free(p->path);
     free(p);
     *out = NULL;
+}
+
+void avatar_builder_begin(struct avatar_builder *p)
+{
+    pthread_mutex_lock(&p->lock);
+    p->begun = true;
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->lock);
 }
 
 double avatar_builder_progress(const struct avatar_builder *p)
@@ -149,15 +259,39 @@ double avatar_builder_progress(const struct avatar_builder *p)
     return (double)atomic_load(&p->done) / PROGRESS_STEPS;
 }
 
-bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, struct occluder_mesh *occluders,
-                             enum status *status)
+void avatar_builder_await_kept(struct avatar_builder *p, int64_t most_ns)
 {
-    if (!atomic_load(&p->ended))
-        return false;
-    *status = failure_restore(&p->failure);
-    *avatar = p->avatar;
-    *occluders = p->occluders;
-    p->avatar = (struct avatar){0};
-    p->occluders = (struct occluder_mesh){0};
-    return true;
+    const int64_t until_ns = clock_now_ns() + most_ns;
+    pthread_mutex_lock(&p->lock);
+    while (!p->looked && clock_now_ns() < until_ns)
+        (void)condition_wait_until_ns(&p->changed, &p->lock, until_ns);
+    pthread_mutex_unlock(&p->lock);
 }
+
+enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status)
+{
+    pthread_mutex_lock(&p->lock);
+    const enum avatar_news news = p->news;
+    if (news != AVATAR_NO_NEWS) {
+        *status = failure_restore(&p->failure);
+        *avatar = p->avatar;
+        p->avatar = (struct avatar){0};
+        p->news = AVATAR_NO_NEWS;
+    }
+    pthread_mutex_unlock(&p->lock);
+    return news;
+}
+
+bool avatar_builder_take_occluders(struct avatar_builder *p, struct occluder_mesh *occluders)
+{
+    pthread_mutex_lock(&p->lock);
+    const bool there = p->has_occluders;
+    if (there)
+        *occluders = p->occluders;
+    p->occluders = (struct occluder_mesh){0};
+    p->has_occluders = false;
+    pthread_mutex_unlock(&p->lock);
+    return there;
+}
+
+bool avatar_builder_ended(const struct avatar_builder *p) { return atomic_load(&p->ended); }

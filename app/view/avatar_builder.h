@@ -1,6 +1,7 @@
-// Builds a take's avatar (reenact/avatar/avatar.h) and the room's occluder mesh (reenact/scene/occluder_mesh.h) in the
+// Gets a take's avatar (reenact/avatar/avatar.h) and the room's occluder mesh (reenact/scene/occluder_mesh.h) in the
 // background: on two threads, each with its own handle on the recording, which share the index of the take that is
-// being watched.
+// being watched. The avatar that the recording keeps (avatar_store.h) is there at once; else, once it may begin, a
+// simple one comes first, then the full one, which is then kept in the recording, where that can be written.
 #pragma once
 #include "reenact/avatar/avatar.h"
 #include "reenact/scene/occluder_mesh.h"
@@ -18,10 +19,26 @@ MUST_CHECK enum status avatar_builder_start(struct avatar_builder **out, const s
 // Cancels the work and waits until its threads have ended, a small part of a second. NULL is fine; sets *p = NULL.
 void avatar_builder_close(struct avatar_builder **p);
 
-double avatar_builder_progress(const struct avatar_builder *p); // share of the avatar's work that is done, 0..1
+// Begins to make what is not there. Until then only the kept avatar is read, so that the first picture has the
+// processor for itself.
+void avatar_builder_begin(struct avatar_builder *p);
 
-// False: not ended yet. True: *status says how it ended; with OK *avatar is the caller's from here on, and only at the
-// first call. NOTHING: too little of the actor was seen, or the take has no depth. Errors: as recording_open,
-// take_open_shared and avatar_make. *occluders is the caller's, too, and empty where there is no mesh.
-bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, struct occluder_mesh *occluders,
-                             enum status *status);
+double avatar_builder_progress(const struct avatar_builder *p); // share of the full avatar's work that is done, 0..1
+
+// Waits until the kept avatar is there or it is known that there is none; at most that long.
+void avatar_builder_await_kept(struct avatar_builder *p, int64_t most_ns);
+
+enum avatar_news {
+    AVATAR_NO_NEWS,
+    AVATAR_SIMPLE, // *avatar is the caller's, until a better one comes
+    AVATAR_FULL,   // the last news: *status says how it ended, and with OK *avatar is the caller's
+};
+// *status: NOTHING: too little of the actor was seen, or the take has no depth. Errors: as recording_open,
+// take_open_shared and avatar_make.
+enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status);
+
+// True, once: *occluders is the caller's; empty where there is no mesh.
+bool avatar_builder_take_occluders(struct avatar_builder *p, struct occluder_mesh *occluders);
+
+// The threads have ended. What they made may still be taken.
+bool avatar_builder_ended(const struct avatar_builder *p);

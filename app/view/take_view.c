@@ -26,6 +26,8 @@ struct take_view {
     struct skeleton_track *track;
     struct renderer *renderer;       // opened with the first drawing, whose lens it needs
     struct avatar_builder *builder;  // NULL: it has finished
+    bool has_full, has_room;         // were taken from the builder
+    bool drawn;                      // the actor was, once
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
     int64_t next[PREFETCH_MAX];      // frames predicted to be shown
     int next_count;
@@ -47,6 +49,8 @@ static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
 // would stall; when paused, as after a jump along the timeline, for at most AWAIT_NS, which a load usually takes, and
 // then drawing waits for it. Chosen by hand.
 static const int64_t ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
+// The first drawing waits so long for the avatar that the recording keeps, if there is one. Chosen by hand.
+static const int64_t KEPT_NS = 300000000;
 
 static void init_orbit(struct take_view *s)
 {
@@ -302,6 +306,10 @@ static enum status ensure_renderer(struct take_view *s, const struct lens *lens)
         how.detail = DETAIL_AUTO;
         how.sources = how.shadow = how.avatar_later = true;
         status = renderer_open(&s->renderer, s->gpu, s->take, lens, &how);
+        if (status == OK && s->builder) {
+            avatar_builder_await_kept(s->builder, KEPT_NS);
+            status = take_view_adopt_avatar(s);
+        }
     } else if (!same(lens, &s->drawn_lens)) {
         status = renderer_set_lens(s->renderer, lens);
     }
@@ -309,7 +317,10 @@ static enum status ensure_renderer(struct take_view *s, const struct lens *lens)
     return status;
 }
 
-double take_view_progress(const struct take_view *s) { return s->builder ? avatar_builder_progress(s->builder) : 1; }
+double take_view_progress(const struct take_view *s)
+{
+    return s->builder && !s->has_full ? avatar_builder_progress(s->builder) : 1;
+}
 
 bool take_view_waiting(const struct take_view *s) { return s->substituted; }
 
@@ -322,17 +333,36 @@ bool take_view_final(const struct take_view *s)
     return !s->renderer || (renderer_upload_done(s->renderer) && !better);
 }
 
+// The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
+// milliseconds; in steps it would show cylinders for many images, also between the simple avatar and the full one.
+static enum status adopt(struct take_view *s, struct avatar *avatar, enum status made)
+{
+    prefetch_close(&s->prefetch);
+    const enum status given = renderer_set_avatar(s->renderer, made == OK ? avatar : NULL);
+    if (given == OK)
+        renderer_finish_upload(s->renderer);
+    return made < 0 ? made : given;
+}
+
 enum status take_view_adopt_avatar(struct take_view *s)
 {
     struct avatar avatar;
     struct occluder_mesh occluders;
-    enum status status;
-    if (!s->builder || !s->renderer || !avatar_builder_finished(s->builder, &avatar, &occluders, &status))
+    enum status made, status = OK;
+    if (!s->builder || !s->renderer)
         return OK;
-    avatar_builder_close(&s->builder);
-    enum status given = renderer_set_avatar(s->renderer, status == OK ? &avatar : NULL);
-    enum status occluded = renderer_set_room(s->renderer, &occluders);
-    return status < 0 ? status : given < 0 ? given : occluded;
+    const enum avatar_news news = avatar_builder_take(s->builder, &avatar, &made);
+    if (news != AVATAR_NO_NEWS)
+        status = adopt(s, &avatar, made);
+    s->has_full |= news == AVATAR_FULL;
+    if (avatar_builder_take_occluders(s->builder, &occluders)) {
+        const enum status occluded = renderer_set_room(s->renderer, &occluders);
+        status = status < 0 ? status : occluded;
+        s->has_room = true;
+    }
+    if (s->has_full && s->has_room && avatar_builder_ended(s->builder))
+        avatar_builder_close(&s->builder);
+    return status;
 }
 
 // The frames that the next drawings are predicted to show and the renderer does not hold.
@@ -424,6 +454,8 @@ static enum status use_prefetched(struct take_view *s, const struct take_view_re
 
 void take_view_presented(struct take_view *s)
 {
+    if (s->builder && s->drawn)
+        avatar_builder_begin(s->builder);
     if (s->prefetch)
         prefetch_request(s->prefetch, s->next, s->next_count);
 }
@@ -464,10 +496,12 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
         status = renderer_draw(s->renderer, &view, &result);
     if (status != OK)
         return status;
+    s->drawn = true;
     out->actor = renderer_actor_texture(s->renderer);
     out->shadow = renderer_shadow_texture(s->renderer);
     out->former = request->former ? renderer_paper_texture(s->renderer) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
+    out->full = out->prepared && s->has_full;
     out->actor_part = part_within(&result, request->placement.mirrored);
     out->flip_x = request->placement.mirrored;
     out->parts = result.parts;

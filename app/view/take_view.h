@@ -21,8 +21,9 @@ struct take_view_options {
     void (*notify)(void *self); // called on another thread when the avatar has progressed; may be NULL
     void *notify_self;
 };
-// The take can be drawn immediately at DETAIL_PAPER, while the avatar for better levels is built in the background.
-// Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
+// The take can be drawn immediately: with the avatar that the recording keeps; or at DETAIL_PAPER until, after the
+// first take_view_presented, a simple avatar and then the full one were built in the background. Errors: as
+// recording_open, take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 
@@ -61,6 +62,7 @@ struct take_view_image {
     const struct gpu_texture *shadow;  // occlusion shadow, to be drawn under the actor; NULL: none
     const struct gpu_texture *former;  // the actor at DETAIL_PAPER; NULL: not requested
     bool prepared;                     // `actor` is better than DETAIL_PAPER
+    bool full;                         // and as good as it gets: the take's full avatar
     const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
     const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
     double inset_aspect;               // its width divided by its height

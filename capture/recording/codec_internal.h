@@ -5,15 +5,18 @@
 
 struct rans_coder;
 
+// The first byte of a depth image's code.
+enum { DEPTH_RAW = 0, DEPTH_ONE_STATE = 1, DEPTH_TWO_STATES = 2 };
+enum { DEPTH_HEADER = 5 + 1 + 4 * 4 }; // of the coded ones
+
 struct depth_coder {
     struct compressor *compressor;
     struct rans_coder *range;
     uint8_t *out, *head; // the encoded bytes, and the uncompressed header that goes into them
     size_t out_capacity, head_capacity;
-    uint8_t *rows; // four rows of levels, 16 bits a pixel
+    uint8_t *rows; // of struct rows (depth_rows.inl)
     size_t rows_capacity;
-    int8_t slopes[2 * 65536 + 1]; // quantised slope of each difference of two levels
-    uint8_t seen[65536];          // which depths occur
+    uint8_t seen[65536]; // which depths occur
     uint16_t level_of[65536], depth_of[65536];
 };
 

@@ -9,7 +9,7 @@
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
 
-enum { RECORDING_SCHEMA = 1 };
+enum { RECORDING_SCHEMA = 2 };
 
 struct recording_writer;
 struct recording;
@@ -85,6 +85,9 @@ void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 // it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
 
+// The same without its views, which take a thousand times longer to read: what a camera is located by.
+MUST_CHECK enum status recording_read_map(struct recording *r, struct place *out);
+
 int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
 const char *recording_take_name(const struct recording *r, int index);
@@ -133,6 +136,10 @@ enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // Reads and decodes the wanted images (a sum of take_want) of frame `index`. ERR_CORRUPT: the frame is damaged; others
 // can still be read. ERR_IO, ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
+
+// The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
+// take_read or take_read_jpeg. NOTHING: it has no colour. Errors as take_read; unless OK, *bytes is NULL.
+MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count);
 
 // ---------------------------------------------------------------- verify and repair
 

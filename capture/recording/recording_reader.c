@@ -227,7 +227,7 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     return status == ERR_CORRUPT ? recording_damaged(r, status_message()) : status;
 }
 
-enum status recording_read_place(struct recording *r, struct place *out)
+static enum status read_place(struct recording *r, bool views, struct place *out)
 {
     struct place place = {0};
     struct statement *s = NULL;
@@ -242,12 +242,16 @@ enum status recording_read_place(struct recording *r, struct place *out)
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)
-        status = statement_open(&s, r->db, "SELECT " VIEW_COLUMNS " FROM place_view ORDER BY rowid");
+        status = statement_open(&s, r->db,
+                                views ? "SELECT " VIEW_COLUMNS " FROM place_view ORDER BY rowid"
+                                      : "SELECT " VIEW_COLUMNS " FROM place_view LIMIT 0");
     bool has_place = status == OK;
     while (status == OK && (status = statement_step(s)) == OK)
         status = read_view(r, s, coder, &place);
     statement_close(&s);
     depth_coder_close(&coder);
+    if (has_place && status == NOTHING && !place_is_finite(&place))
+        status = recording_damaged(r, "the place holds a number that is not finite");
     if (has_place && status == NOTHING) {
         *out = place;
         return OK;
@@ -255,3 +259,7 @@ enum status recording_read_place(struct recording *r, struct place *out)
     place_free(&place);
     return status;
 }
+
+enum status recording_read_place(struct recording *r, struct place *out) { return read_place(r, true, out); }
+
+enum status recording_read_map(struct recording *r, struct place *out) { return read_place(r, false, out); }

@@ -6,6 +6,8 @@ MUST_CHECK enum status recording_open_as(struct recording **out, const char *pat
 struct database *recording_database(struct recording *r); // borrowed
 const char *recording_path(const struct recording *r);
 int64_t recording_take_id(const struct recording *r, int index); // of recording_take_name(r, index)
+struct recording *take_recording(const struct take *t);          // that it was opened with
+int64_t take_id(const struct take *t);                           // likewise, of an open take
 
 // ERR_CORRUPT with the file's path, `what` and the advice to repair it.
 enum status recording_damaged(const struct recording *r, const char *what);

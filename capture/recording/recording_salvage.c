@@ -1,5 +1,6 @@
 // The damaged file is only read, row by row by key: if the B-tree path to one row crosses a damaged page, the next row
 // may still be readable.
+#include "capture/recording/recorded_things.h"
 #include "capture/recording/recording_salvage.h"
 
 #include "capture/recording/little_endian.h"
@@ -233,6 +234,23 @@ static enum status copy_place(const char *path, const char *to)
     return status == OK ? closed : status;
 }
 
+// Best effort: takes can be shown without what is known of things.
+static enum status copy_things(const char *path, const char *to)
+{
+    struct recording *r;
+    struct recorded_thing *things = NULL;
+    int count = 0;
+    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
+    if (status == OK)
+        status = recording_read_things(r, &things, &count);
+    recording_free(&r);
+    if (status != OK)
+        return is_fatal(status) ? status : OK;
+    status = count ? recording_write_things(to, things, count) : OK;
+    recorded_things_free(&things, count);
+    return status;
+}
+
 static enum status open_joint_errors(struct salvage *v)
 {
     bool there;
@@ -275,6 +293,8 @@ enum status recording_salvage(const char *path, const char *to, struct recording
         status = recording_close(&w);
     if (status == OK)
         status = copy_place(path, to);
+    if (status == OK)
+        status = copy_things(path, to);
     if (status == OK)
         status = open_both(&v, path, to);
     if (status == OK)

@@ -285,6 +285,18 @@ bool point_is_finite(const struct place_landmark *point)
     return finite;
 }
 
+bool place_is_finite(const struct place *p)
+{
+    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
+    for (int32_t i = 0; i < p->tag_count; i++)
+        finite = finite && tag_is_finite(&p->tags[i]);
+    for (int32_t i = 0; i < p->point_count; i++)
+        finite = finite && point_is_finite(&p->points[i]);
+    for (int32_t i = 0; i < p->view_count; i++)
+        finite = finite && pose_finite(p->views[i].world_from_camera);
+    return finite;
+}
+
 static bool pose_is_identity(struct pose p)
 {
     return p.rotation.x == 0 && p.rotation.y == 0 && p.rotation.z == 0 && fabs(p.rotation.w) == 1 &&
@@ -349,6 +361,17 @@ void recording_remove_files(const char *path)
         if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
             unlink(name);
     }
+}
+
+enum status recording_raise_schema(struct database *db)
+{
+    char sql[64];
+    int64_t schema = 0;
+    enum status status = database_number(db, "PRAGMA user_version", &schema);
+    if (status != OK || schema >= RECORDING_SCHEMA)
+        return status;
+    snprintf(sql, sizeof sql, "PRAGMA user_version = %d", RECORDING_SCHEMA);
+    return database_run(db, sql);
 }
 
 enum status recording_make_tables(struct database *db)

@@ -34,6 +34,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
 #define JOINT_ERROR_TABLE                                                                                              \
     "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+// What is kept of a take's preparation (prepared.h); made when it is first kept.
+#define PREPARED_TABLE                                                                                                 \
+    "CREATE TABLE IF NOT EXISTS prepared(id INTEGER PRIMARY KEY, version INTEGER, index_crc INTEGER, data BLOB,"       \
+    " crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
@@ -99,6 +103,7 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *o
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
 bool point_is_finite(const struct place_landmark *point); // and no variance is negative
 bool tag_is_finite(const struct place_tag *tag);          // likewise
+bool place_is_finite(const struct place *place);          // all of these, and its views' poses and residuals
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_has_covariance(const struct skeleton *skeleton); // of any joint
 bool skeleton_is_finite(const struct skeleton *skeleton);      // covariances included
@@ -115,5 +120,6 @@ void recording_remove_files(const char *path);
 
 // Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
 // newer schema; ERR_CORRUPT: tables are missing.
+MUST_CHECK enum status recording_raise_schema(struct database *db); // of an older file that is added to
 MUST_CHECK enum status recording_make_tables(struct database *db);
 MUST_CHECK enum status recording_check_tables(struct database *db);

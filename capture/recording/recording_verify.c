@@ -1,4 +1,5 @@
 // Verifies and repairs a recording. recording_salvage.c copies what can be read of a damaged one.
+#include "capture/recording/recorded_things.h"
 #include "capture/recording/recording_reader.h"
 
 #include "capture/recording/recording_salvage.h"
@@ -27,25 +28,16 @@ static enum status check_place(struct recording *r)
     if (status != OK)
         return status;
     const struct calibration *c = &place.calibration;
-    bool finite = isfinite(place.rms_px) && isfinite(place.rms_m);
-    for (int32_t i = 0; i < place.tag_count; i++)
-        finite = finite && tag_is_finite(&place.tags[i]);
-    for (int32_t i = 0; i < place.point_count; i++)
-        finite = finite && point_is_finite(&place.points[i]);
     uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
     if (!rgb)
         status = fail(ERR_MEMORY, "no memory for an image");
     for (int32_t i = 0; status == OK && i < place.view_count; i++) {
         const struct place_view *view = &place.views[i];
-        finite = finite && pose_finite(view->world_from_camera);
         if (view->jpeg)
             status = jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height);
     }
     if (status == ERR_CORRUPT)
         status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_message());
-    if (status == OK && !finite)
-        status =
-            fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", database_path(recording_database(r)));
     free(rgb);
     place_free(&place);
     return status;
@@ -96,6 +88,10 @@ enum status recording_verify(const char *path, struct recording_report *out)
     out->bytes = size_of(path);
     keep_first(&found, database_check(recording_database(r)));
     keep_first(&found, check_place(r));
+    struct recorded_thing *things;
+    int thing_count;
+    keep_first(&found, recording_read_things(r, &things, &thing_count));
+    recorded_things_free(&things, thing_count);
     for (int i = 0; i < recording_take_count(r); i++) {
         const char *name = recording_take_name(r, i);
         check_take(r, name, out, &found);

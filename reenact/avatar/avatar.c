@@ -86,6 +86,7 @@ struct avatar_build {
     struct frame_job job[IN_FLIGHT];
     const struct progress_watch *watch;
     int threads, inner_threads;
+    bool simple; // avatar_options.simple
 };
 
 static enum status open_build(struct avatar_build *r, struct take *take, const struct source_rays *rays)
@@ -191,7 +192,8 @@ static enum status align_frame(struct avatar_build *r, struct frame_job *job, in
         axial_rotation_measure(r->rotations, i, &frame);
     if (r->pass == AVATAR_COLOR_SAMPLES) {
         const struct deformation_model model = {f->tsdf, &f->surface, f->skins};
-        deformation_fit(job->deformation, &model, &job->depth_frame, &job->transforms, NULL);
+        if (!r->simple)
+            deformation_fit(job->deformation, &model, &job->depth_frame, &job->transforms, NULL);
     }
     return status;
 }
@@ -322,13 +324,15 @@ static enum status make_shape(struct avatar *f, struct avatar_build *r)
 {
     enum status status = OK;
     f->joint_errors = joint_noise_prior();
-    for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++) {
+    for (size_t i = 0; i < (r->simple ? 1 : COUNT_OF(rounds)) && status == OK; i++) {
         status = make_round(f, r, &rounds[i]);
         if (status != OK || rounds[i].shape != AVATAR_TSDF_ALIGNED)
             continue;
         f->joint_errors = joint_noise_estimate(&r->joint_errors);
         status = find_axial_rotations(f, r);
     }
+    if (status == OK && r->simple)
+        status = tsdf_smooth(f->tsdf, SMOOTH_PASSES);
     if (status != OK)
         return status;
     progress_begin_step(r->watch, AVATAR_SURFACE);
@@ -363,6 +367,7 @@ enum status avatar_make(struct avatar *out, struct take *take, const struct sour
     *out = (struct avatar){0};
     struct avatar_build build = {.avatar = out, .watch = options->watch};
     build.threads = options->threads;
+    build.simple = options->simple;
     build.inner_threads = options->threads > 1 ? options->threads / 2 : 1;
     enum status status = bind_pose_make(&out->bind_pose, take);
     if (status == OK)

@@ -51,6 +51,8 @@ enum avatar_step {
 
 struct avatar_options {
     int max_frames; // at most so many frames are used. Default AVATAR_FRAMES
+    bool simple;    // only the first round, whose frames are placed by their joints, on its coarse grid, and colours
+                    // without deformation: a whole body in a fiftieth of the time. Default no
     int threads;    // of the pass over the frames; inner loops use half as many, at least 1. At least 1. Default 4
     const struct progress_watch *watch; // steps: enum avatar_step. Default NULL
 };

@@ -1,6 +1,7 @@
 // Draws the actor: opening, level of detail, draw order. Its render targets: actor_targets.c.
 #include "reenact/render/actor_renderer_internal.h"
 
+#include "reenact/avatar/avatar_store.h"
 #include "reenact/render/lod_error.h"
 #include "reenact/render/shaders.h"
 
@@ -55,6 +56,11 @@ enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar)
     return status;
 }
 
+void renderer_finish_upload(struct renderer *p)
+{
+    p->upload_pending = p->upload_pending && p->avatar && !avatar_renderer_upload_step(p->avatar, SIZE_MAX);
+}
+
 const struct avatar *renderer_avatar(const struct renderer *p)
 {
     return p->avatar && !p->upload_pending ? avatar_renderer_avatar(p->avatar) : NULL;
@@ -103,7 +109,7 @@ static enum status open_avatar(struct renderer *p, const struct renderer_options
     struct avatar avatar;
     struct avatar_options how = avatar_default_options();
     how.watch = options->watch;
-    status = avatar_make(&avatar, p->take, p->rays, &how);
+    status = avatar_obtain(&avatar, p->take, p->rays, &how);
     if (status < 0)
         return status;
     status = renderer_set_avatar(p, status == OK ? &avatar : NULL);

@@ -16,6 +16,9 @@ MUST_CHECK enum status renderer_set_avatar(struct renderer *p, struct avatar *av
 // True: everything that was set is uploaded.
 bool renderer_upload_done(const struct renderer *p);
 
+// Uploads what is left of the avatar at once: where a hitch costs less than another look of the actor.
+void renderer_finish_upload(struct renderer *p);
+
 // For prefetching frame layers on another thread (frame_layer.h): the avatar, owned by the renderer,
 // valid until it is closed or another is set. NULL: there is none, or it is not uploaded yet.
 const struct avatar *renderer_avatar(const struct renderer *p);

@@ -46,7 +46,8 @@ void glass_draw_and_wait(struct glass *g)
 
 void glass_prepare(struct glass *g)
 {
-    for (int64_t until = clock_now_ns() + 200000000000; g->viewer.state.crossfade < 1 && clock_now_ns() < until;)
+    for (int64_t until = clock_now_ns() + 200000000000;
+         (g->viewer.state.crossfade < 1 || !g->viewer.image.full) && clock_now_ns() < until;)
         glass_draw_and_wait(g);
     EXPECT_NEAR(g->viewer.state.crossfade, 1, 0);
 }

@@ -30,12 +30,16 @@ static const struct rule rules[] = {
     {"capture/body/", {"capture/segmentation/", RECORDING}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
+    {"capture/calibration/", {RECORDING}},
+    {"capture/objects/", {"capture/calibration/", RECORDING}},
     {"capture/",
-     {"capture/mapping/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
+      "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
     {"reenact/avatar/", {"reenact/observation/", SKELETON}},
+    {"reenact/export/", {AVATAR}},
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
@@ -53,8 +57,8 @@ static const struct rule rules[] = {
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
     {"app/commands/",
-     {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER, "reenact/surround/drive/",
-      "reenact/surround/", SURROUND}},
+     {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
+      "reenact/export/", RENDER, "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

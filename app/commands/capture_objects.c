@@ -1,0 +1,104 @@
+// reenact-capture objects: known things before a stereo rig.
+#include "app/commands/commands.h"
+
+#include "app/commands/objects_run.h"
+#include "platform/file.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { KEY_STEREO = COMMAND_KEY, KEY_RIG, KEY_OBJECTS, KEY_OUT, KEY_INTO, KEY_KNOWLEDGE, KEY_FORCE, KEY_JSON };
+
+static const struct argp_option options[] = {
+    {"stereo", KEY_STEREO, "PAIRS.txt", 0, "pairs of pictures with the left camera's pose in the world", 0},
+    {"rig", KEY_RIG, "RIG.json", 0, "the two cameras, as reenact-capture calibrate --stereo writes them", 0},
+    {"objects", KEY_OBJECTS, "OBJECTS.json", 0, "what to look for: names, reference pictures, sizes, URLs", 0},
+    {"out", KEY_OUT, "FILE.json", 0, "where to write what was found", 0},
+    {"into", KEY_INTO, "FILE", 0, "instead: keep the things in this recording's place, in whose axes the poses are", 0},
+    {"knowledge", KEY_KNOWLEDGE, "URL", 0,
+     "with --into: ask this knowledge base what is known of each thing; what was known stays if it does not answer", 0},
+    {"force", KEY_FORCE, NULL, 0, "write over FILE.json", 0},
+    COMMAND_OPTION_JSON(KEY_JSON),
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct objects_arguments *a = state->input;
+    switch (key) {
+    case KEY_STEREO: a->pairs = value; return 0;
+    case KEY_RIG: a->rig = value; return 0;
+    case KEY_OBJECTS: a->objects = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_INTO: a->into = value; return 0;
+    case KEY_KNOWLEDGE: a->knowledge = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->pairs, "--stereo PAIRS.txt");
+        command_require(state, a->rig, "--rig RIG.json");
+        command_require(state, a->objects, "--objects OBJECTS.json");
+        if (!a->into == !a->out)
+            argp_error(state, "either --out FILE.json, or --into FILE, an existing recording");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static error_t parse_serve(int key, char *value, struct argp_state *state)
+{
+    struct objects_arguments *a = state->input;
+    switch (key) {
+    case KEY_OBJECTS: a->objects = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->out, value); return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->out, "DIR");
+        command_require(state, a->objects, "--objects OBJECTS.json");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static int serve(int argc, char **argv)
+{
+    static const struct argp_option serve_options[] = {
+        {"objects", KEY_OBJECTS, "OBJECTS.json", 0, "the things; NAME.txt beside it describes the thing NAME", 0},
+        {"force", KEY_FORCE, NULL, 0, "write over files in DIR", 0},
+        {0},
+    };
+    struct objects_arguments a = {0};
+    const struct argp argp = {serve_options,
+                              parse_serve,
+                              "DIR --objects OBJECTS.json",
+                              "Write a folder of JSON-LD and pictures that a web server shows as a knowledge base.",
+                              NULL,
+                              NULL,
+                              NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    return objects_serve(a.objects, a.out, a.force) == OK ? 0 : command_failed(argv[0]);
+}
+
+int capture_objects(int argc, char **argv)
+{
+    if (argc > 1 && !strcmp(argv[1], "serve"))
+        return serve(argc - 1, argv + 1);
+    struct objects_arguments a = {0};
+    const struct argp argp = {
+        options,
+        parse,
+        "--stereo PAIRS.txt --rig RIG.json --objects OBJECTS.json (--out FILE.json | --into FILE)\n"
+        "serve DIR --objects OBJECTS.json",
+        "Find known things before a stereo rig and say where they stand.",
+        NULL,
+        NULL,
+        NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    enum status status = OK;
+    if (a.out && !a.force && file_exists(a.out))
+        status = fail(ERR_EXISTS, "%s exists already; choose another name or give --force", a.out);
+    if (status == OK)
+        status = objects_run(&a);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

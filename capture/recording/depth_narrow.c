@@ -1,0 +1,9 @@
+// The pixels of depth images with levels of 16 bits.
+#include "capture/recording/depth_pixels.h"
+
+#define LEVEL        int16_t
+#define DEPTH_ENCODE depth_encode_narrow
+#define DEPTH_DECODE depth_decode_narrow
+#include "capture/recording/depth_rows.inl"
+#include "capture/recording/depth_encode.inl"
+#include "capture/recording/depth_decode.inl"

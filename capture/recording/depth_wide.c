@@ -1,0 +1,9 @@
+// The pixels of depth images with levels of 32 bits.
+#include "capture/recording/depth_pixels.h"
+
+#define LEVEL        int32_t
+#define DEPTH_ENCODE depth_encode_wide
+#define DEPTH_DECODE depth_decode_wide
+#include "capture/recording/depth_rows.inl"
+#include "capture/recording/depth_encode.inl"
+#include "capture/recording/depth_decode.inl"

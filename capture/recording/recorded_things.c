@@ -1,0 +1,189 @@
+#include "capture/recording/recorded_things.h"
+
+#include "capture/recording/little_endian.h"
+#include "capture/recording/recording_reader.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// numbers: pose, then 6 x f64 covariance, f64 width, height; i32 sightings, u8 gone are columns
+enum { COVARIANCE_BYTES = 6 * 8, NUMBERS_BYTES = POSE_BYTES + COVARIANCE_BYTES + 2 * 8, THINGS_MAX = 10000 };
+#define THING_COLUMNS "rowid, name, url, etag, note, knowledge, numbers, sightings, gone, crc"
+
+static void put_numbers(uint8_t out[NUMBERS_BYTES], const struct recorded_thing *t)
+{
+    const struct covariance3 *c = &t->covariance;
+    const double values[8] = {c->xx, c->xy, c->xz, c->yy, c->yz, c->zz, t->width_m, t->height_m};
+    put_pose(out, &t->world_from_thing);
+    out += POSE_BYTES;
+    for (int i = 0; i < 8; i++)
+        out = put_f64(out, values[i]);
+}
+
+static void get_numbers(const uint8_t in[NUMBERS_BYTES], struct recorded_thing *t)
+{
+    double v[8];
+    get_pose(in, &t->world_from_thing);
+    in += POSE_BYTES;
+    for (int i = 0; i < 8; i++)
+        v[i] = get_f64(&in);
+    t->covariance = (struct covariance3){v[0], v[1], v[2], v[3], v[4], v[5]};
+    t->width_m = v[6];
+    t->height_m = v[7];
+}
+
+static bool is_finite(const struct recorded_thing *t)
+{
+    const struct covariance3 *c = &t->covariance;
+    return pose_finite(t->world_from_thing) && isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz) && c->xx >= 0 &&
+           c->yy >= 0 && c->zz >= 0 && isfinite(t->width_m) && isfinite(t->height_m) && t->width_m >= 0 &&
+           t->height_m >= 0;
+}
+
+static uint32_t thing_crc(const struct recorded_thing *t, const uint8_t numbers[NUMBERS_BYTES])
+{
+    uint8_t whole[16] = {0};
+    uint32_t crc = 0;
+    const char *const texts[5] = {t->name, t->url, t->etag, t->note, t->knowledge ? t->knowledge : ""};
+    for (int i = 0; i < 5; i++)
+        crc = crc32_of(crc, texts[i], strlen(texts[i]));
+    crc = crc32_of(crc, numbers, NUMBERS_BYTES);
+    for (int i = 0; i < 4; i++)
+        whole[i] = (uint8_t)((uint32_t)t->sightings >> (8 * i));
+    whole[8] = t->gone;
+    return crc32_of(crc, whole, sizeof whole);
+}
+
+static bool copy_text(struct statement *s, int column, char *out, size_t bytes)
+{
+    const char *text = statement_text(s, column);
+    return (size_t)snprintf(out, bytes, "%s", text) < bytes;
+}
+
+static enum status thing_from_row(struct recording *r, struct statement *s, struct recorded_thing *out)
+{
+    const uint8_t *numbers = recording_blob(s, 6, NUMBERS_BYTES);
+    const int64_t sightings = statement_number(s, 7);
+    *out = (struct recorded_thing){.sightings = (int32_t)sightings, .gone = statement_number(s, 8) != 0};
+    bool good = numbers && sightings >= 0 && sightings <= INT32_MAX;
+    good = good && copy_text(s, 1, out->name, sizeof out->name) && copy_text(s, 2, out->url, sizeof out->url) &&
+           copy_text(s, 3, out->etag, sizeof out->etag) && copy_text(s, 4, out->note, sizeof out->note);
+    if (!good)
+        return recording_damaged(r, "a thing cannot be read");
+    get_numbers(numbers, out);
+    const char *knowledge = statement_text(s, 5);
+    if (knowledge[0] && !(out->knowledge = strdup(knowledge)))
+        return fail(ERR_MEMORY, "no memory for what is known of a thing");
+    if (!is_finite(out) || thing_crc(out, numbers) != (uint32_t)statement_number(s, 9))
+        return recording_damaged(r, "a thing cannot be read");
+    return OK;
+}
+
+enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count)
+{
+    struct database *db = recording_database(r);
+    struct statement *s = NULL;
+    int64_t tables = 0;
+    *things = NULL;
+    *count = 0;
+    enum status status = database_number(db, COUNT_TABLES("'thing'"), &tables);
+    if (status != OK || !tables)
+        return status;
+    status = statement_open(&s, db, "SELECT " THING_COLUMNS " FROM thing ORDER BY rowid");
+    while (status == OK && (status = statement_step(s)) == OK) {
+        struct recorded_thing *grown =
+            *count < THINGS_MAX ? realloc(*things, sizeof *grown * ((size_t)*count + 1)) : NULL;
+        if (!grown) {
+            status = fail(ERR_MEMORY, "no memory for the things of %s", recording_path(r));
+            break;
+        }
+        *things = grown;
+        status = thing_from_row(r, s, &grown[(*count)++]);
+    }
+    statement_close(&s);
+    if (status == NOTHING)
+        return OK;
+    recorded_things_free(things, *count);
+    *count = 0;
+    return status;
+}
+
+void recorded_things_free(struct recorded_thing **things, int count)
+{
+    for (int i = 0; i < count && *things; i++)
+        free((*things)[i].knowledge);
+    free(*things);
+    *things = NULL;
+}
+
+static enum status check_things(const struct recorded_thing *things, int count)
+{
+    for (int i = 0; i < count; i++) {
+        if (!things[i].name[0])
+            return fail(ERR_INPUT, "a thing without a name");
+        if (!is_finite(&things[i]) || things[i].sightings < 0)
+            return fail(ERR_INPUT, "'%s': a number is not finite", things[i].name);
+        for (int k = 0; k < i; k++)
+            if (!strcmp(things[i].name, things[k].name))
+                return fail(ERR_INPUT, "two things have the name '%s'", things[i].name);
+    }
+    return OK;
+}
+
+static enum status insert_things(struct database *db, const struct recorded_thing *things, int count)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, db, "INSERT INTO thing(" THING_COLUMNS ") VALUES(?,?,?,?,?,?,?,?,?,?)");
+    for (int i = 0; i < count && status == OK; i++) {
+        const struct recorded_thing *t = &things[i];
+        uint8_t numbers[NUMBERS_BYTES];
+        put_numbers(numbers, t);
+        statement_bind_number(s, 1, i);
+        statement_bind_text(s, 2, t->name);
+        statement_bind_text(s, 3, t->url);
+        statement_bind_text(s, 4, t->etag);
+        statement_bind_text(s, 5, t->note);
+        if (t->knowledge)
+            statement_bind_text(s, 6, t->knowledge);
+        statement_bind_blob(s, 7, numbers, sizeof numbers);
+        statement_bind_number(s, 8, t->sightings);
+        statement_bind_number(s, 9, t->gone);
+        statement_bind_number(s, 10, thing_crc(t, numbers));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+enum status recording_write_things(const char *path, const struct recorded_thing *things, int count)
+{
+    struct database *db;
+    enum status status = check_things(things, count);
+    if (status != OK)
+        return status;
+    status = database_open(&db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(db);
+    if (status == OK)
+        status = database_lock_writer(db);
+    const bool locked = status == OK;
+    if (status == OK)
+        status =
+            database_run(db, "BEGIN IMMEDIATE;"
+                             "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, "
+                             "note TEXT, knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"
+                             "DELETE FROM thing");
+    if (status == OK)
+        status = insert_things(db, things, count);
+    if (status == OK)
+        status = database_run(db, "COMMIT");
+    struct failure first;
+    failure_keep(&first, status);
+    if (db && database_in_transaction(db) && database_run(db, "ROLLBACK") != OK)
+        status = first.status;
+    if (locked && status == OK)
+        status = database_close_wal(db);
+    database_close(&db);
+    return first.status == OK ? status : failure_restore(&first);
+}

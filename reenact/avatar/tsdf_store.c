@@ -1,0 +1,53 @@
+#include "reenact/avatar/tsdf_store.h"
+
+#include "reenact/avatar/tsdf_internal.h"
+
+#include <stdlib.h>
+
+enum { MOST_POINTS = 64000000 }; // as tsdf.c
+
+// Grid points without a value come in long runs: their number, then the number of those with one, and those.
+static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t count)
+{
+    for (int32_t i = 0; i < count && !a->failed;) {
+        int32_t none = 0, some = 0;
+        for (; !a->reading && i + none < count && !(voxels[i + none].weight > 0);)
+            none++;
+        for (; !a->reading && i + none + some < count && voxels[i + none + some].weight > 0;)
+            some++;
+        ARCHIVE(a, none);
+        ARCHIVE(a, some);
+        a->failed |= none < 0 || some < 0 || none > count - i || some > count - i - none || none + some == 0;
+        if (!a->failed)
+            archive_bytes(a, voxels + i + none, (size_t)some * sizeof *voxels);
+        i += none + some;
+    }
+}
+
+void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
+{
+    struct tsdf *t = *v;
+    if (a->reading)
+        t = *v = calloc(1, sizeof *t);
+    if (!t) {
+        a->failed = a->out_of_memory = true;
+        return;
+    }
+    ARCHIVE(a, t->corner);
+    ARCHIVE(a, t->step);
+    ARCHIVE(a, t->size);
+    const double points = (double)t->size[0] * t->size[1] * t->size[2];
+    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= MOST_POINTS && t->step > 0);
+    if (a->reading && !a->failed) {
+        t->bind_pose = *of->bind_pose;
+        t->calibration = *of->calibration;
+        t->depth_from_color = pose_inverse(of->calibration->color_from_depth);
+        t->threads = 1;
+        t->voxels = calloc((size_t)points, sizeof *t->voxels);
+        a->failed = a->out_of_memory = !t->voxels;
+    }
+    if (!a->failed)
+        voxels_archive(a, t->voxels, (int32_t)points);
+    if (a->reading && a->failed)
+        tsdf_close(v);
+}
