@@ -25,7 +25,7 @@ static const struct argp_option options[] = {
      "number tx ty tz qx qy qz qw' (everything is used); world_from_camera",
      0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
-    {"layers", KEY_LAYERS, NULL, 0, "also write …_source.png (red 0: nobody has seen this)", 0},
+    {"layers", KEY_LAYERS, NULL, 0, "also write …_source.png (red 0: no capture has seen this)", 0},
     {"no-depth-test", KEY_NO_TEST, NULL, 0, "without the view-dependent depth test, to see what it does", 0},
     {"plain", KEY_PLAIN, NULL, 0, "draw the plain coloured point cloud instead, to compare", 0},
     {"force", KEY_FORCE, NULL, 0, "write over pictures that are there", 0},
@@ -172,7 +172,7 @@ int reenact_surround(int argc, char **argv)
         "FOLDER",
         "Draws pictures of surroundings from a free viewpoint.\v"
         "FOLDER holds a robot's captures (panorama.txt, depth_*.txt, odometry.txt) or a vehicle's (panorama.txt, "
-        "panorama_poses.txt, points.ply), and calibration.json. What nobody has seen is hatched.",
+        "panorama_poses.txt, points.ply), and calibration.json. What no capture has seen is hatched.",
         NULL,
         NULL,
         NULL};

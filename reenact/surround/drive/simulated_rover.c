@@ -100,10 +100,10 @@ enum status simulated_rover_step(struct simulated_rover *r, struct drive_command
     if (box_world_clearance(&r->world, moved, r->how.size_m) <= 0)
         r->touched = true;
     else {
-        const struct drive_command told = {r->command.speed * (1 + r->how.odometry_scale),
-                                           r->command.turn_rate * (1 + r->how.odometry_turn)};
+        const struct drive_command reported = {r->command.speed * (1 + r->how.odometry_scale),
+                                               r->command.turn_rate * (1 + r->how.odometry_turn)};
         r->world_from_body = moved;
-        r->odometry = robot_motion_after(r->odometry, told, seconds);
+        r->odometry = robot_motion_after(r->odometry, reported, seconds);
     }
     if (depth_alignment_wants(&r->surroundings.alignment, r->odometry, r->time_ns - r->captured_ns))
         return capture(r);

@@ -23,7 +23,7 @@ struct surround_view {
     struct lens lens;
     struct pose world_from_view;
     double axes[3][3];
-    float *inverse_z; // width * height: 1 / z in m; 0 sky; negative: nobody has seen what is there
+    float *inverse_z; // width * height: 1 / z in m; 0 sky; negative: no picture has seen what is there
     int16_t *first;   // width * height: the picture whose geometry was taken
     uint8_t *rgb;     // width * height * 3
     uint8_t *source;  // width * height: SOURCE_…

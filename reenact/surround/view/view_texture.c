@@ -158,7 +158,7 @@ static void shade(const struct texture *t, int x, int y, const int *pictures, in
         view->source[i] = SOURCE_UNSEEN;
 }
 
-// Grey with slanting stripes: told apart from any picture.
+// Grey with slanting stripes: not to be taken for a picture.
 static void hatch(struct surround_view *view)
 {
     for (int y = 0; y < view->lens.height; y++)
