@@ -162,6 +162,7 @@ void live_state_review(struct live_state *s, int64_t at_ns)
 void live_state_on_sight(struct live_state *s, const struct live_sight *sight, int64_t now_ns)
 {
     const bool is_new = sight->frame != s->sight.frame;
+    s->frame_ns = is_new ? now_ns : s->frame_ns;
     s->sight = *sight;
     s->sight.trouble = NULL;
     snprintf(s->trouble, sizeof s->trouble, "%s", sight->trouble ? sight->trouble : "");

@@ -79,6 +79,7 @@ struct live_state {
     int64_t person_ns; // since when the person has been there without a break; 0: not there
     int64_t gone_ns;   // since when not; 0: there
     int64_t second_ns; // when a second person was last seen; 0: never
+    int64_t frame_ns;  // when the newest frame was first heard of
     struct live_sight sight;
     char trouble[256];
 

@@ -8,7 +8,7 @@ static const double PI = 3.14159265358979323846;
 // Durations, chosen by hand.
 static const int64_t NOTICE_NS = 3000000000, WARNING_NS = 8000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
 static const int64_t MOVED_NS = 2000000000; // a tag must be reported as moved for this long before a notice
-static const int64_t LIVE_PAUSE_NS = 60000000, LIVE_POLL_NS = 15000000;
+static const int64_t LIVE_PAUSE_NS = 200000000, LIVE_POLL_NS = 15000000;
 static const double APPEAR_S = 0.2, FADE_S = 0.7, CROSSFADE_S = 0.5;
 
 const double view_speeds[VIEW_SPEEDS] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
@@ -375,8 +375,8 @@ static double toward(double from, double to, double by)
     return from < to ? fmin(to, from + by) : fmax(to, from - by);
 }
 
-// Between the sensor's frames, which are drawn when they come, the screen is drawn only so often that the actor moves:
-// a drawing that has just begun would delay the next frame's.
+// While the sensor's frames come, they alone are drawn, and the actor moves with them: a drawing in between would delay
+// the next frame's.
 static int64_t tick_live(struct view_state *s, int64_t now_ns)
 {
     struct live_state *l = &s->live;
@@ -386,13 +386,11 @@ static int64_t tick_live(struct view_state *s, int64_t now_ns)
     int64_t next = live_state_tick(l, now_ns);
     playback_seek(&s->playback, now_ns, l->at_ns);
     const bool moves = next <= now_ns && (l->phase == LIVE_DOING || l->reviewing);
-    const int64_t pause_ns = l->sight.seeing && l->phase == LIVE_DOING ? LIVE_PAUSE_NS : 0;
-    if (moves && now_ns - s->live_drawn_ns >= pause_ns)
+    const bool frames_come = l->phase == LIVE_DOING && l->sight.seeing && now_ns - l->frame_ns < LIVE_PAUSE_NS;
+    if (moves && !frames_come)
         s->changed = true;
     if (phase != l->phase || count != live_state_count(l) || hint != live_state_hint(l))
         s->changed = true;
-    if (s->changed)
-        s->live_drawn_ns = now_ns;
     return next <= now_ns ? now_ns + LIVE_POLL_NS : next;
 }
 

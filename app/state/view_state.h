@@ -116,7 +116,6 @@ struct view_state {
     int64_t tag_moved_ns;       // since when the camera has reported moved tags; 0: it reports none
     int32_t tag_moved_notified; // view_camera.first_moved of the last notice; -1: none yet
     int64_t now_ns;             // of the last view_state_tick
-    int64_t live_drawn_ns;      // when PAGE_LIVE last had something to draw
     bool changed;               // there is something new to draw; viewer_draw clears it
 };
 
