@@ -11,7 +11,7 @@ void joint_samples_free(struct joint_samples *s)
     *s = (struct joint_samples){0};
 }
 
-float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.02f : 0.08f; }
+float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.045f : 0.18f; }
 
 // Clocks count from anywhere: a result that no 64 bits hold is the farthest one that they do.
 static int64_t clamped_sum(int64_t a, int64_t b)
