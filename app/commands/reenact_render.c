@@ -392,6 +392,8 @@ int reenact_render(int argc, char **argv)
     if (status == OK) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
+        if (!source_is_live(run.camera))
+            command_warn_times(argv[0], source_dropped(run.camera));
     }
     close_run(&run);
     return status == OK ? 0 : command_failed(argv[0]);

@@ -122,6 +122,11 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
     if (status != OK)
         return status;
     struct recording_report *r = v->report;
+    if (!counts.saved) { // an empty take is of no use
+        r->lost_frames += counts.lost;
+        r->lost_takes += take->frames != 0 && counts.lost;
+        return add_id(&v->used, take->id);
+    }
     r->takes++;
     r->frames += counts.saved;
     r->damaged_frames += counts.damaged;
