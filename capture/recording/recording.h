@@ -73,8 +73,8 @@ MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const
 struct recording_counters {
     int64_t waiting_frames, waiting_bytes; // given, not yet committed
     int64_t waiting_frames_most;           // ever
-    int64_t committed_frames;
-    int64_t committed_ns;  // time of the last frame that is in the file; INT64_MIN: none
+    int64_t committed_frames, synced_frames; // in the file: a kill does not cost them; nor a power cut
+    int64_t committed_ns, synced_ns;         // times of the last of them; INT64_MIN: none
     int64_t written_bytes; // of all frames committed so far
 };
 struct recording_counters recording_writer_count(const struct recording_writer *w);
