@@ -101,19 +101,21 @@ static enum status check_distortion(const struct lens *l, const char *what)
     const double tangential = (fabs(l->p1) + fabs(l->p2)) * sqrt(r2);
     if (radial >= LENS_MIN_RADIAL && radial <= 1 / LENS_MIN_RADIAL && tangential <= LENS_MAX_TANGENTIAL)
         return OK;
-    return fail(ERR_INPUT,
-                "the %s camera's distortion (%g, %g, %g, %g, %g) cannot be: halfway to the corners it moves pixels to %g "
-                "of their distance from the centre",
-                what, l->k1, l->k2, l->p1, l->p2, l->k3, radial);
+    return fail(
+        ERR_INPUT,
+        "the %s camera's distortion (%g, %g, %g, %g, %g) cannot be: halfway to the corners it moves pixels to %g "
+        "of their distance from the centre",
+        what, l->k1, l->k2, l->p1, l->p2, l->k3, radial);
 }
 
 enum status lens_check(const struct lens *l, const char *what)
 {
     if (!image_size_is_usable(l->width, l->height))
-        return fail(ERR_INPUT,
-                    "the %s camera's calibration gives a picture of %d x %d pixels; at most %d a side and %d million in "
-                    "all can be used",
-                    what, l->width, l->height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
+        return fail(
+            ERR_INPUT,
+            "the %s camera's calibration gives a picture of %d x %d pixels; at most %d a side and %d million in "
+            "all can be used",
+            what, l->width, l->height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         if (!isfinite(numbers[i]))

@@ -54,7 +54,7 @@ struct recorder {
 
     // used by the caller's thread only
     int64_t synced_before, written_before; // by earlier takes of the writer
-    int64_t state_ns;                         // when the state was last reported
+    int64_t state_ns;                      // when the state was last reported
 
     // used by the looking thread only, until it is joined
     struct pose_network *network;
@@ -465,7 +465,8 @@ static enum status recorder_prepare(struct recorder *r, const struct recorder_op
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
-        status = queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
+        status =
+            queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
         status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
     if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))

@@ -31,9 +31,9 @@ struct recorder_state {
 struct recorder_options {
     bool (*should_stop)(void); // asked before every frame read, and before every frame smoothed, where true keeps the
                                // online joints; NULL = never
-    void (*on_frame)(void *context);                           // called for every frame read; may be NULL
-    void (*on_smoothing_begin)(void *context, int64_t frames); // `frames` will now be smoothed; may be NULL
-    void (*on_smoothed)(void *context);                        // called for each of them; may be NULL
+    void (*on_frame)(void *context);                                     // called for every frame read; may be NULL
+    void (*on_smoothing_begin)(void *context, int64_t frames);           // `frames` will now be smoothed; may be NULL
+    void (*on_smoothed)(void *context);                                  // called for each of them; may be NULL
     void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
     bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)

@@ -52,7 +52,7 @@ void command_parse(const struct argp *argp, int argc, char **argv, void *input);
 // --force of commands that write files.
 #define COMMAND_OPTION_FORCE(key)                                                                                      \
     {                                                                                                                  \
-        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                     \
+        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                      \
     }
 
 // A required option must have been given.

@@ -101,7 +101,8 @@ struct watch {
 
 static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
 
-// Whether there is something to watch, before a window opens: who starts this from a shell or a program learns it there.
+// Whether there is something to watch, before a window opens: who starts this from a shell or a program learns it
+// there.
 static enum status check_file(const struct watch_arguments *a)
 {
     struct recording *recording;

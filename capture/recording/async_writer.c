@@ -326,7 +326,8 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
         struct recording_counters *c = &s->counters;
         c->waiting_bytes += (int64_t)bytes;
         c->waiting_frames++;
-        c->waiting_frames_most = c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
+        c->waiting_frames_most =
+            c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
         if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
             s->due = true;
             pthread_cond_broadcast(&s->wake);

@@ -109,9 +109,10 @@ static const struct table_columns {
 } table_columns[TABLE_COUNT] = {
     [TABLE_PLACE] = {"place", PLACE_COLUMNS, {{"views", "INTEGER"}, {"seal", "INTEGER"}}},
     [TABLE_VIEW] = {"place_view", VIEW_COLUMNS, {{"seal", "INTEGER"}}},
-    [TABLE_TAKE] = {"take",
-                    TAKE_COLUMNS,
-                    {{"frames", "INTEGER"}, {"lost", "INTEGER"}, {"note", "TEXT"}, {"alias", "TEXT"}, {"seal", "INTEGER"}}},
+    [TABLE_TAKE] =
+        {"take",
+         TAKE_COLUMNS,
+         {{"frames", "INTEGER"}, {"lost", "INTEGER"}, {"note", "TEXT"}, {"alias", "TEXT"}, {"seal", "INTEGER"}}},
     [TABLE_FRAME] = {"frame", FRAME_COLUMNS, {{"seal", "INTEGER"}}},
     [TABLE_JOINT_ERROR] = {"joint_error", JOINT_ERROR_COLUMNS, {{"seal", "INTEGER"}}},
     [TABLE_IMAGE] = {"picture", IMAGE_COLUMNS, {{"seal", "INTEGER"}}},
@@ -155,8 +156,8 @@ enum status insert_open(struct statement **out, struct database *db, enum record
 {
     const struct table_columns *t = &table_columns[table];
     char sql[700];
-    size_t used = (size_t)snprintf(sql, sizeof sql, "INSERT %sINTO %s(%s", or_replace ? "OR REPLACE " : "", t->name,
-                                   t->columns);
+    size_t used =
+        (size_t)snprintf(sql, sizeof sql, "INSERT %sINTO %s(%s", or_replace ? "OR REPLACE " : "", t->name, t->columns);
     int count = 1;
     for (const char *c = t->columns; *c; c++)
         count += *c == ',';

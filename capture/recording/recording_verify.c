@@ -75,8 +75,8 @@ static void check_place(struct verification *v)
         note(v, fail(ERR_CORRUPT, "%s: %d of %d views of the place are damaged or missing", path_of(v),
                      (int)place.views_lost, (int)(place.views_lost + place.view_count)));
     if (place.errors_lost)
-        note(v, fail(ERR_CORRUPT,
-                     "%s: covariances or viewing directions of the place's points and tags are damaged", path_of(v)));
+        note(v, fail(ERR_CORRUPT, "%s: covariances or viewing directions of the place's points and tags are damaged",
+                     path_of(v)));
     if (!place_is_finite(&place))
         note(v, fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", path_of(v)));
     free(rgb);

@@ -259,8 +259,9 @@ enum status take_name_check(const char *name)
     if (!length || length > TAKE_NAME_BYTES)
         return fail(ERR_INPUT, "a take's name has 1 to %d bytes, not %zu", TAKE_NAME_BYTES, length);
     return text_is_printable(name) ? OK
-                                   : fail(ERR_INPUT, "a take's name is UTF-8 text without control characters, and '%s' "
-                                                     "is not",
+                                   : fail(ERR_INPUT,
+                                          "a take's name is UTF-8 text without control characters, and '%s' "
+                                          "is not",
                                           name);
 }
 
@@ -306,7 +307,8 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
     if (status != OK)
         return status;
     w->frames = 0;
-    w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
+    w->take = (struct take_row){
+        .id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
     snprintf(w->take.name, sizeof w->take.name, "%s", name);
     status = async_writer_put_take(w->async_writer, &w->take);
     if (status == OK)

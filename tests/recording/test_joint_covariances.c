@@ -3,7 +3,6 @@
 #include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
 
-
 // As they were written, bit for bit.
 static void expect_covariances(struct take *t, int index)
 {

@@ -170,7 +170,8 @@ static void test_repaired_take_tells_the_truth(void **state)
 {
     (void)state;
     const char *path = copy_of("sealed");
-    run_sql(path, "DELETE FROM frame WHERE id % 4294967296 = 1; UPDATE picture SET depth = x'00' WHERE id % 4294967296 = 2");
+    run_sql(path,
+            "DELETE FROM frame WHERE id % 4294967296 = 1; UPDATE picture SET depth = x'00' WHERE id % 4294967296 = 2");
     expect_repair(path, "damaged or missing", 2);
     struct recording *r;
     struct take *t;
@@ -190,8 +191,9 @@ static void test_damage_costs_itself_alone(void **state)
     const char *path = sample_path("costs");
     sample_recording_write(path);
     path = sample_path("costs");
-    run_sql(path, "UPDATE frame SET time_ns = time_ns + 1 WHERE id % 4294967296 = 5;"
-                  "UPDATE picture SET color = x'00' WHERE id % 4294967296 = 8; UPDATE place_view SET crc = 1 WHERE id = 1");
+    run_sql(path,
+            "UPDATE frame SET time_ns = time_ns + 1 WHERE id % 4294967296 = 5;"
+            "UPDATE picture SET color = x'00' WHERE id % 4294967296 = 8; UPDATE place_view SET crc = 1 WHERE id = 1");
     struct recording *r;
     struct take *t;
     struct place place;
