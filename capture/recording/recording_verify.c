@@ -165,6 +165,7 @@ static void check_orphans(struct verification *v)
         if (status == OK && count)
             status = fail(ERR_CORRUPT, "%s: %lld %s", path_of(v), (long long)count, checks[i].what);
         note(v, status);
+        v->report->lost_frames += i == 0 ? count : 0;
     }
 }
 
