@@ -157,11 +157,14 @@ static double walk_to_edge(const struct projected_skeleton *seen, const struct p
     return walk->furthest_px;
 }
 
+// Chosen by hand: what lies further off leaves the part's image.
+static const double MEASURED_SIGMA_MAX_M = 0.15;
+
 // A joint that is not seen and may be anywhere. One that is only less sure to be right is used: where it is wrong, the
 // surface is seldom at the bone's depth along the whole part, which is checked.
 static bool is_guessed(const struct skeleton *s, enum joint j)
 {
-    return s->confidence[j] < 1 && !(joint_sigma_m(s, j) <= SEEN_SIGMA_MAX_M);
+    return s->confidence[j] < 1 && !(joint_sigma_m(s, j) <= MEASURED_SIGMA_MAX_M);
 }
 
 double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,

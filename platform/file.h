@@ -37,3 +37,10 @@ int64_t file_free_bytes(const char *path);
 
 // Makes the folder and its parents; OK when it exists. ERR_IO, ERR_INPUT.
 MUST_CHECK enum status folder_make(const char *path);
+
+// Renames a folder; `to` must not exist. ERR_IO.
+MUST_CHECK enum status folder_rename(const char *from, const char *to);
+
+// Removes a folder that this program made, with all that is in it; links are removed, not followed. Keeps the sentence
+// of the last failure.
+void folder_remove(const char *path);

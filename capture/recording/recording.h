@@ -154,6 +154,10 @@ enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // can still be read. ERR_IO, ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
 
+// The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
+// take_read or take_read_jpeg. NOTHING: it has no colour. Errors as take_read; unless OK, *bytes is NULL.
+MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count);
+
 // ---------------------------------------------------------------- verify and repair
 
 enum { RECORDING_FINDINGS_MAX = 12 };

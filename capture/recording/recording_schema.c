@@ -403,6 +403,18 @@ bool point_is_finite(const struct place_landmark *point)
     return finite;
 }
 
+bool place_is_finite(const struct place *p)
+{
+    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
+    for (int32_t i = 0; i < p->tag_count; i++)
+        finite = finite && tag_is_finite(&p->tags[i]);
+    for (int32_t i = 0; i < p->point_count; i++)
+        finite = finite && point_is_finite(&p->points[i]);
+    for (int32_t i = 0; i < p->view_count; i++)
+        finite = finite && pose_finite(p->views[i].world_from_camera);
+    return finite;
+}
+
 static bool pose_is_identity(struct pose p)
 {
     return p.rotation.x == 0 && p.rotation.y == 0 && p.rotation.z == 0 && fabs(p.rotation.w) == 1 &&

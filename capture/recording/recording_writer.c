@@ -122,14 +122,7 @@ static enum status check_place(const struct place *p)
     if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
         p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
-    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
-    for (int32_t i = 0; i < p->tag_count; i++)
-        finite = finite && tag_is_finite(&p->tags[i]);
-    for (int32_t i = 0; i < p->point_count; i++)
-        finite = finite && point_is_finite(&p->points[i]);
-    for (int32_t i = 0; i < p->view_count; i++)
-        finite = finite && pose_finite(p->views[i].world_from_camera);
-    return finite ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
+    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
 }
 
 static enum status put_place_row(struct database *db, const struct place *p)

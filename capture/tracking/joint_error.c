@@ -31,10 +31,10 @@ static const enum joint_kind kind_of[JOINT_COUNT] = {
     [JOINT_RIGHT_FOOT] = KIND_FOOT,
 };
 
-// Up to which log-odds a joint that is shown is called seen, and the margins of the scale, of joints seen and of
-// others.
+// Up to which log-odds of being wrong a joint that is shown is called seen, and what the logarithm of the scale lacks:
+// `seen`, or by how far the log-odds pass that limit.
 struct decision {
-    double limit, margin[2];
+    double limit, seen, inferred, slope;
 };
 
 struct kind_weights {
@@ -81,8 +81,9 @@ static struct joint_error weigh(const struct kind_weights *kind, const struct fe
 
 static void decide(struct joint_error *e, bool shown, const struct decision *by)
 {
-    e->is_seen = shown && (double)e->wrong_log_odds <= by->limit;
-    e->log_widening = (float)((double)e->log_scale + by->margin[!e->is_seen]);
+    const double beyond = (double)e->wrong_log_odds - by->limit;
+    e->is_seen = shown && beyond <= 0;
+    e->log_widening = (float)((double)e->log_scale + (e->is_seen ? by->seen : by->inferred + by->slope * beyond));
 }
 
 struct joint_error joint_error_online(enum joint j, bool shown, const struct joint_features *f)

@@ -96,7 +96,7 @@ static void test_lenses_that_cannot_be(void **state)
     bad[0].fx = 1e300;
     bad[1].fy = 1e-3;
     bad[2].k1 = 1e9;
-    bad[3].cx = 1e6;
+    bad[3].cx = 1e7;
     bad[4].width = bad[4].height = 16384;
     bad[5].p1 = 1e4;
     bad[6].k3 = NAN;

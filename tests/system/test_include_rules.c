@@ -33,6 +33,7 @@ static const struct rule rules[] = {
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
     {"reenact/avatar/", {"reenact/observation/", SKELETON}},
+    {"reenact/export/", {AVATAR}},
     {"reenact/frame/", {AVATAR}},
     {"reenact/scene/", {SKELETON}},
     {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
@@ -42,7 +43,7 @@ static const struct rule rules[] = {
     {"app/view/", {"app/state/", RENDER}},
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
-    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER}},
+    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", "reenact/export/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
