@@ -113,6 +113,16 @@ static bool is_invertible(const struct lens *l)
     return true;
 }
 
+// How far the distortion moves pixels halfway from the centre to the corners. (At the corners themselves a fitted
+// polynomial may be anything.)
+static bool is_moderate(const struct lens *l)
+{
+    const double x = 0.25 * l->width / l->fx, y = 0.25 * l->height / l->fy, r2 = x * x + y * y;
+    const double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    return radial >= 1 / LENS_MAX_RADIAL && radial <= LENS_MAX_RADIAL &&
+           (fabs(l->p1) + fabs(l->p2)) * sqrt(r2) <= LENS_MAX_RADIAL;
+}
+
 enum status lens_check(const struct lens *l, const char *what)
 {
     if (!image_size_is_usable(l->width, l->height))
@@ -134,6 +144,9 @@ enum status lens_check(const struct lens *l, const char *what)
                     "the %s camera's principal point is %g pixels right and %g below the first, which no "
                     "lens has",
                     what, l->cx, l->cy);
+    if (!is_moderate(l))
+        return fail(ERR_INPUT, "the %s camera's distortion (%g, %g, %g, %g, %g) is far beyond any lens's", what, l->k1,
+                    l->k2, l->p1, l->p2, l->k3);
     if (!is_invertible(l))
         return fail(ERR_INPUT,
                     "the %s camera's distortion folds the image over itself before its rim; check k1, k2, p1, p2, k3",
