@@ -5,6 +5,7 @@
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
 #include "capture/sensor_pose.h"
+#include "capture/take_smoothing.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker.h"
 #include "base/clock.h"
@@ -493,67 +494,18 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 
 // ------------------------------------------------------------- smoothing
 
-// The backward pass over the take's depth. NOTHING: stopped.
-static enum status smooth_backward(struct recorder *r, struct take *take, const struct recorder_options *options)
-{
-    int64_t count = take_frame_count(take);
-    enum status status = OK;
-    if (options->on_smoothing_begin)
-        options->on_smoothing_begin(options->context, count);
-    for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
-        struct take_images images;
-        if (options->should_stop && options->should_stop())
-            return NOTHING;
-        if (take_entry(take, i)->has_depth) {
-            status = take_read(take, i, TAKE_DEPTH, &images);
-            if (status == OK)
-                status = smoother_backward(r->smoother, r->tracker, i, images.depth);
-            else if (status == ERR_CORRUPT) // a damaged frame costs itself alone
-                status = OK;
-        }
-        if (options->on_smoothed)
-            options->on_smoothed(options->context);
-    }
-    return status == OK ? smoother_solve(r->smoother) : status;
-}
-
-static enum status put_smoothed(struct recorder *r)
-{
-    const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
-    if (!skeleton)
-        return fail(ERR_MEMORY, "no memory to smooth a take");
-    static const struct skeleton absent; // an online detection may turn out to be furniture
-    for (int64_t i = 0; i < r->written; i++) {
-        skeleton[i] = smoother_skeleton(r->smoother, i);
-        skeleton[i] = skeleton[i] ? skeleton[i] : &absent;
-    }
-    enum status status = recording_put_skeletons(r->writer, skeleton, r->written);
-    free(skeleton);
-    return status;
-}
-
 // The take is complete already, and stays so whatever fails here.
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
     if (!r->tracked || !r->smoother || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
         return OK;
-    struct recording *recording = NULL;
-    struct take *take = NULL;
     int64_t begun = clock_now_ns();
-    enum status status = recording_open(&recording, recording_writer_path(r->writer));
-    if (status == OK)
-        status = take_open(&take, recording, name);
-    if (status == OK)
-        status = smooth_backward(r, take, options);
-    take_close(&take);
-    recording_free(&recording);
+    enum status status = take_smooth(r->smoother, r->tracker, r->writer, name, options);
     if (status == ERR_MEMORY) {
         result->smoothing_out_of_memory = true;
         return OK;
     }
-    if (status == OK)
-        status = put_smoothed(r);
     if (status == OK)
         result->smoothing_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
     return status == NOTHING ? OK : status;
