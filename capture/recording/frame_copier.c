@@ -151,7 +151,8 @@ enum status frame_copier_find_strays(struct frame_copier *c)
         }
         statement_reset(c->frame);
     }
-    qsort(c->strays, (size_t)c->stray_count, sizeof *c->strays, by_key);
+    if (c->stray_count)
+        qsort(c->strays, (size_t)c->stray_count, sizeof *c->strays, by_key);
     return status == NOTHING ? OK : status;
 }
 

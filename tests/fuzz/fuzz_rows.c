@@ -37,6 +37,13 @@ static int64_t take_number(struct input *in)
     return number;
 }
 
+// Of a frame: the take's number and its own.
+static int64_t take_key(struct input *in)
+{
+    const uint64_t take = (uint64_t)take_number(in), number = (uint64_t)take_number(in);
+    return (int64_t)((take << 32 & INT64_MAX) | (number & UINT32_MAX));
+}
+
 // Up to `most` bytes.
 static size_t take_blob(struct input *in, uint8_t *to, size_t most)
 {
@@ -73,7 +80,7 @@ static void put_frame(struct database *db, struct input *in)
 {
     struct statement *s;
     uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
-    const int64_t key = (take_number(in) << 32 & INT64_MAX) | (take_number(in) & UINT32_MAX), time_ns = take_number(in);
+    const int64_t key = take_key(in), time_ns = take_number(in);
     const uint8_t flags = take_byte(in);
     struct skeleton joints = {0};
     put_pose(pose, &POSE_IDENTITY);
@@ -104,7 +111,7 @@ static void put_images(struct database *db, struct input *in)
     struct statement *s;
     static uint8_t blobs[3][256];
     int64_t crcs[3] = {0};
-    const int64_t key = (take_number(in) << 32 & INT64_MAX) | (take_number(in) & UINT32_MAX);
+    const int64_t key = take_key(in);
     if (insert_open(&s, db, TABLE_IMAGE, true) != OK)
         return;
     statement_bind_number(s, 1, key);
