@@ -1,5 +1,7 @@
 #include "base/lens.h"
 
+#include "base/pixels.h"
+
 bool lens_is_ideal(const struct lens *lens)
 {
     return lens->k1 == 0 && lens->k2 == 0 && lens->p1 == 0 && lens->p2 == 0 && lens->k3 == 0;
@@ -111,11 +113,24 @@ static bool is_invertible(const struct lens *l)
     return true;
 }
 
+// How far the distortion moves pixels halfway from the centre to the corners. (At the corners themselves a fitted
+// polynomial may be anything.)
+static bool is_moderate(const struct lens *l)
+{
+    const double x = 0.25 * l->width / l->fx, y = 0.25 * l->height / l->fy, r2 = x * x + y * y;
+    const double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    return radial >= 1 / LENS_MAX_RADIAL && radial <= LENS_MAX_RADIAL &&
+           (fabs(l->p1) + fabs(l->p2)) * sqrt(r2) <= LENS_MAX_RADIAL;
+}
+
 enum status lens_check(const struct lens *l, const char *what)
 {
-    if (l->width <= 0 || l->height <= 0 || l->width > 16384 || l->height > 16384)
-        return fail(ERR_INPUT, "the %s camera's calibration gives a picture of %d x %d pixels", what, l->width,
-                    l->height);
+    if (!image_size_is_usable(l->width, l->height))
+        return fail(
+            ERR_INPUT,
+            "the %s camera's calibration gives a picture of %d x %d pixels; at most %d a side and %d million in "
+            "all can be used",
+            what, l->width, l->height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         if (!isfinite(numbers[i]))
@@ -129,6 +144,9 @@ enum status lens_check(const struct lens *l, const char *what)
                     "the %s camera's principal point is %g pixels right and %g below the first, which no "
                     "lens has",
                     what, l->cx, l->cy);
+    if (!is_moderate(l))
+        return fail(ERR_INPUT, "the %s camera's distortion (%g, %g, %g, %g, %g) is far beyond any lens's", what, l->k1,
+                    l->k2, l->p1, l->p2, l->k3);
     if (!is_invertible(l))
         return fail(ERR_INPUT,
                     "the %s camera's distortion folds the image over itself before its rim; check k1, k2, p1, p2, k3",

@@ -24,6 +24,8 @@ struct lens {
 // Bounds of what is accepted, far beyond any camera's: a focal length from 1 pixel, and nothing beyond a million.
 #define LENS_MIN_FOCAL_PX 1.0
 #define LENS_MAX_PX       1e6
+// And the factor by which the distortion changes a pixel's distance from the centre, halfway to the corners.
+#define LENS_MAX_RADIAL 20.0
 
 struct pixel {
     double x, y;

@@ -5,9 +5,11 @@
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
 #include "capture/sensor_pose.h"
+#include "capture/take_smoothing.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker.h"
 #include "base/clock.h"
+#include "platform/file.h"
 #include "platform/jpeg.h"
 #include "base/queue.h"
 
@@ -19,6 +21,12 @@
 // Capacity of the queues before the two worker threads. At 640 x 480 a frame takes 1.9 MB; two seconds of a 30 Hz
 // sensor can wait before a frame is dropped.
 enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
+
+// What the frames of one queue may take together: of large pictures fewer wait.
+enum { WAITING_BYTES_MAX = 256 << 20, WAITING_LEAST = 3 };
+
+// How far a recorded source is read ahead of what is in the file: a kill costs less than a second of film.
+enum { FILM_AT_RISK_NS = 900000000 };
 
 // Body points are looked for in every third image, 10 a second: errors of neighbouring images are alike, and a network
 // takes 10 to 30 ms. A live source's image is left out where so many frames wait behind it already.
@@ -44,6 +52,10 @@ struct recorder {
     const struct place *place; // may be NULL
     struct recording_writer *writer;
     struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
+
+    // used by the caller's thread only
+    int64_t synced_before, written_before; // by earlier takes of the writer
+    int64_t state_ns;                      // when the state was last reported
 
     // used by the looking thread only, until it is joined
     struct pose_network *network;
@@ -307,10 +319,60 @@ static void *write_all(void *context)
 
 // ------------------------------------------------------------- reading
 
+// Frames that a queue of up to `most` may hold.
+static int waiting_frames(const struct calibration *c, int most)
+{
+    const size_t bytes = 4 * pixels(&c->color) + 3 * pixels(&c->depth) + 1; // with the JPEG, at most a byte a pixel
+    const size_t fit = WAITING_BYTES_MAX / bytes;
+    return fit < WAITING_LEAST ? WAITING_LEAST : fit < (size_t)most ? (int)fit : most;
+}
+
+// Waits until so little film is on its way that a kill would cost less than a second. The first frames are held back
+// until the sensor is located, and two must be on their way in any case, so that slow films move on.
+static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_read)
+{
+    struct queue *first = r->to_look ? r->to_look : r->to_process;
+    while (!r->live && !queue_is_stopped(first)) {
+        const struct recording_counters c = recording_writer_count(r->writer);
+        const int64_t kept = c.synced_frames - r->synced_before;
+        if (frames_read - kept < (kept > 0 ? 2 : SENSOR_POSE_WARM_UP + 2) ||
+            (kept > 0 && time_ns - c.synced_ns < FILM_AT_RISK_NS))
+            return;
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    }
+}
+
+static int waiting_now(struct recorder *r)
+{
+    return (r->to_look ? queue_count(r->to_look) : 0) + queue_count(r->to_process) + queue_count(r->to_write) +
+           (int)recording_writer_count(r->writer).waiting_frames;
+}
+
+static void report_state(struct recorder *r, const struct recorder_options *options, int64_t film_ns,
+                         struct recorder_result *result)
+{
+    const int waiting = waiting_now(r);
+    result->waiting_most = waiting > result->waiting_most ? waiting : result->waiting_most;
+    const double seconds = (double)film_ns * 1e-9,
+                 written = (double)(recording_writer_count(r->writer).written_bytes - r->written_before);
+    result->mb_per_s = seconds > 0.5 ? written * 1e-6 / seconds : 0;
+    struct recorder_state state = {
+        .waiting = waiting, .dropped = result->dropped, .mb_per_s = result->mb_per_s, .minutes_left = -1};
+    const int64_t now_ns = clock_now_ns();
+    if (!options->on_state || now_ns - r->state_ns < 1000000000)
+        return;
+    r->state_ns = now_ns;
+    const double room = (double)file_free_bytes(recording_writer_path(r->writer)) * 1e-6;
+    if (result->mb_per_s > 0 && room >= 0)
+        state.minutes_left = room / result->mb_per_s / 60;
+    options->on_state(options->context, &state);
+}
+
 // Until the source ends, the user stops or a worker fails.
 static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
                             struct recorder_result *result)
 {
+    int64_t frames_read = 0, first_ns = INT64_MIN;
     for (;;) {
         if (options->should_stop && options->should_stop())
             return OK;
@@ -325,6 +387,9 @@ static enum status read_all(struct recorder *r, struct source *source, const str
         }
         if (status != OK)
             return status;
+        wait_for_file(r, frame.time_ns, frames_read++);
+        first_ns = first_ns == INT64_MIN ? frame.time_ns : first_ns;
+        const int64_t begun_ns = clock_now_ns();
         struct item *item = item_from_frame(&frame, r->calibration);
         if (!item)
             return fail(ERR_MEMORY, "no memory for another frame");
@@ -336,6 +401,9 @@ static enum status read_all(struct recorder *r, struct source *source, const str
                 return OK;
             result->dropped++;
         }
+        if (r->live)
+            result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
+        report_state(r, options, frame.time_ns - first_ns, result);
         if (options->on_frame)
             options->on_frame(options->context);
     }
@@ -379,7 +447,7 @@ static enum status prepare_points(struct recorder *r, struct recorder_result *re
         snprintf(result->no_body_points, sizeof result->no_body_points, "%.255s", status_message());
         return OK;
     }
-    return status == OK ? queue_open(&r->to_look, WAITING_FRAMES) : status;
+    return status == OK ? queue_open(&r->to_look, waiting_frames(r->calibration, WAITING_FRAMES)) : status;
 }
 
 static enum status recorder_prepare(struct recorder *r, const struct recorder_options *given,
@@ -398,9 +466,10 @@ static enum status recorder_prepare(struct recorder *r, const struct recorder_op
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
-        status = queue_open(&r->to_process, r->to_look ? WAITING_LOOKED : WAITING_FRAMES);
+        status =
+            queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
-        status = queue_open(&r->to_write, WAITING_WRITES);
+        status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
     if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
         status = fail(ERR_MEMORY, "no memory for the background");
     return status;
@@ -425,65 +494,18 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 
 // ------------------------------------------------------------- smoothing
 
-// The backward pass over the take's depth. NOTHING: stopped.
-static enum status smooth_backward(struct recorder *r, struct take *take, const struct recorder_options *options)
-{
-    int64_t count = take_frame_count(take);
-    enum status status = OK;
-    if (options->on_smoothing_begin)
-        options->on_smoothing_begin(options->context, count);
-    for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
-        struct take_images images;
-        if (options->should_stop && options->should_stop())
-            return NOTHING;
-        if (take_entry(take, i)->has_depth) {
-            status = take_read(take, i, TAKE_DEPTH, &images);
-            if (status == OK)
-                status = smoother_backward(r->smoother, r->tracker, i, images.depth);
-        }
-        if (options->on_smoothed)
-            options->on_smoothed(options->context);
-    }
-    return status == OK ? smoother_solve(r->smoother) : status;
-}
-
-static enum status put_smoothed(struct recorder *r)
-{
-    const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
-    if (!skeleton)
-        return fail(ERR_MEMORY, "no memory to smooth a take");
-    static const struct skeleton absent; // an online detection may turn out to be furniture
-    for (int64_t i = 0; i < r->written; i++) {
-        skeleton[i] = smoother_skeleton(r->smoother, i);
-        skeleton[i] = skeleton[i] ? skeleton[i] : &absent;
-    }
-    enum status status = recording_put_skeletons(r->writer, skeleton, r->written);
-    free(skeleton);
-    return status;
-}
-
 // The take is complete already, and stays so whatever fails here.
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
     if (!r->tracked || !r->smoother || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
         return OK;
-    struct recording *recording = NULL;
-    struct take *take = NULL;
     int64_t begun = clock_now_ns();
-    enum status status = recording_open(&recording, recording_writer_path(r->writer));
-    if (status == OK)
-        status = take_open(&take, recording, name);
-    if (status == OK)
-        status = smooth_backward(r, take, options);
-    take_close(&take);
-    recording_free(&recording);
+    enum status status = take_smooth(r->smoother, r->tracker, r->writer, name, options);
     if (status == ERR_MEMORY) {
         result->smoothing_out_of_memory = true;
         return OK;
     }
-    if (status == OK)
-        status = put_smoothed(r);
     if (status == OK)
         result->smoothing_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
     return status == NOTHING ? OK : status;
@@ -531,6 +553,8 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
         .calibration = source_calibration(source), .place = place, .writer = writer, .live = source_is_live(source)};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
+        r.synced_before = recording_writer_count(writer).synced_frames;
+        r.written_before = recording_writer_count(writer).written_bytes;
         status = recorder_prepare(&r, options, result);
         if (status == OK)
             status = run_threads(&r, source, options, result);

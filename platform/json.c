@@ -4,6 +4,7 @@
 
 #include <cjson/cJSON.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,13 +13,34 @@ static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value;
 
 static struct json *from_node(cJSON *value) { return (struct json *)value; }
 
+// cJSON says nothing of why it failed; its allocations do.
+static _Thread_local bool out_of_memory;
+
+static void *allocate(size_t size)
+{
+    void *memory = malloc(size);
+    out_of_memory |= !memory;
+    return memory;
+}
+
+static void set_hooks(void)
+{
+    cJSON_Hooks hooks = {.malloc_fn = allocate, .free_fn = free};
+    cJSON_InitHooks(&hooks);
+}
+
 enum status json_parse(const char *text, size_t count, const char *name, struct json **out)
 {
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    pthread_once(&once, set_hooks);
+    out_of_memory = false;
     const char *end = NULL;
     cJSON *root = cJSON_ParseWithLengthOpts(text, count, &end, false);
     *out = from_node(root);
     if (root)
         return OK;
+    if (out_of_memory)
+        return fail(ERR_MEMORY, "no memory to read %s", name);
     int line = 1;
     for (const char *at = text; end && at < end && *at; at++)
         line += *at == '\n';
@@ -58,6 +80,13 @@ const struct json *json_at(const struct json *array, int index)
 {
     return from_node(cJSON_GetArrayItem(node(array), index));
 }
+
+const struct json *json_first(const struct json *array)
+{
+    return json_is_array(array) || json_is_object(array) ? from_node(node(array)->child) : NULL;
+}
+
+const struct json *json_next(const struct json *value) { return from_node(node(value)->next); }
 
 const char *json_name(const struct json *member)
 {
@@ -134,6 +163,8 @@ struct json *json_add_array(struct json *object, const char *name)
 }
 
 void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
+
+void json_push_string(struct json *array, const char *value) { attach(array, NULL, cJSON_CreateString(value)); }
 
 char *json_print(const struct json *root)
 {

@@ -1,5 +1,7 @@
 #include "platform/output.h"
 
+#include "platform/file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -12,32 +14,18 @@ struct output {
     FILE *file;
     char path[PATH_MAX], part[PATH_MAX];
     bool standard; // standard output
+    bool device;   // `path` is a device or a pipe, written where it is
 };
 
 static bool is_standard(const char *path) { return !strcmp(path, "-"); }
 
 enum status output_check(const char *path, const char *input, bool force)
 {
-    struct stat out, in;
     if (is_standard(path))
         return OK;
-    if (stat(path, &out) == 0) {
-        if (input && stat(input, &in) == 0 && in.st_dev == out.st_dev && in.st_ino == out.st_ino)
-            return fail(ERR_INPUT, "%s is the recording itself; give another name", path);
-        if (!force)
-            return fail(ERR_EXISTS, "%s exists; give another name, or --force to write over it", path);
-        return OK;
-    }
-    char folder[PATH_MAX];
-    if (snprintf(folder, sizeof folder, "%s", path) >= (int)sizeof folder)
-        return fail(ERR_INPUT, "the path %.60s… is too long", path);
-    char *slash = strrchr(folder, '/');
-    if (slash)
-        slash[slash == folder] = 0;
-    const char *parent = slash ? folder : ".";
-    if (access(parent, W_OK))
-        return fail(errno == ENOENT ? ERR_MISSING : ERR_IO, "the folder %s: %s", parent, strerror(errno));
-    return OK;
+    if (input && file_is_same(path, input))
+        return fail(ERR_INPUT, "%s is the recording itself; give another name", path);
+    return file_check_output(path, force);
 }
 
 // Makes PATH.part, or PATH.part1 and so on where that is another's: nothing that exists is written over.
@@ -63,17 +51,27 @@ static enum status open_part(struct output *o)
     return fail(ERR_EXISTS, "%s.part and others are there; remove what an earlier run left", o->path);
 }
 
+static enum status open_device(struct output *o)
+{
+    o->device = true;
+    o->file = fopen(o->path, "wb");
+    return o->file ? OK : fail(ERR_IO, "%s: %s", o->path, strerror(errno));
+}
+
 enum status output_open(struct output **out, const char *path)
 {
     struct output *o = *out = calloc(1, sizeof *o);
     if (!o)
         return fail(ERR_MEMORY, "no memory to write %s", path);
     o->standard = is_standard(path);
+    struct stat about;
     enum status status = OK;
     if (o->standard)
         o->file = stdout;
     else if (snprintf(o->path, sizeof o->path, "%s", path) >= (int)sizeof o->path)
         status = fail(ERR_INPUT, "the path %.60s… is too long", path);
+    else if (stat(path, &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+        status = open_device(o);
     else
         status = open_part(o);
     if (status != OK) {
@@ -96,13 +94,16 @@ enum status output_close(struct output **out, enum status status)
     struct failure first;
     failure_keep(&first, status);
     bool written = !ferror(o->file);
+    const bool renamed = !o->standard && !o->device;
+    if (renamed && written && status == OK)
+        written = fflush(o->file) == 0 && fsync(fileno(o->file)) == 0; // before it takes another file's place
     written = (o->standard ? fflush(o->file) : fclose(o->file)) == 0 && written;
     const char *name = o->standard ? "standard output" : o->path;
-    if (status == OK && (!written || (!o->standard && rename(o->part, o->path))))
+    if (status == OK && (!written || (renamed && rename(o->part, o->path))))
         status = fail(ERR_IO, "%s could not be written: %s", name, strerror(errno));
     else if (status != OK)
         status = failure_restore(&first);
-    if (status != OK && !o->standard)
+    if (status != OK && renamed)
         unlink(o->part);
     free(o);
     return status;

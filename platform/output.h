@@ -1,14 +1,13 @@
 // What a command writes: a file under a temporary name that is renamed when it is whole, or standard output for the
-// path
-// "-". One handle, one thread.
+// path "-". Devices and pipes are written as they are. One handle, one thread.
 #pragma once
 #include "base/status.h"
 
 #include <stdio.h>
 
 // Checks, before long work begins, that `path` can be written: its folder is there, and the path names neither the file
-// `input` (by whatever name or link) nor, without `force`, anything else that exists. "-" is fine. `input` may be NULL.
-// ERR_INPUT, ERR_EXISTS, ERR_MISSING, ERR_IO.
+// `input` (by whatever name or link), nor another recording, nor, without `force`, anything else that exists. "-" is
+// fine. `input` may be NULL. ERR_INPUT, ERR_EXISTS, ERR_MISSING, ERR_IO.
 MUST_CHECK enum status output_check(const char *path, const char *input, bool force);
 
 struct output;

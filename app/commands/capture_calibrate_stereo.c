@@ -85,7 +85,7 @@ int capture_calibrate_stereo(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     struct stereo_rig rig;
     struct stereo_report report;
     int pairs = 0;

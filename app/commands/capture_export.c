@@ -164,7 +164,7 @@ int capture_export(int argc, char **argv)
     struct export_arguments given = {.format = -1, .at_s = NAN};
     struct progress_bar progress;
     const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     struct recording *recording = NULL;
     enum status status = recording_open(&recording, given.file);
     if (status == OK)

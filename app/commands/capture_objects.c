@@ -76,7 +76,7 @@ static int serve(int argc, char **argv)
                               NULL,
                               NULL,
                               NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     return objects_serve(a.objects, a.out, a.force) == OK ? 0 : command_failed(argv[0]);
 }
 
@@ -115,7 +115,7 @@ static int list(int argc, char **argv)
                               .parser = parse_note,
                               .args_doc = "FILE",
                               .doc = "List the things of a recording and what is known of them."};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     return objects_list(a.path, a.json) == OK ? 0 : command_failed(argv[0]);
 }
 
@@ -132,7 +132,7 @@ static int note(int argc, char **argv)
                               .parser = parse_note,
                               .args_doc = "FILE --thing NAME --text TEXT [--at X,Y,Z]",
                               .doc = "Write a note to a thing of a recording, or name a new one by hand."};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     if (!a.thing || !a.text) {
         fprintf(stderr, "%s: --thing NAME and --text TEXT are needed\n", argv[0]);
         return 2;
@@ -160,7 +160,7 @@ int capture_objects(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     enum status status = OK;
     if (a.out && !a.force && file_exists(a.out))
         status = fail(ERR_EXISTS, "%s exists already; choose another name or give --force", a.out);

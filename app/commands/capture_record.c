@@ -3,6 +3,7 @@
 
 #include "app/commands/place_input.h"
 #include "capture/recorder.h"
+#include "platform/file.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -35,6 +36,15 @@ static error_t parse(int key, char *value, struct argp_state *state)
 
 static void step(void *context) { progress_bar_step(context); }
 
+static void show_state(void *context, const struct recorder_state *s)
+{
+    struct progress_bar *bar = context;
+    int used = snprintf(bar->note, sizeof bar->note, "%d waiting, %lld dropped", s->waiting, (long long)s->dropped);
+    if (s->minutes_left >= 0)
+        snprintf(bar->note + used, sizeof bar->note - (size_t)used, ", %.1f MB/s, %.0f min left on the disk",
+                 s->mb_per_s, s->minutes_left);
+}
+
 static void start_smoothing(void *context, int64_t frames)
 {
     command_catch_signals(); // forget the one that ended the filming
@@ -58,12 +68,19 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
         json_add_number(root, "smoothing_ms", r->smoothing_ms);
+        json_add_number(root, "waiting_most", r->waiting_most);
+        json_add_number(root, "handover_ms", r->handover_ms);
+        json_add_number(root, "mb_per_s", r->mb_per_s);
         (void)!command_print_json(&root);
         return;
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
+    printf("at most %d frames waited to be written", r->waiting_most);
+    if (r->mb_per_s > 0)
+        printf("; %.1f MB a second of film", r->mb_per_s);
+    putchar('\n');
     if (r->smoothing_ms > 0)
         printf("smoothing took %.1f ms a frame\n", r->smoothing_ms);
     else if (r->tracked)
@@ -95,7 +112,11 @@ static enum status record(const struct record_arguments *given, struct place *pl
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
     struct progress_bar progress;
-    enum status status = given->into ? place_input_read(given->into, place) : OK;
+    enum status status = given->into ? place_input_read(given->into, place) : file_check_output(given->out, false);
+    if (status == ERR_CORRUPT) { // a take can be filmed without it
+        fprintf(stderr, "reenact-capture record: warning: %s\n", status_message());
+        status = OK;
+    }
     if (status == NOTHING) // a file without a place is fine
         status = OK;
     if (status == OK)
@@ -105,6 +126,7 @@ static enum status record(const struct record_arguments *given, struct place *pl
     if (status == OK) {
         struct recorder_options options = {.should_stop = command_stopped,
                                            .on_frame = step,
+                                           .on_state = show_state,
                                            .on_smoothing_begin = start_smoothing,
                                            .on_smoothed = step,
                                            .context = &progress,
@@ -114,9 +136,19 @@ static enum status record(const struct record_arguments *given, struct place *pl
         status = recorder_run(source, writer, given->take, place, &options, result);
         progress_bar_end(&progress);
     }
+    const bool made = writer && given->out;
+    if (status == OK && !source_is_live(source))
+        command_warn_times("reenact-capture record", source_dropped(source));
     enum status closed = recording_close(&writer);
     source_close(&source);
-    return status != OK ? status : closed;
+    status = status != OK ? status : closed;
+    if (made && !result->frames) { // a file without a take is of no use
+        struct failure first;
+        failure_keep(&first, status);
+        recording_discard(given->out);
+        status = failure_restore(&first);
+    }
+    return status;
 }
 
 int capture_record(int argc, char **argv)
@@ -135,7 +167,7 @@ int capture_record(int argc, char **argv)
         options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
         0,       0,     0};
     struct record_arguments given = {0};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     struct place place = {0};
     struct recorder_result result = {0};
     enum status status = record(&given, &place, &result);
@@ -143,6 +175,9 @@ int capture_record(int argc, char **argv)
     place_free(&place);
     if (result.frames)
         report(&given, &result);
+    if (status == OK && !result.frames)
+        status = fail(ERR_INPUT, "nothing was filmed, so no take was kept%s%s", result.damaged ? ": " : "",
+                      result.first_damage);
     if (status == OK)
         warn(argv[0], has_place, &result);
     return status == OK ? 0 : command_failed(argv[0]);

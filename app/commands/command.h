@@ -26,6 +26,9 @@ int command_failed(const char *program);
 // Warns on stderr that `count` tags are not where the place has them, the lowest id being `first`. 0: no output.
 void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 
+// Warns on stderr that a recorded source left `count` pictures out because their times do not rise. 0: no output.
+void command_warn_times(const char *program, int64_t count);
+
 // ---- For argp parsers. On wrong usage these print a sentence and end the program with exit code 2.
 
 // An option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
@@ -42,6 +45,15 @@ enum { COMMAND_KEY = 0x100 };
             0                                                                                                          \
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
+
+// argp_parse for a command's arguments; lack of memory in it ends the program with a sentence and exit code 1.
+void command_parse(const struct argp *argp, int argc, char **argv, void *input);
+
+// --force of commands that write files.
+#define COMMAND_OPTION_FORCE(key)                                                                                      \
+    {                                                                                                                  \
+        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                      \
+    }
 
 // A required option must have been given.
 void command_require(const struct argp_state *state, const void *given, const char *option);
@@ -71,7 +83,7 @@ void command_parse_file(int argc, char **argv, const char *doc, struct file_argu
 struct json;
 MUST_CHECK enum status command_print_json(struct json **root);
 
-// From the first call on, Ctrl-C and SIGTERM no longer end the program but make
+// From the first call on, Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) no longer end the program but make
 // command_stopped() true, so that long work can end in good order. Each call resets
 // command_stopped(), for the next piece of work.
 void command_catch_signals(void);
@@ -82,6 +94,7 @@ struct progress_bar {
     const char *what;
     int64_t total, done;
     int64_t drawn_ns;
+    char note[96]; // shown behind the bar
 };
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
 void progress_bar_step(struct progress_bar *p); // one more done

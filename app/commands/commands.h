@@ -12,6 +12,8 @@ int capture_export(int argc, char **argv);
 int capture_calibrate(int argc, char **argv);
 int capture_calibrate_stereo(int argc, char **argv);
 int capture_objects(int argc, char **argv);
+int capture_take(int argc, char **argv);
+int capture_library(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);
 int reenact_compare(int argc, char **argv);

@@ -10,6 +10,8 @@ int main(int argc, char **argv)
         {"info", "say what a recording holds", capture_info},
         {"verify", "read every byte of a recording", capture_verify},
         {"repair", "save what can be read of a damaged recording", capture_repair},
+        {"take", "rename, delete, trim or copy a take, or keep a note on it", capture_take},
+        {"library", "list the takes of all recordings in a folder", capture_library},
         {"export", "write a take's joints for other programs", capture_export},
         {"calibrate", "measure the lenses of two cameras and the pose between them", capture_calibrate},
         {"objects", "find known things before a stereo rig", capture_objects},

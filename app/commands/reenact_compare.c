@@ -31,7 +31,7 @@ static const struct argp_option options[] = {
     {"html", KEY_HTML, "FILE", 0, "also write a page with pictures", 0},
     {"figures", KEY_FIGURES, NULL, 0, "stick figures in the page, instead of people as recorded", 0},
     {"csv", KEY_CSV, "FILE", 0, "also write the joints' angles over time", 0},
-    {"force", KEY_FORCE, NULL, 0, "write over files that exist", 0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -81,14 +81,14 @@ static enum status check_output(const struct compare_arguments *a, const char *p
 {
     if (!path)
         return OK;
-    bool compared = !strcmp(path, a->reference);
+    bool compared = file_is_same(path, a->reference);
     for (int k = 0; k < a->attempts; k++)
-        compared = compared || !strcmp(path, a->with[k].path);
+        compared = compared || file_is_same(path, a->with[k].path);
     if (compared)
         return fail(ERR_INPUT, "%s is what is compared; give the report another name", path);
-    if (!a->force && file_exists(path))
-        return fail(ERR_EXISTS, "%s exists; give another name, or --force to write over it", path);
-    return OK;
+    if (a->html && a->csv && !strcmp(a->html, a->csv))
+        return fail(ERR_INPUT, "--html and --csv both name %s", path);
+    return file_check_output(path, a->force);
 }
 
 static enum status write_text(const char *path, char *text)
@@ -218,7 +218,7 @@ int reenact_compare(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     struct compare_run *r = calloc(1, sizeof *r);
     enum status status = r ? check_output(&a, a.html) : fail(ERR_MEMORY, "no memory to compare movements");
     if (status == OK)

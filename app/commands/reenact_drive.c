@@ -132,7 +132,7 @@ int reenact_drive(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_parse(&argp, argc, argv, &arguments);
     command_catch_signals();
     if (arguments.trials)
         return run_trials(&arguments) == OK ? 0 : command_failed(argv[0]);

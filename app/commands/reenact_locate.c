@@ -3,6 +3,7 @@
 
 #include "app/commands/place_input.h"
 #include "locate/camera_tracker.h"
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/source.h"
@@ -13,14 +14,16 @@
 
 struct locate_arguments {
     const char *file, *camera, *out;
+    bool force;
     double decimate;
     bool json;
 };
 
-enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE };
+enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE, KEY_FORCE };
 
 static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0, "the camera: libcamera, libcamera:N or folder:DIR", 0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     {"out", KEY_OUT, "trajectory.txt", 0,
      "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)",
      0},
@@ -35,6 +38,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_OUT: a->out = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
@@ -57,10 +61,10 @@ static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose 
 {
     char line[256];
     // In integers: a double cannot hold the seconds since 1970 to the nanosecond.
-    int64_t micro = (time_ns + 500) / 1000;
-    int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
-                          (long long)(micro / 1000000), (long long)(micro % 1000000), w.translation.x, w.translation.y,
-                          w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
+    char seconds[SECONDS_TEXT_BYTES];
+    int length = snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
+                          seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), w.translation.x,
+                          w.translation.y, w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
     if (t->count + (size_t)length > t->capacity) {
         size_t capacity = 2 * t->capacity + 65536;
         char *bytes = realloc(t->bytes, capacity);
@@ -205,12 +209,14 @@ int reenact_locate(int argc, char **argv)
                               NULL,
                               NULL,
                               NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     struct camera_tracker *track = NULL;
     struct source *camera = NULL;
     struct text_buffer lines = {0};
     struct locate_summary s = {0};
-    enum status status = open_inputs(&a, &track, &camera);
+    enum status status = file_check_output(a.out, a.force);
+    if (status == OK)
+        status = open_inputs(&a, &track, &camera);
     if (status == OK) {
         command_catch_signals();
         status = run(track, camera, &lines, &s);
@@ -224,6 +230,8 @@ int reenact_locate(int argc, char **argv)
         s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
         report(&a, &s);
         warn(argv[0], &s);
+        if (!source_is_live(camera))
+            command_warn_times(argv[0], source_dropped(camera));
         const enum status kept = source_save_lens(camera, &s.lens);
         status = kept < 0 ? kept : OK;
     }

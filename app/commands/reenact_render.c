@@ -4,6 +4,7 @@
 #include "app/commands/filmed_path.h"
 #include "locate/camera_tracker.h"
 #include "base/clock.h"
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/output.h"
@@ -60,7 +61,7 @@ static const struct argp_option options[] = {
     {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under the actor; paper never has them",
      0},
     {"mp4", KEY_MP4, "FILE", 0, "also write the pictures as a film", 0},
-    {"force", KEY_FORCE, NULL, 0, "write over a film that exists", 0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -108,7 +109,9 @@ struct render_run {
     struct filmed_path path; // instead of a camera; count 0: there is a camera
     struct gpu *gpu;
     struct renderer *renderer;
-    FILE *trajectory;
+    FILE *trajectory; // in memory, so that a run that fails leaves none
+    char *trajectory_text;
+    size_t trajectory_bytes;
     struct output *film; // NULL: not wanted
     struct video_writer *video;
     uint8_t *rgb, *rgba;
@@ -203,7 +206,9 @@ static enum status open_film(struct render_run *r)
 static enum status open_run(struct render_run *r)
 {
     const struct render_arguments *a = r->arguments;
-    enum status status = a->mp4 ? output_check(a->mp4, a->file, a->force) : OK;
+    enum status status = folder_check_output(a->out, a->force);
+    if (status == OK && a->mp4)
+        status = output_check(a->mp4, a->file, a->force);
     if (status == OK)
         status = recording_open(&r->recording, a->file);
     if (status == OK)
@@ -225,11 +230,9 @@ static enum status open_run(struct render_run *r)
     r->rgba = malloc(pixels * 4);
     if (!r->rgb || !r->rgba)
         return fail(ERR_MEMORY, "out of memory");
-    char path[4096];
-    snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
-    r->trajectory = fopen(path, "w");
+    r->trajectory = open_memstream(&r->trajectory_text, &r->trajectory_bytes);
     if (!r->trajectory)
-        return fail(ERR_IO, "%s cannot be written", path);
+        return fail(ERR_MEMORY, "no memory for the trajectory");
     fprintf(r->trajectory,
             "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     return OK;
@@ -239,6 +242,7 @@ static void close_run(struct render_run *r)
 {
     if (r->trajectory)
         fclose(r->trajectory);
+    free(r->trajectory_text);
     free(r->rgb);
     free(r->rgba);
     renderer_close(&r->renderer);
@@ -253,9 +257,9 @@ static void close_run(struct render_run *r)
 
 static void write_pose(FILE *to, int64_t time_ns, struct pose p)
 {
-    fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time_ns / 1000000000,
-            time_ns % 1000000000, p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y,
-            p.rotation.z, p.rotation.w);
+    char seconds[SECONDS_TEXT_BYTES];
+    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), p.translation.x,
+            p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z, p.rotation.w);
 }
 
 static enum status write_image(struct render_run *r, const char *name, const char *ending, enum png_kind kind,
@@ -270,7 +274,7 @@ static enum status write_image(struct render_run *r, const char *name, const cha
         png_encode(&(struct png_layout){kind, r->lens.width, r->lens.height}, pixels, 3, &bytes, &count);
     if (status != OK)
         return status;
-    status = file_write(path, bytes, count);
+    status = file_write_unsynced(path, bytes, count); // a run writes thousands, and can be made again
     free(bytes);
     return status;
 }
@@ -379,9 +383,20 @@ static enum status render_images(struct render_run *r)
     progress_bar_end(&progress);
     if (status < 0)
         return status;
+    if (command_stopped() && !r->images)
+        return fail(ERR_INPUT, "stopped before the first picture");
     if (!r->images)
         return fail(ERR_INPUT, "%s gave no picture", r->arguments->camera);
     return OK;
+}
+
+static enum status write_trajectory(struct render_run *r)
+{
+    char path[4096];
+    if (fflush(r->trajectory) || ferror(r->trajectory))
+        return fail(ERR_MEMORY, "no memory for the trajectory");
+    snprintf(path, sizeof path, "%s/trajectory.txt", r->arguments->out);
+    return file_write(path, r->trajectory_text, r->trajectory_bytes);
 }
 
 static enum status write_stats(struct render_run *r)
@@ -431,17 +446,17 @@ int reenact_render(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_parse(&argp, argc, argv, &arguments);
     command_catch_signals();
     struct render_run run = {.arguments = &arguments};
     enum status status = open_run(&run);
     if (status == OK)
         status = render_images(&run);
-    if (status == OK && (fflush(run.trajectory) || ferror(run.trajectory)))
-        status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
     if (status == OK && command_stopped() && run.video)
         status = fail(ERR_IO, "stopped; the pictures drawn so far are in %s, there is no film", arguments.out);
     status = output_close(&run.film, video_close(&run.video, status));
+    if (status == OK)
+        status = write_trajectory(&run);
     if (status == OK)
         status = write_stats(&run);
     if (status == OK && run.camera) {
@@ -454,6 +469,8 @@ int reenact_render(int argc, char **argv)
     if (status == OK && run.camera) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
+        if (!source_is_live(run.camera))
+            command_warn_times(argv[0], source_dropped(run.camera));
     }
     close_run(&run);
     return status == OK ? 0 : command_failed(argv[0]);

@@ -176,7 +176,7 @@ int reenact_surround(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_parse(&argp, argc, argv, &arguments);
     command_catch_signals();
     struct surroundings s;
     enum status status = surroundings_open(&s, arguments.folder, NULL);

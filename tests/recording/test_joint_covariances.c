@@ -1,8 +1,7 @@
 // The joints' covariances in a recording: older files lack them, and damaged ones are found and given up without their
 // frames.
 #include "tests/support/recording_sample.h"
-
-#include "platform/database.h"
+#include "tests/support/sql.h"
 
 // As they were written, bit for bit.
 static void expect_covariances(struct take *t, int index)
@@ -13,14 +12,6 @@ static void expect_covariances(struct take *t, int index)
     if (e->has_skeleton)
         assert_memory_equal(e->skeleton.covariance, m.frame.skeleton.covariance, sizeof e->skeleton.covariance);
     free(m.jpeg);
-}
-
-static void run_sql(const char *path, const char *sql)
-{
-    struct database *db;
-    EXPECT_STATUS(database_open(&db, path, DATABASE_WRITE), OK);
-    EXPECT_STATUS(database_run(db, sql), OK);
-    database_close(&db);
 }
 
 // Older files lack the joints' covariances: they are read, and takes that are added get them.
@@ -76,12 +67,16 @@ static void test_damaged_joint_covariances(void **state)
         sample_recording_write(sample_path(name));
         run_sql(sample_path(name), damage[i]);
         EXPECT_STATUS(recording_verify(sample_path(name), &report), ERR_CORRUPT);
-        EXPECT_SAYS("covariances of frame 1");
-        EXPECT_STATUS(recording_repair(sample_path(name), &report), OK);
+        EXPECT_SAYS("covariances of 1 frames");
+        char repaired[128];
+        snprintf(repaired, sizeof repaired, "%s", sample_path("repaired joints"));
+        unlink(repaired);
+        EXPECT_STATUS(recording_repair(sample_path(name), repaired, &report), OK);
         EXPECT_INT(report.frames, FRAMES + 3);
+        EXPECT_STATUS(recording_verify(repaired, &report), OK);
         struct recording *r;
         struct take *t;
-        EXPECT_STATUS(recording_open(&r, sample_path(name)), OK);
+        EXPECT_STATUS(recording_open(&r, repaired), OK);
         EXPECT_STATUS(take_open(&t, r, "höher"), OK);
         EXPECT_TRUE(isnan(joint_sigma_m(&take_entry(t, 1)->skeleton, JOINT_HEAD)));
         expect_covariances(t, 3);

@@ -1,5 +1,5 @@
 // What a recording survives: a killed writer, a full disk, truncation, wrong bytes.
-#include "tests/support/recording_sample.h"
+#include "tests/support/recording_hash.h"
 
 #include "capture/recording/recording_schema.h"
 #include "base/clock.h"
@@ -16,7 +16,7 @@ static uint64_t seed;
 
 static void remove_with_log(const char *path)
 {
-    static const char *const endings[] = {"", ".damaged", "-wal", "-shm"};
+    static const char *const endings[] = {"", "-wal", "-journal", "-shm"};
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
         char name[4200];
         snprintf(name, sizeof name, "%s%s", path, endings[i]);
@@ -108,7 +108,7 @@ static void test_kill_at_any_moment(void **state)
 static void test_append_after_kill(void **state)
 {
     (void)state;
-    // The first round's last file: append to it, then let repair complete it.
+    // The first round's last file.
     const char *path = sample_path("killed-0-9");
     struct calibration calibration = sample_calibration();
     struct recording_report before, report;
@@ -120,16 +120,11 @@ static void test_append_after_kill(void **state)
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_TRUE(database_is_single_file(path));
-    EXPECT_STATUS(recording_repair(path, &report), OK);
-    EXPECT_INT(report.interrupted_takes, 1);
     EXPECT_STATUS(recording_verify(path, &report), OK);
-    EXPECT_INT(report.interrupted_takes, 0);
+    EXPECT_INT(report.interrupted_takes, 1); // says the truth about itself
     EXPECT_INT(report.frames, before.frames + 4);
-    EXPECT_TRUE(!file_exists(sample_path("killed-0-9.damaged")));
-
-    path = sample_path("killed-0-8"); // repair alone
-    EXPECT_STATUS(recording_repair(path, &report), OK);
-    EXPECT_TRUE(database_is_single_file(path));
+    EXPECT_STATUS(recording_repair(path, sample_path("needless"), &report), NOTHING); // a kill damages nothing
+    EXPECT_TRUE(!file_exists(sample_path("needless")));
 }
 
 // ------------------------------------------------------------- full disk
@@ -198,50 +193,6 @@ static void test_full_disk(void **state)
 
 // ------------------------------------------------------------- damage
 
-// FNV-like hash over everything that a reader returns.
-static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
-{
-    for (const uint8_t *b = bytes; bytes && count--; b++)
-        hash = (hash ^ *b) * UINT64_C(0x100000001b3);
-    return hash ^ (bytes != NULL);
-}
-
-static uint64_t hash_of(const char *path)
-{
-    struct recording *r;
-    struct place place;
-    uint64_t hash = 0xcbf29ce484222325u;
-    EXPECT_STATUS(recording_open(&r, path), OK);
-    if (recording_read_place(r, &place) == OK) {
-        hash = mix(hash, place.tags, (size_t)place.tag_count * sizeof *place.tags);
-        hash = mix(hash, place.points, (size_t)place.point_count * sizeof *place.points);
-        for (int i = 0; i < place.view_count; i++)
-            hash = mix(hash, place.views[i].depth, WIDTH * HEIGHT * 2);
-        place_free(&place);
-    }
-    for (int i = 0; i < recording_take_count(r); i++) {
-        struct take *t;
-        hash = mix(hash, recording_take_name(r, i), strlen(recording_take_name(r, i)));
-        EXPECT_STATUS(take_open(&t, r, recording_take_name(r, i)), OK);
-        hash = mix(hash, take_body(t)->radius_rate, sizeof take_body(t)->radius_rate);
-        for (int64_t k = 0; k < take_frame_count(t); k++) {
-            struct take_images p;
-            const struct take_entry *e = take_entry(t, k);
-            EXPECT_STATUS(take_read(t, k, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &p), OK);
-            hash = mix(hash, &e->time_ns, sizeof e->time_ns);
-            hash = mix(hash, &e->world_from_camera, sizeof e->world_from_camera);
-            hash = mix(hash, e->skeleton.joint, sizeof e->skeleton.joint);
-            hash = mix(hash, e->skeleton.covariance, sizeof e->skeleton.covariance);
-            hash = mix(hash, p.color, COLOR_WIDTH * COLOR_HEIGHT * 3);
-            hash = mix(hash, p.depth, WIDTH * HEIGHT * 2);
-            hash = mix(hash, p.mask, WIDTH * HEIGHT);
-        }
-        take_close(&t);
-    }
-    recording_free(&r);
-    return hash;
-}
-
 // Opens, verifies and repairs a damaged file; returns the number of frames that repair saved, -1: it failed.
 static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetected)
 {
@@ -254,15 +205,26 @@ static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetecte
     }
     EXPECT_AT_MOST(status, -1);
     EXPECT_SAYS(path);
-    status = recording_repair(path, &report);
+    EXPECT_AT_LEAST(report.findings + (status != ERR_CORRUPT) + !report.frames, 1);
+    char repaired[128];
+    uint8_t *before, *after;
+    size_t count, count_after;
+    snprintf(repaired, sizeof repaired, "%s", sample_path("repaired"));
+    EXPECT_STATUS(file_read(path, &before, &count), OK);
+    status = recording_repair(path, repaired, &report);
+    EXPECT_STATUS(file_read(path, &after, &count_after), OK);
+    EXPECT_TRUE(count == count_after && !memcmp(before, after, count)); // the input is only read
+    free(before);
+    free(after);
     if (status != OK) {
         EXPECT_SAYS(path);
+        EXPECT_TRUE(!file_exists(repaired));
         return -1;
     }
     int64_t saved = report.frames;
-    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_STATUS(recording_verify(repaired, &report), OK);
     EXPECT_INT(report.frames, saved);
-    EXPECT_INT(report.interrupted_takes, 0);
+    remove_with_log(repaired);
     return saved;
 }
 
