@@ -5,6 +5,7 @@ int main(int argc, char **argv)
 {
     static const struct command commands[] = {
         {"devices", "list the depth sensors that can be opened", capture_devices},
+        {"tags", "make tags to print, and their list", capture_tags},
         {"map", "film the empty place", capture_map},
         {"record", "film the actor", capture_record},
         {"info", "say what a recording holds", capture_info},

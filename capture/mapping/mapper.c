@@ -220,7 +220,8 @@ static void report_longest_gap(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = -1;
+    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = r->first_wrong =
+        -1;
     for (int32_t id = 0; id < TAG_ID_COUNT; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
@@ -230,11 +231,18 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
             r->first_moved = id;
         if (tag && tag->outlier && r->tags_outlier++ == 0)
             r->first_outlier = id;
+        if (tag && tag->wrong && r->tags_wrong_side++ == 0) {
+            r->first_wrong = id;
+            r->listed_side_m = tag->side_m;
+            r->measured_m = tag->measured_side_m;
+        }
+        if (tag && tag->wrong && tag->mapped)
+            r->all_wrong_side = true;
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->frames_with_tag[id] && r->tags_unseen++ == 0)
             r->first_unseen = id;
-        else if (tag && m->frames_with_tag[id] && !tag->outlier && r->tags_disconnected++ == 0)
+        else if (tag && m->frames_with_tag[id] && !tag->outlier && !tag->wrong && r->tags_disconnected++ == 0)
             r->first_disconnected = id;
         else if (!tag && m->frames_with_tag[id] > 1 && r->tags_unlisted++ == 0)
             r->first_unlisted = id;
@@ -337,6 +345,7 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *prior = m->options.prior;
+    map_check_tag_sides(&m->map);
     status = prior ? map_release_moved_tags(&m->map) : OK;
     if (status == OK)
         status = map_bootstrap(&m->map, m->options.most_points > 0);

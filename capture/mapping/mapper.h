@@ -72,6 +72,11 @@ struct mapper_report {
     int32_t first_outlier;
     int32_t tags_moved; // of `prior`, now at another position: estimated again, or left out if that is not possible
     int32_t first_moved;
+    // Of wrong side: the depth shows another side than the list names. They are left out, unless most are wrong.
+    int32_t tags_wrong_side;
+    int32_t first_wrong;              // the lowest id of them
+    double listed_side_m, measured_m; // of that one
+    bool all_wrong_side; // or most, often by the same factor, as when the printer scaled them: the place is wrong by it
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest landmark. With `prior`: true
 };
 

@@ -27,8 +27,11 @@ static const struct rule rules[] = {
     {"capture/body/", {"capture/segmentation/", RECORDING}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
+    {"capture/calibration/", {"locate/", RECORDING}},
+    {"capture/coaching/", {RECORDING}},
     {"capture/",
-     {"capture/mapping/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/coaching/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
+      "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
@@ -42,7 +45,11 @@ static const struct rule rules[] = {
     {"app/view/", {"app/state/", RENDER}},
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
-    {"app/commands/", {"app/", "compare/", "capture/", "capture/mapping/", "locate/", RENDER}},
+    {"app/studio/",
+     {"app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/", RENDER}},
+    {"app/commands/",
+     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/calibration/", "capture/mapping/",
+      "locate/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 
