@@ -21,6 +21,14 @@ struct lens {
 // The largest readout_s that is accepted: longer than that of any known camera.
 #define LENS_MAX_READOUT_S 0.2
 
+// What lens_check accepts, chosen by hand far outside of what is built: focal lengths in longer sides of the picture
+// (fields of view from 157 to 0.6 degrees), and how far the distortion moves a pixel halfway to the corners, in parts of
+// its distance from the centre.
+#define LENS_MIN_FOCAL      0.1
+#define LENS_MAX_FOCAL      100.0
+#define LENS_MIN_RADIAL     0.2
+#define LENS_MAX_TANGENTIAL 1.0
+
 struct pixel {
     double x, y;
 };

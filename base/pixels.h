@@ -7,6 +7,14 @@
 extern "C" {
 #endif
 
+// The largest image that is read: what one frame costs in memory is bounded by it, whatever a file says.
+enum { IMAGE_SIDE_MAX = 16384, IMAGE_PIXELS_MAX = 1 << 25 };
+static inline bool image_size_is_usable(int64_t width, int64_t height)
+{
+    return width > 0 && height > 0 && width <= IMAGE_SIDE_MAX && height <= IMAGE_SIDE_MAX &&
+           width * height <= IMAGE_PIXELS_MAX;
+}
+
 // The matrix from Y, Cb, Cr to R, G, B (ITU-R BT.601-7, BT.709-6).
 enum yuv_matrix { YUV_BT601, YUV_BT709 };
 struct yuv_encoding {

@@ -1,5 +1,7 @@
 #include "base/status.h"
 
+#include "base/text.h"
+
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,6 +16,7 @@ enum status fail(enum status status, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(formatted, sizeof formatted, format, arguments);
     va_end(arguments);
+    text_make_printable(formatted); // names in it may come from outside
     snprintf(sentence, sizeof sentence, "%s", formatted);
     return status;
 }

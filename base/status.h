@@ -39,7 +39,7 @@ enum status {
 };
 
 // Keeps the sentence (at most 511 bytes, per thread) and returns `status`.
-// The sentence says what is wrong and what to do, without a final newline.
+// The sentence says what is wrong and what to do, without a final newline. Bytes that a terminal would obey become '?'.
 enum status fail(enum status status, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 // The sentence of this thread's last fail(); "" before the first. Valid until the next.

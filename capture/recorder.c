@@ -457,6 +457,8 @@ static enum status smooth_backward(struct recorder *r, struct take *take, const 
             status = take_read(take, i, TAKE_DEPTH, &images);
             if (status == OK)
                 status = smoother_backward(r->smoother, r->tracker, i, images.depth);
+            else if (status == ERR_CORRUPT) // a damaged frame costs itself alone
+                status = OK;
         }
         if (options->on_smoothed)
             options->on_smoothed(options->context);

@@ -33,6 +33,7 @@ static enum status fail_sqlite(const struct database *db, int code)
     case SQLITE_CORRUPT: return fail(ERR_CORRUPT, "%s is damaged (%s); try reenact-capture repair", path, why);
     case SQLITE_FULL: return fail(ERR_IO, "%s cannot grow: the disk is full", path);
     case SQLITE_BUSY:
+    case SQLITE_PROTOCOL:
     case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN:
@@ -44,7 +45,8 @@ static enum status fail_sqlite(const struct database *db, int code)
             return fail(ERR_IO, "%s cannot grow: the disk is full", path);
         return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
                     system_errno ? strerror(system_errno) : "");
-    case SQLITE_TOOBIG: return fail(ERR_INPUT, "%s cannot hold more than a gigabyte in one piece", path);
+    case SQLITE_TOOBIG:
+        return fail(ERR_CORRUPT, "%s holds or would hold a piece of more than %d MB", path, DATABASE_BLOB_MAX >> 20);
     default: return fail(ERR_CORRUPT, "%s does not hold what a recording holds: %s", path, why);
     }
 }
@@ -112,7 +114,11 @@ static int connect_to(struct database *db, const char *name, enum database_acces
         return code;
     sqlite3_extended_result_codes(db->handle, 1);
     sqlite3_busy_timeout(db->handle, 3000);
-    // A file from outside may carry a malicious schema.
+    // A file from outside may carry a malicious schema: triggers that delete what is added, views that compute without
+    // end, rows that claim a gigabyte.
+    sqlite3_db_config(db->handle, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, NULL);
+    sqlite3_db_config(db->handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, NULL);
+    sqlite3_limit(db->handle, SQLITE_LIMIT_LENGTH, DATABASE_BLOB_MAX);
     sqlite3_db_config(db->handle, SQLITE_DBCONFIG_DEFENSIVE, access_wanted != DATABASE_SALVAGE, NULL);
     sqlite3_db_config(db->handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
     if (access_wanted == DATABASE_SALVAGE) {
@@ -209,6 +215,42 @@ void database_close(struct database **db)
 
 const char *database_path(const struct database *db) { return db->path; }
 
+enum status database_rename(struct database **db, const char *to)
+{
+    struct database *closing = *db;
+    char folder[4200];
+    enum status status = OK;
+    int file = open(closing->path, O_RDONLY | O_CLOEXEC);
+    sqlite3_close(closing->handle);
+    closing->handle = NULL;
+    if (file < 0 || fsync(file))
+        status = fail(ERR_IO, "%s: %s", closing->path, strerror(errno));
+    if (file >= 0)
+        close(file);
+    // Without replacing: link() fails where the name is taken, rename() does not. Where the file system has no links,
+    // the check and the renaming are two steps.
+    if (status == OK && link(closing->path, to)) {
+        struct stat about;
+        if (errno == EEXIST || !lstat(to, &about))
+            status = fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", to);
+        else if (rename(closing->path, to))
+            status = fail(ERR_IO, "%s cannot be made: %s", to, strerror(errno));
+    }
+    unlink(closing->path);
+    if (status == OK && snprintf(folder, sizeof folder, "%s", to) < (int)sizeof folder) {
+        char *slash = strrchr(folder, '/');
+        if (slash)
+            slash[slash == folder] = 0;
+        file = open(slash ? folder : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        if (file >= 0) {
+            fsync(file); // so that the name outlives a power cut
+            close(file);
+        }
+    }
+    database_close(db);
+    return status;
+}
+
 // ------------------------------------------------------------- whole statements
 
 enum status database_run(struct database *db, const char *sql)
@@ -227,6 +269,14 @@ enum status database_number(struct database *db, const char *sql, int64_t *out)
         *out = statement_number(s, 0);
     statement_close(&s);
     return status;
+}
+
+enum status database_has_column(struct database *db, const char *table, const char *column, bool *out)
+{
+    const int code =
+        sqlite3_table_column_metadata(db->handle, NULL, table, column, NULL, NULL, NULL, NULL, NULL);
+    *out = code == SQLITE_OK;
+    return code == SQLITE_OK || (code & 0xff) == SQLITE_ERROR ? OK : fail_sqlite(db, code);
 }
 
 bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
@@ -372,7 +422,17 @@ void statement_reset(struct statement *s)
     sqlite3_clear_bindings(s->handle);
 }
 
+enum status statement_check(struct statement *s)
+{
+    return sqlite3_errcode(s->db->handle) == SQLITE_NOMEM ? fail_sqlite(s->db, SQLITE_NOMEM) : OK;
+}
+
 int64_t statement_number(struct statement *s, int column) { return sqlite3_column_int64(s->handle, column); }
+
+bool statement_is_null(struct statement *s, int column)
+{
+    return sqlite3_column_type(s->handle, column) == SQLITE_NULL;
+}
 
 const char *statement_text(struct statement *s, int column)
 {

@@ -4,6 +4,9 @@
 #pragma once
 #include "base/status.h"
 
+// The largest text or blob that is read or written. Chosen by hand: a map of two million landmarks.
+enum { DATABASE_BLOB_MAX = 120 << 20 };
+
 struct database;
 struct statement; // one prepared SQL statement
 
@@ -20,6 +23,10 @@ enum database_access {
 // and DATABASE_CREATE leaves no file.
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
 
+// Closes a database of one file (no log) and gives it another name, synced, so that it appears whole or not at all.
+// ERR_EXISTS, ERR_IO: the file is removed. Sets *db = NULL in any case.
+MUST_CHECK enum status database_rename(struct database **db, const char *to);
+
 // Every statement must be closed before. NULL is fine; sets *db = NULL.
 void database_close(struct database **db);
 
@@ -31,6 +38,9 @@ MUST_CHECK enum status database_run(struct database *db, const char *sql);
 
 // The first column of the first row, as a number. NOTHING: no row.
 MUST_CHECK enum status database_number(struct database *db, const char *sql, int64_t *out);
+
+// Whether the table has the column; a table that is not there has none.
+MUST_CHECK enum status database_has_column(struct database *db, const char *table, const char *column, bool *out);
 
 // After a BEGIN that has been neither committed nor rolled back.
 bool database_in_transaction(const struct database *db);
@@ -67,7 +77,10 @@ MUST_CHECK enum status statement_step(struct statement *s);
 void statement_reset(struct statement *s); // ready for new values; all are NULL again
 // Columns count from 0. Borrowed until the next step or reset.
 int64_t statement_number(struct statement *s, int column);
+bool statement_is_null(struct statement *s, int column);
 const char *statement_text(struct statement *s, int column); // "" for NULL or out of memory
+// ERR_MEMORY: a column read since the last step could not be had for lack of memory, so "" or NULL is no content.
+MUST_CHECK enum status statement_check(struct statement *s);
 // NULL for NULL and for a blob of no bytes; *count is then 0.
 const uint8_t *statement_blob(struct statement *s, int column, size_t *count);
 // Steps a statement that returns no rows to its end and resets it.

@@ -1,9 +1,12 @@
 #include "platform/file.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -36,22 +39,193 @@ enum status file_read(const char *path, uint8_t **bytes, size_t *count)
     return OK;
 }
 
+// ------------------------------------------------------------- writing
+
+// An SQLite file whose application_id is "Reen" (docs/format.md). Read without SQLite, and never where a descriptor of
+// this process may have locked it: closing it would drop the locks.
+static bool is_recording(const char *path)
+{
+    static const char head[16] = "SQLite format 3", mark[4] = {0x52, 0x65, 0x65, 0x6e};
+    char bytes[72];
+    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (file < 0)
+        return false;
+    const bool read_all = read(file, bytes, sizeof bytes) == (ssize_t)sizeof bytes;
+    close(file);
+    return read_all && !memcmp(bytes, head, sizeof head) && !memcmp(bytes + 68, mark, sizeof mark);
+}
+
+// The folder that `path` lies in.
+static enum status folder_of(const char *path, char folder[FILE_PATH_BYTES])
+{
+    if (snprintf(folder, FILE_PATH_BYTES, "%s", path) >= FILE_PATH_BYTES)
+        return fail(ERR_INPUT, "the path %.60s… is too long", path);
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        slash[slash == folder] = 0;
+    else
+        strcpy(folder, ".");
+    return OK;
+}
+
+static enum status check_folder(const char *path, const char *folder)
+{
+    struct stat about;
+    if (stat(folder, &about))
+        return fail(errno == ENOENT || errno == ENOTDIR ? ERR_MISSING : ERR_IO, "%s cannot be made: the folder %s: %s",
+                    path, folder, strerror(errno));
+    if (!S_ISDIR(about.st_mode))
+        return fail(ERR_IO, "%s cannot be made: %s is a file", path, folder);
+    if (access(folder, W_OK | X_OK))
+        return fail(ERR_IO, "%s cannot be made: no permission to write into the folder %s", path, folder);
+    return OK;
+}
+
+enum status file_check_output(const char *path, bool force)
+{
+    struct stat about;
+    char folder[FILE_PATH_BYTES];
+    if (!*path)
+        return fail(ERR_INPUT, "the output has no name");
+    if (!stat(path, &about)) {
+        if (S_ISDIR(about.st_mode))
+            return fail(ERR_INPUT, "%s is a folder; give the name of a file", path);
+        if (!S_ISREG(about.st_mode))
+            return access(path, W_OK) ? fail(ERR_IO, "%s cannot be written: %s", path, strerror(errno)) : OK;
+        if (is_recording(path))
+            return fail(ERR_EXISTS, "%s is a recording, which no command overwrites; choose another name", path);
+        if (!force)
+            return fail(ERR_EXISTS, "%s exists already; choose another name, or write over it with --force", path);
+    }
+    enum status status = folder_of(path, folder);
+    return status == OK ? check_folder(path, folder) : status;
+}
+
+enum status folder_check_output(const char *path, bool force)
+{
+    struct stat about;
+    char above[FILE_PATH_BYTES];
+    if (!stat(path, &about)) {
+        if (!S_ISDIR(about.st_mode))
+            return fail(ERR_EXISTS, "%s is a file where a folder was wanted", path);
+        DIR *folder = opendir(path);
+        int entries = 0;
+        for (struct dirent *entry; folder && entries < 3 && (entry = readdir(folder));)
+            entries++; // its own and its parent's are two
+        if (folder)
+            closedir(folder);
+        if (entries > 2 && !force)
+            return fail(ERR_EXISTS, "the folder %s is not empty; choose another, or write over its files with --force",
+                        path);
+        return check_folder(path, path);
+    }
+    if (snprintf(above, sizeof above, "%s", path) >= (int)sizeof above)
+        return fail(ERR_INPUT, "the path %.60s… is too long", path);
+    while (stat(above, &about)) { // the nearest folder that exists
+        char *slash = strrchr(above, '/');
+        if (!slash || slash == above) {
+            strcpy(above, slash ? "/" : ".");
+            break;
+        }
+        *slash = 0;
+    }
+    return check_folder(path, above);
+}
+
+bool file_is_same(const char *a, const char *b)
+{
+    struct stat one, other;
+    return !stat(a, &one) && !stat(b, &other) && one.st_dev == other.st_dev && one.st_ino == other.st_ino;
+}
+
+enum status file_begin(const char *path, char part[FILE_PATH_BYTES])
+{
+    // Exclusive, under a name that cannot be foreseen: a link laid there beforehand would be written through.
+    for (int tries = 0; tries < 100; tries++) {
+        uint64_t number = 0;
+        if (getrandom(&number, sizeof number, 0) != (ssize_t)sizeof number)
+            return fail(ERR_IO, "%s: no random name: %s", path, strerror(errno));
+        if (snprintf(part, FILE_PATH_BYTES, "%s.%08llx.part", path, (unsigned long long)(number & 0xffffffff)) >=
+            FILE_PATH_BYTES)
+            return fail(ERR_INPUT, "the path %.60s… is too long", path);
+        int file = open(part, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+        if (file >= 0) {
+            close(file);
+            return OK;
+        }
+        if (errno != EEXIST)
+            return fail(ERR_IO, "%s cannot be written: %s", path, strerror(errno));
+    }
+    return fail(ERR_EXISTS, "%s cannot be written: every name beside it is taken", path);
+}
+
+// Syncs the folder, so that the new name outlives a power cut. File systems that cannot are let be.
+static void sync_folder(const char *path)
+{
+    char folder[FILE_PATH_BYTES];
+    if (folder_of(path, folder) != OK)
+        return;
+    int file = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (file >= 0) {
+        fsync(file);
+        close(file);
+    }
+}
+
+static enum status end_file(const char *path, const char *part, enum status status, bool synced)
+{
+    if (status == OK && is_recording(path))
+        status = fail(ERR_EXISTS, "%s is a recording, which nothing overwrites; choose another name", path);
+    if (status == OK && synced) {
+        int file = open(part, O_RDONLY | O_CLOEXEC);
+        if (file < 0 || fsync(file))
+            status = fail(ERR_IO, "%s could not be written: %s", path, strerror(errno));
+        if (file >= 0)
+            close(file);
+    }
+    if (status == OK && rename(part, path))
+        status = fail(ERR_IO, "%s could not be written: %s", path, strerror(errno));
+    if (status != OK)
+        unlink(part);
+    else if (synced)
+        sync_folder(path);
+    return status;
+}
+
+enum status file_end(const char *path, const char *part, enum status status)
+{
+    return end_file(path, part, status, true);
+}
+
+static enum status write_bytes(const char *to, const char *path, const void *bytes, size_t count)
+{
+    FILE *file = fopen(to, "wb");
+    if (!file)
+        return fail(ERR_IO, "%s could not be written: %s", path, strerror(errno));
+    bool written = fwrite(bytes, 1, count, file) == count;
+    const int error = errno;
+    written = fclose(file) == 0 && written;
+    return written ? OK : fail(ERR_IO, "%s could not be written: %s", path, strerror(errno ? errno : error));
+}
+
+static enum status write_file(const char *path, const void *bytes, size_t count, bool synced)
+{
+    struct stat about;
+    char part[FILE_PATH_BYTES];
+    if (!stat(path, &about) && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+        return write_bytes(path, path, bytes, count); // a device or a pipe
+    enum status status = file_begin(path, part);
+    return status == OK ? end_file(path, part, write_bytes(part, path, bytes, count), synced) : status;
+}
+
 enum status file_write(const char *path, const void *bytes, size_t count)
 {
-    char part[4096];
-    if (snprintf(part, sizeof part, "%s.part", path) >= (int)sizeof part)
-        return fail(ERR_INPUT, "the path %.60s… is too long", path);
-    FILE *file = fopen(part, "wb");
-    if (!file)
-        return fail(ERR_IO, "%s: %s", part, strerror(errno));
-    bool written = fwrite(bytes, 1, count, file) == count;
-    written = fclose(file) == 0 && written;
-    if (!written || rename(part, path)) {
-        enum status status = fail(ERR_IO, "%s could not be written: %s", path, strerror(errno));
-        unlink(part);
-        return status;
-    }
-    return OK;
+    return write_file(path, bytes, count, true);
+}
+
+enum status file_write_unsynced(const char *path, const void *bytes, size_t count)
+{
+    return write_file(path, bytes, count, false);
 }
 
 bool file_exists(const char *path)

@@ -6,9 +6,28 @@
 // ERR_MISSING, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status file_read(const char *path, uint8_t **bytes, size_t *count);
 
-// Writes path.part and renames it: there is never a partial file, and an existing one is replaced. ERR_IO; ERR_INPUT:
-// the path is too long.
+// Writes a new file beside `path`, syncs it and renames it: there is never a partial file, and an existing one is
+// replaced, but never a recording. A link at `path` is replaced, not followed. ERR_IO; ERR_INPUT: the path is too long;
+// ERR_EXISTS: there is a recording.
 MUST_CHECK enum status file_write(const char *path, const void *bytes, size_t count);
+// The same without waiting for the disk, for many files that can be made again.
+MUST_CHECK enum status file_write_unsynced(const char *path, const void *bytes, size_t count);
+
+// The two halves of it for long outputs: file_begin makes an empty file beside `path` and puts its name into `part`,
+// file_end renames it to `path` or, where status is not OK, removes it. Returns status, or its own failure.
+enum { FILE_PATH_BYTES = 4096 };
+MUST_CHECK enum status file_begin(const char *path, char part[FILE_PATH_BYTES]);
+MUST_CHECK enum status file_end(const char *path, const char *part, enum status status);
+
+// Before long work: whether a file can be written there. ERR_EXISTS: there is a recording, which nothing overwrites; or
+// another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be written. Devices and
+// pipes can be written.
+MUST_CHECK enum status file_check_output(const char *path, bool force);
+// Likewise whether files can be written into a folder, which need not exist. ERR_EXISTS: it is not empty, and no `force`.
+MUST_CHECK enum status folder_check_output(const char *path, bool force);
+
+// Both names lead to one file (links are followed).
+bool file_is_same(const char *a, const char *b);
 
 bool file_exists(const char *path); // a file or a folder
 

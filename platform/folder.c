@@ -13,9 +13,13 @@
 // half a frame away (half the median step of depth.txt) and no other depth
 // image is nearer to it. A frame's time and name are those of that list.
 //
+// Paths lie below the folder: one that climbs out of it with ".." is refused. Links
+// are followed. Names are UTF-8 without control characters.
+//
 // Times must rise. An image that is not later than the one before it is skipped
 // and counted as dropped; a list whose times jump back by more than a second is
 // refused, because the order of its frames is unknown.
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -46,7 +50,7 @@ struct folder {
     struct image_list color, depth;
     const struct image_list *lead; // the list that defines the frames
     int64_t *color_of;             // for each depth image the index of its colour image, -1: none; NULL for a camera
-    bool numbered;                 // a name is too long for frame.name: frames are numbered instead
+    bool numbered;                 // a name is too long for frame.name, or used twice: frames are numbered instead
     uint16_t *to_mm;               // 65536 values: millimetres by the depth image's units; NULL where they are the same
     uint8_t *rgb;                  // the last frame's colour
     uint16_t *mm;                  // and depth
@@ -99,6 +103,26 @@ static char *trim(char *line)
     return line;
 }
 
+// A list may come from a stranger: it names no file outside of its folder, and nothing that a terminal would obey.
+static enum status check_path(const struct image_list *list, const char *dir, const char *path, int number)
+{
+    if (!text_is_printable(path))
+        return fail(ERR_INPUT, "%s/%s, line %d: the file's name is not UTF-8 or holds control characters", dir,
+                    list->name, number);
+    int depth = 0;
+    for (const char *at = path; *at;) {
+        const size_t length = strcspn(at, "/");
+        if (length == 2 && !strncmp(at, "..", 2))
+            depth--;
+        else if (length && !(length == 1 && *at == '.'))
+            depth++;
+        if (depth < 0)
+            return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number, path);
+        at += length + (at[length] == '/');
+    }
+    return OK;
+}
+
 // Adds the image of one line to the list.
 static enum status add_line(struct image_list *list, const char *dir, const char *line, int number)
 {
@@ -108,6 +132,9 @@ static enum status add_line(struct image_list *list, const char *dir, const char
         return fail(ERR_INPUT, "%s/%s, line %d: '%.40s' does not begin with a time in seconds and a file", dir,
                     list->name, number, line);
     path += strspn(path, " \t");
+    enum status status = check_path(list, dir, path, number);
+    if (status != OK)
+        return status;
     if (list->count) {
         const struct image_entry *last = &list->entries[list->count - 1];
         if (time_ns < last->time_ns - 1000000000)
@@ -258,13 +285,11 @@ static enum status read_png(const struct folder *f, bool color, const char *path
 {
     const struct calibration *c = &f->facts->calibration;
     struct png_layout layout = {.kind = color ? PNG_RGB8 : PNG_GRAY16};
-    enum status status = damaged(png_decode(bytes, count, path, &layout, pixels), path);
-    if (status != OK)
-        return status;
-    status = check_size(path, layout.width, layout.height, color ? &c->color : &c->depth, color ? "color" : "depth");
-    if (status != OK)
-        free(*pixels);
-    return status;
+    int width, height;
+    enum status status = damaged(png_size(bytes, count, path, &width, &height), path);
+    if (status == OK) // before it is decoded, which may take a thousand times the file's bytes
+        status = check_size(path, width, height, color ? &c->color : &c->depth, color ? "color" : "depth");
+    return status == OK ? damaged(png_decode(bytes, count, path, &layout, pixels), path) : status;
 }
 
 static enum status read_color(struct folder *f, const struct image_entry *entry, struct frame *out)
@@ -333,7 +358,6 @@ static enum status read_depth(struct folder *f, const struct image_entry *entry,
 static enum status check_first(struct folder *f, const struct image_list *list, const struct lens *lens,
                                const char *what)
 {
-    static const uint8_t png_begin[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
     char path[PATH_BYTES];
     uint8_t *bytes;
     size_t count;
@@ -344,9 +368,7 @@ static enum status check_first(struct folder *f, const struct image_list *list, 
     if (is_jpeg(bytes, count)) {
         if (jpeg_size(bytes, count, &width, &height) == OK)
             status = check_size(path, width, height, lens, what);
-    } else if (count >= 24 && !memcmp(bytes, png_begin, 8)) { // width and height follow the header chunk's name
-        width = (int)((uint32_t)bytes[16] << 24 | (uint32_t)bytes[17] << 16 | (uint32_t)bytes[18] << 8 | bytes[19]);
-        height = (int)((uint32_t)bytes[20] << 24 | (uint32_t)bytes[21] << 16 | (uint32_t)bytes[22] << 8 | bytes[23]);
+    } else if (png_size(bytes, count, path, &width, &height) == OK) {
         status = check_size(path, width, height, lens, what);
     }
     free(bytes);
@@ -365,15 +387,32 @@ static const char *stem_of(const char *path, size_t *length)
     return stem;
 }
 
-static bool names_fit(const struct image_list *list)
+static int compare_stems(const void *a, const void *b)
+{
+    size_t one, other;
+    const char *x = stem_of(*(const char *const *)a, &one), *y = stem_of(*(const char *const *)b, &other);
+    const int order = memcmp(x, y, one < other ? one : other);
+    return order ? order : (one > other) - (one < other);
+}
+
+// Whether the files' names can name the frames: short enough, and no two alike, which would write over one another.
+static enum status check_names(const struct image_list *list, bool *usable)
 {
     size_t length;
+    *usable = true;
+    const char **paths = malloc(((size_t)list->count + 1) * sizeof *paths);
+    if (!paths)
+        return fail(ERR_MEMORY, "no memory for the names in %s", list->name);
     for (int64_t i = 0; i < list->count; i++) {
-        stem_of(list->entries[i].path, &length);
-        if (length >= sizeof((struct frame *)NULL)->name)
-            return false;
+        paths[i] = list->entries[i].path;
+        stem_of(paths[i], &length);
+        *usable = *usable && length > 0 && length < sizeof((struct frame *)NULL)->name;
     }
-    return true;
+    qsort(paths, (size_t)list->count, sizeof *paths, compare_stems);
+    for (int64_t i = 1; i < list->count; i++)
+        *usable = *usable && compare_stems(&paths[i - 1], &paths[i]);
+    free(paths);
+    return OK;
 }
 
 // ------------------------------------------------------------- the source kind
@@ -481,12 +520,15 @@ enum status folder_open(void **self, const char *where, enum source_wanted wante
     for (size_t n = strlen(f->dir); n > 1 && f->dir[n - 1] == '/'; n--)
         f->dir[n - 1] = 0;
     f->facts = facts;
+    bool usable = true;
     enum status status = open_steps(f, wanted);
+    if (status == OK)
+        status = check_names(f->lead, &usable);
     if (status != OK) {
         folder_close(f);
         return status;
     }
-    f->numbered = !names_fit(f->lead);
+    f->numbered = !usable;
     facts->live = false;
     facts->remaining = f->lead->count;
     facts->dropped = f->lead->skipped;

@@ -1,8 +1,19 @@
 #include "platform/jpeg.h"
 
+#include "base/pixels.h"
+
 #include <stdlib.h>
 #include <string.h>
 #include <turbojpeg.h>
+
+// A lack of memory is no damage. libjpeg-turbo says which only in words.
+static enum status decode_failed(tjhandle handle)
+{
+    const char *why = tjGetErrorStr2(handle);
+    if (strstr(why, "emory"))
+        return fail(ERR_MEMORY, "no memory to decode a picture");
+    return fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", why);
+}
 
 enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height)
 {
@@ -13,9 +24,12 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
     enum status status = OK;
     *width = *height = 0; // stays so, without an error, when the data end before the image begins
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, width, height, &subsampling, &colorspace))
-        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+        status = decode_failed(handle);
     else if (*width < 1 || *height < 1)
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: it ends before its picture begins");
+    else if (!image_size_is_usable(*width, *height))
+        status = fail(ERR_INPUT, "a JPEG picture has %d x %d pixels; at most %d a side and %d million in all can be used",
+                      *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     tjDestroy(handle);
     return status;
 }
@@ -29,12 +43,13 @@ enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int wi
     enum status status = OK;
     // A warning ("premature end of file") means missing pixels: an error here.
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, &w, &h, &subsampling, &colorspace))
-        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+        status = decode_failed(handle);
     else if (w != width || h != height)
         status =
             fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
-    else if (tjDecompress2(handle, bytes, (unsigned long)count, rgb, width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT))
-        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+    else if (tjDecompress2(handle, bytes, (unsigned long)count, rgb, width, 0, height, TJPF_RGB,
+                           TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS))
+        status = decode_failed(handle);
     tjDestroy(handle);
     return status;
 }

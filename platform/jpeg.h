@@ -4,7 +4,7 @@
 #pragma once
 #include "base/status.h"
 
-// Size of a JPEG without decoding it. ERR_CORRUPT.
+// Size of a JPEG without decoding it. ERR_CORRUPT; ERR_INPUT: larger than base/pixels.h allows; ERR_MEMORY.
 MUST_CHECK enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height);
 
 // Decodes into rgb[width * height * 3]. ERR_CORRUPT: damaged, cut short or of

@@ -4,6 +4,7 @@
 
 #include <cjson/cJSON.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +12,22 @@
 static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value; }
 
 static struct json *from_node(cJSON *value) { return (struct json *)value; }
+
+// cJSON says nothing of why it failed; its allocations do.
+static _Thread_local bool out_of_memory;
+
+static void *allocate(size_t size)
+{
+    void *memory = malloc(size);
+    out_of_memory |= !memory;
+    return memory;
+}
+
+static void set_hooks(void)
+{
+    cJSON_Hooks hooks = {.malloc_fn = allocate, .free_fn = free};
+    cJSON_InitHooks(&hooks);
+}
 
 enum status json_read(const char *path, struct json **out)
 {
@@ -20,9 +37,14 @@ enum status json_read(const char *path, struct json **out)
     enum status status = file_read(path, &text, &count);
     if (status != OK)
         return status;
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    pthread_once(&once, set_hooks);
+    out_of_memory = false;
     const char *end = NULL;
     cJSON *root = cJSON_ParseWithLengthOpts((const char *)text, count, &end, false);
-    if (!root) {
+    if (!root && out_of_memory) {
+        status = fail(ERR_MEMORY, "no memory to read %s", path);
+    } else if (!root) {
         int line = 1;
         for (const uint8_t *at = text; end && at < (const uint8_t *)end && *at; at++)
             line += *at == '\n';
@@ -53,6 +75,13 @@ const struct json *json_at(const struct json *array, int index)
 {
     return from_node(cJSON_GetArrayItem(node(array), index));
 }
+
+const struct json *json_first(const struct json *array)
+{
+    return json_is_array(array) || json_is_object(array) ? from_node(node(array)->child) : NULL;
+}
+
+const struct json *json_next(const struct json *value) { return from_node(node(value)->next); }
 
 const char *json_name(const struct json *member)
 {

@@ -13,6 +13,9 @@ void json_free(struct json **root); // only roots; NULL is fine; sets *root = NU
 const struct json *json_member(const struct json *object, const char *name); // NULL: no such member, or object is NULL
 int json_count(const struct json *array);                                    // 0 if it is neither array nor object
 const struct json *json_at(const struct json *array, int index);             // or the members of an object, in order
+// One after the other, for long ones: json_at walks from the first each time. NULL: no more.
+const struct json *json_first(const struct json *array);
+const struct json *json_next(const struct json *value);
 const char *json_name(const struct json *member);                            // "" if it has none
 bool json_is_object(const struct json *value);
 bool json_is_array(const struct json *value);

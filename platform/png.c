@@ -1,5 +1,6 @@
 #include "platform/png.h"
 
+#include "base/pixels.h"
 #include "platform/file.h"
 
 #include <png.h>
@@ -7,6 +8,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// Of one piece that libpng asks for: two rows of the widest picture, with room. A file of 48 bytes may ask for 900 MB.
+enum { MEMORY_MAX = 4 << 20, CHUNK_BYTES_MAX = 1 << 20 };
 
 static size_t pixel_bytes(enum png_kind kind) { return (size_t)kind; }
 
@@ -16,7 +20,23 @@ struct reader {
     const uint8_t *bytes;
     size_t count, at;
     char message[160]; // libpng's error
+    bool out_of_memory;
 };
+
+// libpng's own memory, counted as such: a lack of it must not be taken for damage.
+static png_voidp take_memory(png_structp png, png_alloc_size_t size)
+{
+    struct reader *reader = png_get_mem_ptr(png);
+    void *memory = size <= MEMORY_MAX ? malloc(size) : NULL;
+    reader->out_of_memory |= !memory && size <= MEMORY_MAX;
+    return memory;
+}
+
+static void give_memory(png_structp png, png_voidp memory)
+{
+    (void)png;
+    free(memory);
+}
 
 static void keep_message(png_structp png, png_const_charp message)
 {
@@ -77,7 +97,8 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     struct reader reader = {.bytes = bytes, .count = count};
     uint8_t *volatile rows = NULL; // volatile: written between setjmp and longjmp
     volatile enum status status = OK;
-    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reader, keep_message, ignore_warning);
+    png_structp png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, &reader, keep_message, ignore_warning, &reader,
+                                               take_memory, give_memory);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     if (!info) {
         png_destroy_read_struct(&png, NULL, NULL);
@@ -86,14 +107,19 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     if (setjmp(png_jmpbuf(png))) {
         png_destroy_read_struct(&png, &info, NULL);
         free(rows);
-        return fail(ERR_CORRUPT, "%s is damaged: %s", name, reader.message);
+        return reader.out_of_memory ? fail(ERR_MEMORY, "no memory to read %s", name)
+                                    : fail(ERR_CORRUPT, "%s is damaged: %s", name, reader.message);
     }
+    png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
+    png_set_chunk_malloc_max(png, CHUNK_BYTES_MAX);
+    png_set_chunk_cache_max(png, 64);
     png_set_read_fn(png, &reader, feed);
     png_read_info(png, info);
     *width = (int)png_get_image_width(png, info);
     *height = (int)png_get_image_height(png, info);
-    if (*width > 16384 || *height > 16384) {
-        status = fail(ERR_INPUT, "%s has %d x %d pixels, more than can be used", name, *width, *height);
+    if (!image_size_is_usable(*width, *height)) {
+        status = fail(ERR_INPUT, "%s has %d x %d pixels; at most %d a side and %d million in all can be used", name,
+                      *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     } else if (!set_transforms(png, info, kind)) {
         status = fail(ERR_INPUT, "%s has %d-bit samples; depth pictures have 16, all others 8", name,
                       png_get_bit_depth(png, info));
@@ -115,6 +141,23 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     if (status == OK)
         *pixels = rows;
     return status;
+}
+
+enum status png_size(const uint8_t *bytes, size_t count, const char *name, int *width, int *height)
+{
+    static const uint8_t begin[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    if (count < 24 || memcmp(bytes, begin, sizeof begin)) // width and height follow the header chunk's name
+        return fail(ERR_CORRUPT, "%s is damaged: it is no PNG picture", name);
+    uint32_t size[2];
+    for (int i = 0; i < 2; i++) {
+        const uint8_t *at = bytes + 16 + 4 * i;
+        size[i] = (uint32_t)at[0] << 24 | (uint32_t)at[1] << 16 | (uint32_t)at[2] << 8 | at[3];
+    }
+    if (size[0] < 1 || size[1] < 1 || size[0] > INT32_MAX || size[1] > INT32_MAX)
+        return fail(ERR_CORRUPT, "%s is damaged: its size is impossible", name);
+    *width = (int)size[0];
+    *height = (int)size[1];
+    return OK;
 }
 
 enum status png_read(const char *path, enum png_kind kind, void **pixels, int *width, int *height)

@@ -39,7 +39,7 @@ int capture_devices(int argc, char **argv)
         .doc = "Lists the depth sensors and cameras that can be opened, by the URI that --sensor and --camera take."
                "\vNone is no error. Recordings (oni:FILE) and folders of pictures (folder:DIR) can always be opened."};
     bool json = false;
-    argp_parse(&argp, argc, argv, 0, NULL, &json);
+    command_parse(&argp, argc, argv, &json);
     struct source_device devices[64];
     int count;
     if (source_devices(devices, COUNT_OF(devices), &count) != OK)

@@ -116,7 +116,7 @@ static enum status write_place(const char *path, const struct place *place)
     if (status == OK)
         status = closed;
     if (status != OK || command_stopped())
-        unlink(path);
+        recording_discard(path);
     return status;
 }
 
@@ -343,11 +343,9 @@ int capture_map(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
-    if (a.out && file_exists(a.out)) {
-        (void)fail(ERR_EXISTS, "%s exists already; choose another name or remove it", a.out);
+    command_parse(&argp, argc, argv, &a);
+    if (a.out && file_check_output(a.out, false) != OK)
         return command_failed(argv[0]);
-    }
     struct mapper_tag *tags = NULL;
     int32_t count = 0;
     if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)

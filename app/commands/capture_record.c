@@ -135,7 +135,7 @@ int capture_record(int argc, char **argv)
         options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
         0,       0,     0};
     struct record_arguments given = {0};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     struct place place = {0};
     struct recorder_result result = {0};
     enum status status = record(&given, &place, &result);

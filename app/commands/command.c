@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "platform/json.h"
 
+#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +25,11 @@ static int run(const struct command *command, const char *program, int argc, cha
     char name[128];
     snprintf(name, sizeof name, "%s %s", program, command->name);
     argv[0] = name;
-    return command->run(argc, argv);
+    const int code = command->run(argc, argv);
+    if (!fflush(stdout) && !ferror(stdout))
+        return code;
+    fprintf(stderr, "%s: the report could not be written: %s\n", name, strerror(errno));
+    return code ? code : 1;
 }
 
 int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
@@ -63,6 +68,15 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
                 "sweep with reenact-capture map --into\n",
                 program, (int)first, count > 1 ? " and others are" : " is", count > 1 ? "them" : "it",
                 count > 1 ? "them" : "it");
+}
+
+void command_parse(const struct argp *argp, int argc, char **argv, void *input)
+{
+    const error_t error = argp_parse(argp, argc, argv, 0, NULL, input);
+    if (!error)
+        return;
+    fprintf(stderr, "%s: the arguments cannot be read: %s\n", argv[0], strerror(error));
+    exit(1);
 }
 
 void command_require(const struct argp_state *state, const void *given, const char *option)
@@ -131,7 +145,7 @@ void command_parse_file(int argc, char **argv, const char *doc, struct file_argu
     };
     const struct argp argp = {.options = options, .parser = parse_file, .args_doc = "FILE", .doc = doc};
     *out = (struct file_arguments){0};
-    argp_parse(&argp, argc, argv, 0, NULL, out);
+    command_parse(&argp, argc, argv, out);
 }
 
 enum status command_print_json(struct json **root)
@@ -159,6 +173,7 @@ void command_catch_signals(void)
     stopped = 0;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGHUP, &action, NULL);
 }
 
 bool command_stopped(void) { return stopped; }
@@ -171,9 +186,9 @@ static void draw_progress(struct progress_bar *p)
         fprintf(stderr, "\r%s [", p->what);
         for (int i = 0; i < WIDTH; i++)
             fputc(i < filled ? '#' : '.', stderr);
-        fprintf(stderr, "] %lld/%lld ", (long long)p->done, (long long)p->total);
+        fprintf(stderr, "] %lld/%lld %s\033[K", (long long)p->done, (long long)p->total, p->note);
     } else {
-        fprintf(stderr, "\r%s %lld ", p->what, (long long)p->done);
+        fprintf(stderr, "\r%s %lld %s\033[K", p->what, (long long)p->done, p->note);
     }
     fflush(stderr);
 }

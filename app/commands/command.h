@@ -43,6 +43,15 @@ enum { COMMAND_KEY = 0x100 };
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
 
+// argp_parse for a command's arguments; lack of memory in it ends the program with a sentence and exit code 1.
+void command_parse(const struct argp *argp, int argc, char **argv, void *input);
+
+// --force of commands that write files.
+#define COMMAND_OPTION_FORCE(key)                                                                                      \
+    {                                                                                                                  \
+        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                     \
+    }
+
 // A required option must have been given.
 void command_require(const struct argp_state *state, const void *given, const char *option);
 
@@ -71,7 +80,7 @@ void command_parse_file(int argc, char **argv, const char *doc, struct file_argu
 struct json;
 MUST_CHECK enum status command_print_json(struct json **root);
 
-// From the first call on, Ctrl-C and SIGTERM no longer end the program but make
+// From the first call on, Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) no longer end the program but make
 // command_stopped() true, so that long work can end in good order. Each call resets
 // command_stopped(), for the next piece of work.
 void command_catch_signals(void);
@@ -82,6 +91,7 @@ struct progress_bar {
     const char *what;
     int64_t total, done;
     int64_t drawn_ns;
+    char note[96]; // shown behind the bar
 };
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
 void progress_bar_step(struct progress_bar *p); // one more done

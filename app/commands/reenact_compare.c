@@ -22,7 +22,7 @@ static const struct argp_option options[] = {
     {"with-take", KEY_WITH_TAKE, "NAME", 0, "the attempt's take", 0},
     {"html", KEY_HTML, "FILE", 0, "also write a page with pictures", 0},
     {"csv", KEY_CSV, "FILE", 0, "also write the joints' angles over time", 0},
-    {"force", KEY_FORCE, NULL, 0, "write over files that exist", 0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -52,11 +52,11 @@ static enum status check_output(const struct compare_arguments *a, const char *p
 {
     if (!path)
         return OK;
-    if (!strcmp(path, a->reference) || !strcmp(path, a->with))
+    if (file_is_same(path, a->reference) || file_is_same(path, a->with))
         return fail(ERR_INPUT, "%s is what is compared; give the report another name", path);
-    if (!a->force && file_exists(path))
-        return fail(ERR_EXISTS, "%s exists; give another name, or --force to write over it", path);
-    return OK;
+    if (a->html && a->csv && !strcmp(a->html, a->csv))
+        return fail(ERR_INPUT, "--html and --csv both name %s", path);
+    return file_check_output(path, a->force);
 }
 
 static enum status write_text(const char *path, char *text)
@@ -120,7 +120,7 @@ int reenact_compare(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     struct movement reference = {0}, attempt = {0};
     struct comparison c = {0};
     enum status status = check_output(&a, a.html);

@@ -13,14 +13,16 @@
 
 struct locate_arguments {
     const char *file, *camera, *out;
+    bool force;
     double decimate;
     bool json;
 };
 
-enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE };
+enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE, KEY_FORCE };
 
 static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0, "the camera: libcamera, libcamera:N or folder:DIR", 0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     {"out", KEY_OUT, "trajectory.txt", 0,
      "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)",
      0},
@@ -35,6 +37,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_OUT: a->out = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
@@ -205,12 +208,14 @@ int reenact_locate(int argc, char **argv)
                               NULL,
                               NULL,
                               NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     struct camera_tracker *track = NULL;
     struct source *camera = NULL;
     struct text_buffer lines = {0};
     struct locate_summary s = {0};
-    enum status status = open_inputs(&a, &track, &camera);
+    enum status status = file_check_output(a.out, a.force);
+    if (status == OK)
+        status = open_inputs(&a, &track, &camera);
     if (status == OK) {
         command_catch_signals();
         status = run(track, camera, &lines, &s);

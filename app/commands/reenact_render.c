@@ -3,6 +3,7 @@
 
 #include "locate/camera_tracker.h"
 #include "base/clock.h"
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/png.h"
@@ -17,11 +18,11 @@
 struct render_arguments {
     const char *file, *take, *camera, *out;
     enum detail detail;
-    bool layers, json, alone;
+    bool layers, json, alone, force;
     double start_s, error_px;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON };
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON, KEY_FORCE };
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -40,6 +41,7 @@ static const struct argp_option options[] = {
     {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
     {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under the actor; paper never has them",
      0},
+    COMMAND_OPTION_FORCE(KEY_FORCE),
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -55,6 +57,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_ERROR: a->error_px = command_parse_number(state, "--error", value, 0, 1000); return 0;
     case KEY_ALONE: a->alone = true; return 0;
     case KEY_JSON: a->json = true; return 0;
+    case KEY_FORCE: a->force = true; return 0;
     case KEY_START: a->start_s = command_parse_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
         a->detail = (enum detail)command_parse_choice(state, "--detail", value, detail_names, COUNT_OF(detail_names));
@@ -84,7 +87,9 @@ struct render_run {
     struct camera_tracker *track;
     struct gpu *gpu;
     struct renderer *renderer;
-    FILE *trajectory;
+    FILE *trajectory; // in memory, so that a run that fails leaves none
+    char *trajectory_text;
+    size_t trajectory_bytes;
     uint8_t *rgb, *rgba;
     struct lens lens;
 
@@ -149,7 +154,9 @@ static enum status open_renderer(struct render_run *r)
 static enum status open_run(struct render_run *r)
 {
     const struct render_arguments *a = r->arguments;
-    enum status status = recording_open(&r->recording, a->file);
+    enum status status = folder_check_output(a->out, a->force);
+    if (status == OK)
+        status = recording_open(&r->recording, a->file);
     if (status == OK)
         status = take_open(&r->take, r->recording, a->take);
     if (status == OK)
@@ -171,11 +178,9 @@ static enum status open_run(struct render_run *r)
     r->rgba = malloc(pixels * 4);
     if (!r->rgb || !r->rgba)
         return fail(ERR_MEMORY, "out of memory");
-    char path[4096];
-    snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
-    r->trajectory = fopen(path, "w");
+    r->trajectory = open_memstream(&r->trajectory_text, &r->trajectory_bytes);
     if (!r->trajectory)
-        return fail(ERR_IO, "%s cannot be written", path);
+        return fail(ERR_MEMORY, "no memory for the trajectory");
     fprintf(r->trajectory,
             "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     return OK;
@@ -185,6 +190,7 @@ static void close_run(struct render_run *r)
 {
     if (r->trajectory)
         fclose(r->trajectory);
+    free(r->trajectory_text);
     free(r->rgb);
     free(r->rgba);
     renderer_close(&r->renderer);
@@ -198,8 +204,8 @@ static void close_run(struct render_run *r)
 
 static void write_pose(FILE *to, int64_t time_ns, struct pose p)
 {
-    fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time_ns / 1000000000,
-            time_ns % 1000000000, p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y,
+    char seconds[SECONDS_TEXT_BYTES];
+    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y,
             p.rotation.z, p.rotation.w);
 }
 
@@ -215,7 +221,7 @@ static enum status write_image(struct render_run *r, const char *name, const cha
         png_encode(&(struct png_layout){kind, r->lens.width, r->lens.height}, pixels, 3, &bytes, &count);
     if (status != OK)
         return status;
-    status = file_write(path, bytes, count);
+    status = file_write_unsynced(path, bytes, count); // a run writes thousands, and can be made again
     free(bytes);
     return status;
 }
@@ -303,9 +309,20 @@ static enum status render_images(struct render_run *r)
     progress_bar_end(&progress);
     if (status < 0)
         return status;
+    if (command_stopped() && !r->images)
+        return fail(ERR_INPUT, "stopped before the first picture");
     if (!r->images)
         return fail(ERR_INPUT, "%s gave no picture", r->arguments->camera);
     return OK;
+}
+
+static enum status write_trajectory(struct render_run *r)
+{
+    char path[4096];
+    if (fflush(r->trajectory) || ferror(r->trajectory))
+        return fail(ERR_MEMORY, "no memory for the trajectory");
+    snprintf(path, sizeof path, "%s/trajectory.txt", r->arguments->out);
+    return file_write(path, r->trajectory_text, r->trajectory_bytes);
 }
 
 static enum status write_stats(struct render_run *r)
@@ -355,14 +372,14 @@ int reenact_render(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_parse(&argp, argc, argv, &arguments);
     command_catch_signals();
     struct render_run run = {.arguments = &arguments};
     enum status status = open_run(&run);
     if (status == OK)
         status = render_images(&run);
-    if (status == OK && (fflush(run.trajectory) || ferror(run.trajectory)))
-        status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
+    if (status == OK)
+        status = write_trajectory(&run);
     if (status == OK)
         status = write_stats(&run);
     if (status == OK) {

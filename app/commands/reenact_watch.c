@@ -266,7 +266,7 @@ int reenact_watch(int argc, char **argv)
         0,
         0};
     struct watch_arguments given = {.width = 1280, .height = 800};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     struct watch watch = {.arguments = &given};
     command_catch_signals();
     enum status status = watch_open(&watch);

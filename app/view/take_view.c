@@ -282,7 +282,7 @@ static enum status upload_inset(struct take_view *s, int64_t frame, struct take_
         const struct host_image image = {color->width, color->height, GPU_RGB8, images.color};
         if (status == OK && images.color)
             status = upload_image(s->gpu, &s->inset, &image);
-        if (status != OK)
+        if (status != OK && status != ERR_CORRUPT) // a damaged frame costs itself alone
             return status;
         s->inset_frame = frame;
     }

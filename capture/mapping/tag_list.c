@@ -46,12 +46,15 @@ static enum status read_list(const struct json *root, const char *path, struct m
                     "\"side_m\": {\"0\": 0.2}",
                     path);
     int n = json_count(sides);
+    if (n > TAG_ID_COUNT)
+        return fail(ERR_INPUT, "%s: 'side_m' names %d tags; tag36h11 has %d", path, n, TAG_ID_COUNT);
     struct mapper_tag *list = calloc((size_t)n, sizeof *list);
     if (!list)
         return fail(ERR_MEMORY, "no memory for %d tags", n);
     enum status status = OK;
-    for (int i = 0; i < n && status == OK; i++)
-        status = read_side(json_at(sides, i), path, &list[i]);
+    const struct json *side = json_first(sides);
+    for (int i = 0; side && status == OK; side = json_next(side), i++)
+        status = read_side(side, path, &list[i]);
     if (status == OK)
         qsort(list, (size_t)n, sizeof *list, by_id);
     for (int i = 1; i < n && status == OK; i++)

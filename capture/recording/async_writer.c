@@ -38,6 +38,7 @@ struct async_writer {
     bool writing;               // the writer thread uses the database, without the lock
     bool unsynced;              // committed, not yet checkpointed
     struct failure first_error; // from then on nothing is written
+    struct recording_counters counters;
 };
 
 // ------------------------------------------------------------- rows
@@ -46,10 +47,30 @@ static enum status insert_joint_error(struct async_writer *s, const struct frame
 {
     uint8_t covariances[JOINT_ERROR_BYTES];
     put_joint_error(covariances, f->skeleton);
+    const uint32_t crc = crc32_of(0, covariances, sizeof covariances);
     statement_bind_number(s->add_joint_error, 1, f->key);
     statement_bind_blob(s->add_joint_error, 2, covariances, sizeof covariances);
-    statement_bind_number(s->add_joint_error, 3, crc32_of(0, covariances, sizeof covariances));
+    statement_bind_number(s->add_joint_error, 3, crc);
+    statement_bind_number(s->add_joint_error, JOINT_ERROR_SEAL + 1, row_seal(f->key, crc));
     return statement_run(s->add_joint_error);
+}
+
+static enum status insert_images(struct async_writer *s, const struct frame_row *f)
+{
+    const struct {
+        const uint8_t *bytes;
+        size_t count;
+    } images[] = {{f->mask, f->mask_bytes}, {f->depth, f->depth_bytes}, {f->color, f->color_bytes}};
+    struct statement *row = s->add_image;
+    int64_t crcs[3] = {0};
+    statement_bind_number(row, 1, f->key);
+    for (int i = 0; i < 3; i++) {
+        if (images[i].bytes)
+            statement_bind_number(row, 2 + i, crcs[i] = crc32_of(0, images[i].bytes, images[i].count));
+        statement_bind_blob(row, 5 + i, images[i].bytes, images[i].count);
+    }
+    statement_bind_number(row, IMAGE_SEAL + 1, image_seal(f->key, crcs));
+    return statement_run(row);
 }
 
 static enum status insert_frame(struct async_writer *s, const struct frame_row *f)
@@ -60,6 +81,7 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
     put_pose(pose, &f->world_from_camera);
     if (f->skeleton)
         put_skeleton(skeleton, f->skeleton);
+    const uint32_t crc = frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images);
     struct statement *row = s->add_frame;
     statement_bind_number(row, 1, f->key);
     statement_bind_number(row, 2, f->time_ns);
@@ -67,40 +89,19 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
     statement_bind_blob(row, 4, pose, sizeof pose);
     statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
     statement_bind_number(row, 6, images);
-    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images));
+    statement_bind_number(row, 7, crc);
+    statement_bind_number(row, FRAME_SEAL + 1, row_seal(f->key, crc));
     enum status status = statement_run(row);
     if (status == OK && f->skeleton && skeleton_has_covariance(f->skeleton))
         status = insert_joint_error(s, f);
-    if (status != OK || !images)
-        return status;
-    row = s->add_image;
-    statement_bind_number(row, 1, f->key);
-    if (f->mask)
-        statement_bind_number(row, 2, crc32_of(0, f->mask, f->mask_bytes));
-    if (f->depth)
-        statement_bind_number(row, 3, crc32_of(0, f->depth, f->depth_bytes));
-    if (f->color)
-        statement_bind_number(row, 4, crc32_of(0, f->color, f->color_bytes));
-    statement_bind_blob(row, 5, f->mask, f->mask_bytes);
-    statement_bind_blob(row, 6, f->depth, f->depth_bytes);
-    statement_bind_blob(row, 7, f->color, f->color_bytes);
-    return statement_run(row);
+    return status == OK && images ? insert_images(s, f) : status;
 }
 
 static enum status insert_take(struct async_writer *s, const struct take_row *t)
 {
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
-    put_calibration(calibration, &t->calibration);
-    put_body(body, &t->body);
-    struct statement *row = s->put_take;
-    statement_bind_number(row, 1, t->id);
-    statement_bind_text(row, 2, t->name);
-    statement_bind_blob(row, 3, calibration, sizeof calibration);
-    statement_bind_number(row, 4, t->complete);
-    statement_bind_number(row, 5, t->dropped);
-    statement_bind_blob(row, 6, body, sizeof body);
-    statement_bind_number(row, 7, take_crc(t->name, calibration, t->complete, t->dropped, body));
-    return statement_run(row);
+    take_bind(s->put_take, t, calibration, body);
+    return statement_run(s->put_take);
 }
 
 // ------------------------------------------------------------- batches
@@ -153,6 +154,10 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
     if (s->batch.since_ns == INT64_MAX)
         return OK;
     struct batch b = s->batch;
+    const int64_t bytes = (int64_t)b.bytes;
+    int64_t frames = 0, last_ns = 0;
+    for (const struct pending *p = b.first; p; p = p->next, frames++)
+        last_ns = p->row.time_ns;
     s->batch = (struct batch){.since_ns = INT64_MAX};
     s->due = false;
     s->writing = true;
@@ -166,6 +171,12 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
     pthread_cond_broadcast(&s->done);
     if (status != OK)
         return set_error(s, status);
+    s->counters.waiting_bytes -= bytes;
+    s->counters.written_bytes += bytes;
+    s->counters.waiting_frames -= frames;
+    s->counters.committed_frames += frames;
+    if (frames)
+        s->counters.committed_ns = last_ns;
     s->unsynced = true;
     pthread_cond_broadcast(&s->wake);
     return OK;
@@ -221,16 +232,13 @@ static void *run_checkpointer(void *argument)
 
 static enum status start(struct async_writer *s)
 {
-    enum status status =
-        statement_open(&s->add_frame, s->db, "INSERT INTO frame(" FRAME_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+    enum status status = insert_open(&s->add_frame, s->db, TABLE_FRAME, false);
     if (status == OK)
-        status = statement_open(&s->add_joint_error, s->db,
-                                "INSERT OR REPLACE INTO joint_error(" JOINT_ERROR_COLUMNS ") VALUES(?,?,?)");
+        status = insert_open(&s->add_joint_error, s->db, TABLE_JOINT_ERROR, true);
     if (status == OK)
-        status = statement_open(&s->add_image, s->db, "INSERT INTO picture(" IMAGE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+        status = insert_open(&s->add_image, s->db, TABLE_IMAGE, false);
     if (status == OK)
-        status =
-            statement_open(&s->put_take, s->db, "INSERT OR REPLACE INTO take(" TAKE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+        status = insert_open(&s->put_take, s->db, TABLE_TAKE, true);
     if (status == OK)
         status = database_open(&s->checkpoint_db, database_path(s->db), DATABASE_WRITE);
     if (status == OK)
@@ -250,6 +258,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
     s->db = db;
     s->batch.since_ns = INT64_MAX;
+    s->counters.committed_ns = INT64_MIN;
     condition_open(&s->wake);
     pthread_cond_init(&s->done, NULL);
     pthread_mutex_init(&s->lock, NULL);
@@ -308,7 +317,12 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
         struct batch *b = &s->batch;
         *(b->first ? b->last : &b->first) = p;
         b->last = &p->next;
-        b->bytes += sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes;
+        const size_t bytes = sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes;
+        b->bytes += bytes;
+        struct recording_counters *c = &s->counters;
+        c->waiting_bytes += (int64_t)bytes;
+        c->waiting_frames++;
+        c->waiting_frames_most = c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
         if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
             s->due = true;
             pthread_cond_broadcast(&s->wake);
@@ -318,6 +332,13 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
     }
     pthread_mutex_unlock(&s->lock);
     return status;
+}
+
+void async_writer_count(struct async_writer *s, struct recording_counters *out)
+{
+    pthread_mutex_lock(&s->lock);
+    *out = s->counters;
+    pthread_mutex_unlock(&s->lock);
 }
 
 enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)

@@ -32,6 +32,9 @@ MUST_CHECK enum status async_writer_open(struct async_writer **out, struct datab
 MUST_CHECK enum status async_writer_add_frame(struct async_writer *s, const struct frame_row *row);
 MUST_CHECK enum status async_writer_put_take(struct async_writer *s, const struct take_row *row);
 
+// Any thread may ask.
+void async_writer_count(struct async_writer *s, struct recording_counters *out);
+
 // Commits everything added so far and keeps the threads off the database until async_writer_resume, which must follow
 // even if this fails.
 MUST_CHECK enum status async_writer_pause(struct async_writer *s);

@@ -47,6 +47,8 @@ struct place {
     int32_t point_count;
     struct place_view *views;
     int32_t view_count;
+    int32_t views_lost; // that were in the file and could not be read
+    bool errors_lost;   // covariances or viewing directions in the file could not be read; they count as unknown
     double rms_px; // reprojection error of the bundle adjustment over all tag corners; without tags over all landmarks
     double rms_m;  // of depth samples at the same points; 0 without depth
 };

@@ -59,7 +59,8 @@ MUST_CHECK enum status recording_put_body(struct recording_writer *w, const stru
 // Stores how many frames were dropped so far, by the sensor or by capture. ERR_IO.
 MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t dropped);
 
-// Commits and marks the take as complete. ERR_IO: it stays marked as interrupted, as recording_add_frame.
+// Commits and marks the take as complete; a take without frames is removed. ERR_IO: it stays marked as interrupted, as
+// recording_add_frame.
 MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 
 // Replaces skeletons of the take that was ended last, in its first `count` frames: NULL keeps a frame's skeleton, one
@@ -68,11 +69,24 @@ MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
                                                int64_t count);
 
+// How the writing goes. Any thread may ask.
+struct recording_counters {
+    int64_t waiting_frames, waiting_bytes; // given, not yet committed
+    int64_t waiting_frames_most;           // ever
+    int64_t committed_frames;
+    int64_t committed_ns;  // time of the last frame that is in the file; INT64_MIN: none
+    int64_t written_bytes; // of all frames committed so far
+};
+struct recording_counters recording_writer_count(const struct recording_writer *w);
+
 const char *recording_writer_path(const struct recording_writer *w); // valid until recording_close
 
 // Commits what was added, closes, frees, sets *w = NULL (NULL is fine). Returns the first error the writer ever met. A
-// take that is still open is kept and marked as interrupted.
+// take that is still open is kept and marked as interrupted; one without frames is removed.
 enum status recording_close(struct recording_writer **w);
+
+// Removes a recording that was made in vain, with its log.
+void recording_discard(const char *path);
 
 // ---------------------------------------------------------------- reading
 
@@ -81,7 +95,8 @@ enum status recording_close(struct recording_writer **w);
 MUST_CHECK enum status recording_open(struct recording **out, const char *path);
 void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 
-// NOTHING: the file holds no place. ERR_CORRUPT, ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
+// NOTHING: the file holds no place. ERR_CORRUPT: its calibration, tags or points cannot be read; damaged views are left
+// out (place.h). ERR_IO, ERR_MEMORY. On OK the caller owns *out (place_free); otherwise
 // it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
 
@@ -89,9 +104,9 @@ int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
 const char *recording_take_name(const struct recording *r, int index);
 
-// Opens a take and reads its index: calibration, body and one take_entry a frame, no images. The handle uses `r`,
-// which must outlive it. ERR_MISSING: no such take; the sentence lists the takes there are. ERR_CORRUPT, ERR_IO,
-// ERR_MEMORY. On failure *out is NULL.
+// Opens a take and reads its index: calibration, body and one take_entry a frame, no images. Frames that cannot be
+// read are left out (take_lost). The handle uses `r`, which must outlive it. ERR_MISSING: no such take; the sentence
+// lists the takes there are. ERR_CORRUPT: its row cannot be read. ERR_IO, ERR_MEMORY. On failure *out is NULL.
 MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
 
 // Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its
@@ -120,6 +135,10 @@ const struct take_entry *take_entry(const struct take *t, int64_t index);
 const struct body *take_body(const struct take *t);
 bool take_is_complete(const struct take *t); // false: interrupted, still readable
 int64_t take_dropped(const struct take *t);
+int64_t take_lost(const struct take *t);        // frames that damage cost, before a repair too; they are left out
+int64_t take_errors_lost(const struct take *t); // frames whose joints' covariances damage cost
+const char *take_note(const struct take *t);    // "" where there is none; valid until the last handle is closed
+const char *take_alias(const struct take *t);   // who performs: a name that need not be the person's own; "" likewise
 size_t take_index_bytes(const struct take *t); // of the index, which all handles on the take share
 
 // Decoded images of one frame. Pixels belong to the handle and are valid until its next take_read; images that were not
@@ -136,17 +155,43 @@ MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, s
 
 // ---------------------------------------------------------------- verify and repair
 
+enum { RECORDING_FINDINGS_MAX = 12 };
 struct recording_report {
-    int takes;
-    int64_t frames, damaged_frames;
-    int interrupted_takes;
+    int takes, interrupted_takes;
+    int64_t frames;         // that are there
+    int64_t damaged_frames; // of them: images, or one of them, cannot be read
+    int64_t lost_frames;    // that are not there, or cannot be read
+    int lost_takes;         // whose row cannot be read
+    int32_t lost_views;     // of the place
     int64_t bytes;
+    int findings; // how many things are wrong; the sentences of the first of them:
+    char finding[RECORDING_FINDINGS_MAX][200];
 };
-// Reads every byte: SQLite's own check, every image decoded, every number finite, times rising. OK; ERR_CORRUPT with
-// the first fault found; else as recording_open.
+// Reads every byte: SQLite's own check; that rows belong together and none is missing; checksums; every image decoded;
+// every number finite and in its range; times rising. OK; ERR_CORRUPT with the first finding; else as recording_open.
 MUST_CHECK enum status recording_verify(const char *path, struct recording_report *out);
 
-// Repairs a damaged file: what can be read is written to `path`, and the original is kept as `path`.damaged. An
-// undamaged file keeps its content. Marks interrupted takes as complete. *out: what was saved and lost. ERR_EXISTS:
-// `path`.damaged is there already. ERR_IO, ERR_MEMORY. On failure `path` is as before.
-MUST_CHECK enum status recording_repair(const char *path, struct recording_report *out);
+// Saves every frame that can be read of a damaged file into `to`, which must not exist; `path` is only read. Rows whose
+// ids were damaged are put where they belong as far as that can be known. *out: what was saved and lost. Takes that lost
+// frames say so (take_lost) and are not complete. NOTHING: `path` is sound, and nothing was made. ERR_EXISTS, ERR_IO,
+// ERR_MEMORY; ERR_CORRUPT: not even the tables can be read. On failure there is no `to`.
+MUST_CHECK enum status recording_repair(const char *path, const char *to, struct recording_report *out);
+
+// ---------------------------------------------------------------- changing takes
+// Each in one transaction: all of it or, on any error, nothing. ERR_MISSING: no such take. ERR_EXISTS: the new name is in
+// use. ERR_CORRUPT: repair the file first. ERR_IO: also where another program writes the file. ERR_INPUT, ERR_MEMORY.
+
+MUST_CHECK enum status recording_rename_take(const char *path, const char *name, const char *new_name);
+// NULL keeps what there is, "" removes it.
+MUST_CHECK enum status recording_annotate_take(const char *path, const char *name, const char *note, const char *alias);
+// Its bytes are overwritten with zeros and the file is made smaller; *freed: by how many bytes, 0 where the disk has no
+// room for that (the bytes are zeros nevertheless, and used by the next take).
+MUST_CHECK enum status recording_delete_take(const char *path, const char *name, int64_t *freed);
+// Keeps the frames from `from_ns` to `to_ns` after the first one, both included; the others are overwritten likewise.
+// ERR_INPUT: none would remain.
+MUST_CHECK enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns,
+                                           int64_t *freed);
+// Adds the take as `new_name` to `to`, which is made, with the place, where it does not exist; it may be the same file.
+// *place_differs: `to` has another place, so that the copy does not know where it was filmed.
+MUST_CHECK enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
+                                           bool *place_differs);

@@ -1,6 +1,7 @@
 // Opening a recording, and reading its place. take_reader.c reads its takes.
 #include "capture/recording/recording_reader.h"
 
+#include "base/text.h"
 #include "capture/recording/depth_codec.h"
 
 #include <stdio.h>
@@ -46,6 +47,9 @@ static enum status list_takes(struct recording *r)
         struct recorded_take *take = &grown[r->take_count++];
         take->id = statement_number(s, 0);
         snprintf(take->name, sizeof take->name, "%s", statement_text(s, 1));
+        text_make_printable(take->name);
+        if ((status = statement_check(s)) != OK)
+            break;
     }
     statement_close(&s);
     return status == NOTHING ? OK : status;
@@ -134,7 +138,7 @@ static bool unpack_items(struct place *p, const uint8_t *tags, size_t tag_bytes,
 static enum status read_place_row(struct recording *r, struct place *p)
 {
     struct statement *s;
-    enum status status = statement_open(&s, r->db, "SELECT " PLACE_COLUMNS " FROM place");
+    enum status status = select_open(&s, r->db, TABLE_PLACE, "");
     if (status == OK)
         status = statement_step(s);
     if (status == OK) {
@@ -145,12 +149,14 @@ static enum status read_place_row(struct recording *r, struct place *p)
         uint32_t crc = calibration ? crc32_of(0, calibration, CALIBRATION_BYTES) : 0;
         crc = residuals ? crc32_of(crc, residuals, RESIDUAL_BYTES) : 0;
         crc = crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes);
+        const int64_t views = statement_number(s, PLACE_VIEWS);
         if (!calibration || !residuals || tag_bytes % TAG_BYTES || point_bytes % POINT_BYTES ||
-            crc != statement_number(s, 4)) {
+            crc != statement_number(s, 4) || !seal_matches(s, PLACE_SEAL, place_seal(crc, views))) {
             status = recording_damaged(r, "the place cannot be read");
         } else {
             get_calibration(calibration, &p->calibration);
             get_residuals(residuals, &p->rms_px, &p->rms_m);
+            p->views_lost = views > 0 && views <= PLACE_ITEMS_MAX ? (int32_t)views : 0; // all, until they are read
             if (calibration_check(&p->calibration) != OK)
                 status = recording_damaged(r, status_message());
             else if (!unpack_items(p, tags, tag_bytes, points, point_bytes))
@@ -181,9 +187,8 @@ static enum status read_optional(struct recording *r, enum optional_table which,
         size_t bytes;
         const uint8_t *known = statement_blob(s, 0, &bytes);
         if (bytes != (size_t)items * each || crc32_of(0, known, bytes) != statement_number(s, 1))
-            status =
-                recording_damaged(r, "covariances or viewing directions of the place's points and tags cannot be read");
-        for (int32_t i = 0; i < items && status == OK; i++, known += each) {
+            p->errors_lost = true; // they are then not known
+        for (int32_t i = 0; i < items && !p->errors_lost; i++, known += each) {
             if (which == OPTIONAL_TAG_ERROR)
                 get_tag_error(known, &p->tags[i]);
             else if (which == OPTIONAL_POINT_ERROR)
@@ -193,7 +198,9 @@ static enum status read_optional(struct recording *r, enum optional_table which,
         }
     }
     statement_close(&s);
-    return status == NOTHING ? OK : status;
+    if (status == ERR_CORRUPT)
+        p->errors_lost = true;
+    return status == NOTHING || status == ERR_CORRUPT ? OK : status;
 }
 
 static enum status read_view(struct recording *r, struct statement *s, struct depth_coder *coder, struct place *p)
@@ -201,7 +208,9 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     size_t depth_bytes, color_bytes;
     const uint8_t *pose = recording_blob(s, 1, POSE_BYTES), *depth = statement_blob(s, 2, &depth_bytes),
                   *color = statement_blob(s, 3, &color_bytes);
-    if (!pose || view_crc(pose, depth, depth_bytes, color, color_bytes) != statement_number(s, 4))
+    const int64_t crc = statement_number(s, 4);
+    if (!pose || view_crc(pose, depth, depth_bytes, color, color_bytes) != crc ||
+        !seal_matches(s, VIEW_SEAL, row_seal(statement_number(s, 0), (uint32_t)crc)))
         return recording_damaged(r, "a view of the place cannot be read");
     struct place_view *grown = realloc(p->views, sizeof *grown * ((size_t)p->view_count + 1));
     if (!grown)
@@ -227,6 +236,30 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     return status == ERR_CORRUPT ? recording_damaged(r, status_message()) : status;
 }
 
+// A damaged view costs itself alone.
+static enum status read_views(struct recording *r, struct statement *s, struct depth_coder *coder, struct place *p)
+{
+    int32_t expected = p->views_lost, rows = 0;
+    enum status status;
+    while ((status = statement_step(s)) == OK) {
+        const int32_t before = p->view_count;
+        status = read_view(r, s, coder, p);
+        rows++;
+        if (status == ERR_CORRUPT && p->view_count > before) {
+            struct place_view *view = &p->views[--p->view_count];
+            free(view->jpeg);
+            free(view->depth);
+        } else if (status != OK && status != ERR_CORRUPT) {
+            return status;
+        }
+    }
+    if (status != NOTHING && status != ERR_CORRUPT) // a damaged page ends the table
+        return status;
+    const int32_t all = rows > expected ? rows : expected;
+    p->views_lost = all - p->view_count + (status == ERR_CORRUPT && all == p->view_count);
+    return OK;
+}
+
 enum status recording_read_place(struct recording *r, struct place *out)
 {
     struct place place = {0};
@@ -242,13 +275,13 @@ enum status recording_read_place(struct recording *r, struct place *out)
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)
-        status = statement_open(&s, r->db, "SELECT " VIEW_COLUMNS " FROM place_view ORDER BY rowid");
+        status = select_open(&s, r->db, TABLE_VIEW, "ORDER BY rowid");
     bool has_place = status == OK;
-    while (status == OK && (status = statement_step(s)) == OK)
-        status = read_view(r, s, coder, &place);
+    if (status == OK)
+        status = read_views(r, s, coder, &place);
     statement_close(&s);
     depth_coder_close(&coder);
-    if (has_place && status == NOTHING) {
+    if (has_place && status == OK) {
         *out = place;
         return OK;
     }

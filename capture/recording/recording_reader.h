@@ -7,6 +7,10 @@ struct database *recording_database(struct recording *r); // borrowed
 const char *recording_path(const struct recording *r);
 int64_t recording_take_id(const struct recording *r, int index); // of recording_take_name(r, index)
 
+// Of take_lost, those that are missing in this file.
+int64_t take_lost_now(const struct take *t);
+int64_t recording_bytes(const char *path); // of the file and its log
+
 // ERR_CORRUPT with the file's path, `what` and the advice to repair it.
 enum status recording_damaged(const struct recording *r, const char *what);
 
@@ -15,6 +19,8 @@ const uint8_t *recording_blob(struct statement *s, int column, size_t bytes);
 
 // Decodes one row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number; *out is then undefined.
 MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
+// The same, as if its id were `key`.
+MUST_CHECK enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entry *out);
 
 // Decodes one row of JOINT_ERROR_COLUMNS: the joints' covariances. ERR_CORRUPT with the frame's number; they are then
 // not known.

@@ -8,14 +8,15 @@
 
 const char *const recording_tables =
     "CREATE TABLE place(id INTEGER PRIMARY KEY, calibration BLOB, residuals BLOB, tags BLOB, points BLOB,"
-    " crc INTEGER);"
-    "CREATE TABLE place_view(id INTEGER PRIMARY KEY, world_from_camera BLOB, depth BLOB, color BLOB, crc INTEGER);"
+    " crc INTEGER, views INTEGER, seal INTEGER);"
+    "CREATE TABLE place_view(id INTEGER PRIMARY KEY, world_from_camera BLOB, depth BLOB, color BLOB, crc INTEGER,"
+    " seal INTEGER);"
     "CREATE TABLE take(id INTEGER PRIMARY KEY, name TEXT, calibration BLOB, complete INTEGER, dropped INTEGER,"
-    " body BLOB, crc INTEGER);"
+    " body BLOB, crc INTEGER, frames INTEGER, lost INTEGER, note TEXT, alias TEXT, seal INTEGER);"
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
-    " skeleton BLOB, pictures INTEGER, crc INTEGER);"
+    " skeleton BLOB, pictures INTEGER, crc INTEGER, seal INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);" OPTIONAL_TABLES JOINT_ERROR_TABLE;
+    " mask BLOB, depth BLOB, color BLOB, seal INTEGER);" OPTIONAL_TABLES JOINT_ERROR_TABLE;
 
 // ------------------------------------------------------------- checksums
 
@@ -71,6 +72,122 @@ uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES]
 {
     uint32_t crc = crc32_of(crc32_of_number(crc32_of_number(0, time_ns), located), pose, POSE_BYTES);
     return crc32_of_number(crc32_of(crc, skeleton, skeleton_bytes), images);
+}
+
+uint32_t row_seal(int64_t id, uint32_t crc) { return crc32_of_number(crc32_of_number(0, id), crc); }
+
+uint32_t place_seal(uint32_t crc, int64_t views) { return crc32_of_number(crc32_of_number(0, crc), views); }
+
+uint32_t take_seal(const struct take_row *t, uint32_t crc)
+{
+    uint32_t seal = crc32_of_number(crc32_of_number(row_seal(t->id, crc), t->frames), t->lost);
+    seal = crc32_of(seal, t->note, strlen(t->note) + 1);
+    return crc32_of(seal, t->alias, strlen(t->alias) + 1);
+}
+
+uint32_t image_seal(int64_t id, const int64_t crcs[3])
+{
+    uint32_t seal = crc32_of_number(0, id);
+    for (int i = 0; i < 3; i++)
+        seal = crc32_of_number(seal, crcs[i]);
+    return seal;
+}
+
+bool seal_matches(struct statement *s, int column, uint32_t seal)
+{
+    return statement_is_null(s, column) || statement_number(s, column) == seal;
+}
+
+// ------------------------------------------------------------- columns
+
+// The tables' columns: those that every file has and those that older ones lack.
+static const struct table_columns {
+    const char *name, *columns;
+    struct optional_column {
+        const char *name, *type;
+    } optional[6];
+} table_columns[TABLE_COUNT] = {
+    [TABLE_PLACE] = {"place", PLACE_COLUMNS, {{"views", "INTEGER"}, {"seal", "INTEGER"}}},
+    [TABLE_VIEW] = {"place_view", VIEW_COLUMNS, {{"seal", "INTEGER"}}},
+    [TABLE_TAKE] = {"take",
+                    TAKE_COLUMNS,
+                    {{"frames", "INTEGER"}, {"lost", "INTEGER"}, {"note", "TEXT"}, {"alias", "TEXT"}, {"seal", "INTEGER"}}},
+    [TABLE_FRAME] = {"frame", FRAME_COLUMNS, {{"seal", "INTEGER"}}},
+    [TABLE_JOINT_ERROR] = {"joint_error", JOINT_ERROR_COLUMNS, {{"seal", "INTEGER"}}},
+    [TABLE_IMAGE] = {"picture", IMAGE_COLUMNS, {{"seal", "INTEGER"}}},
+};
+
+enum status recording_add_columns(struct database *db)
+{
+    enum status status = OK;
+    for (int t = 0; t < TABLE_COUNT; t++)
+        for (const struct optional_column *c = table_columns[t].optional; c->name && status == OK; c++) {
+            char sql[200];
+            bool there;
+            status = database_has_column(db, table_columns[t].name, c->name, &there);
+            snprintf(sql, sizeof sql, "ALTER TABLE %s ADD COLUMN %s %s", table_columns[t].name, c->name, c->type);
+            if (status == OK && !there)
+                status = database_run(db, sql);
+        }
+    return status;
+}
+
+enum status select_open(struct statement **out, struct database *db, enum recording_table table, const char *tail)
+{
+    const struct table_columns *t = &table_columns[table];
+    char sql[700];
+    size_t used = (size_t)snprintf(sql, sizeof sql, "SELECT %s", t->columns);
+    enum status status = OK;
+    *out = NULL;
+    for (const struct optional_column *c = t->optional; c->name && status == OK; c++) {
+        bool there = false;
+        status = database_has_column(db, t->name, c->name, &there);
+        used += (size_t)snprintf(sql + used, sizeof sql - used, ", %s", there ? c->name : "NULL");
+    }
+    if (status != OK)
+        return status;
+    used += (size_t)snprintf(sql + used, sizeof sql - used, " FROM %s %s", t->name, tail);
+    assert(used < sizeof sql);
+    return statement_open(out, db, sql);
+}
+
+enum status insert_open(struct statement **out, struct database *db, enum recording_table table, bool or_replace)
+{
+    const struct table_columns *t = &table_columns[table];
+    char sql[700];
+    size_t used = (size_t)snprintf(sql, sizeof sql, "INSERT %sINTO %s(%s", or_replace ? "OR REPLACE " : "", t->name,
+                                   t->columns);
+    int count = 1;
+    for (const char *c = t->columns; *c; c++)
+        count += *c == ',';
+    for (const struct optional_column *c = t->optional; c->name; c++, count++)
+        used += (size_t)snprintf(sql + used, sizeof sql - used, ", %s", c->name);
+    used += (size_t)snprintf(sql + used, sizeof sql - used, ") VALUES(");
+    for (int i = 0; i < count; i++)
+        used += (size_t)snprintf(sql + used, sizeof sql - used, "%s?", i ? "," : "");
+    used += (size_t)snprintf(sql + used, sizeof sql - used, ")");
+    assert(used < sizeof sql);
+    return statement_open(out, db, sql);
+}
+
+void take_bind(struct statement *row, const struct take_row *t, uint8_t calibration[CALIBRATION_BYTES],
+               uint8_t body[BODY_BYTES])
+{
+    put_calibration(calibration, &t->calibration);
+    put_body(body, &t->body);
+    const uint32_t crc = take_crc(t->name, calibration, t->complete, t->dropped, body);
+    statement_bind_number(row, 1, t->id);
+    statement_bind_text(row, 2, t->name);
+    statement_bind_blob(row, 3, calibration, CALIBRATION_BYTES);
+    statement_bind_number(row, 4, t->complete);
+    statement_bind_number(row, 5, t->dropped);
+    statement_bind_blob(row, 6, body, BODY_BYTES);
+    statement_bind_number(row, 7, crc);
+    statement_bind_number(row, TAKE_FRAMES + 1, t->frames);
+    statement_bind_number(row, TAKE_LOST + 1, t->lost);
+    statement_bind_text(row, TAKE_NOTE + 1, t->note);
+    statement_bind_text(row, TAKE_ALIAS + 1, t->alias);
+    statement_bind_number(row, TAKE_SEAL + 1, take_seal(t, crc));
 }
 
 // ------------------------------------------------------------- layouts
@@ -340,6 +457,8 @@ bool body_is_finite(const struct body *body)
 }
 
 // ------------------------------------------------------------- files and tables
+
+void recording_discard(const char *path) { recording_remove_files(path); }
 
 void recording_remove_files(const char *path)
 {

@@ -18,12 +18,18 @@ enum {
     TAG_ERROR_BYTES = 21 * 4,
     POINT_SIDE_BYTES = 3 * 4,
     TAKE_NAME_BYTES = 200,
-    PLACE_ITEMS_MAX = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
+    TAKE_NOTE_BYTES = 2000,
+    PLACE_ITEMS_MAX = 2000000, // tags, points or views: keeps every blob below DATABASE_BLOB_MAX
 };
 
 // A frame's row id: the take's id and the frame's number in it; its images have the same.
-static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((int64_t)1 << 32) + number; }
-enum { FRAME_NUMBER_MAX = 0x7fffffff };
+enum { FRAME_NUMBER_MAX = 0x7fffffff, TAKE_ID_MAX = 0x7ffffffe };
+static inline bool take_id_is_valid(int64_t take) { return take >= 1 && take <= TAKE_ID_MAX; }
+static inline int64_t frame_key(int64_t take, int64_t number)
+{
+    assert(take_id_is_valid(take) && number >= 0 && number <= FRAME_NUMBER_MAX);
+    return take * ((int64_t)1 << 32) + number;
+}
 
 extern const char *const recording_tables; // CREATE TABLE ...
 // Covariances and viewing directions of the place's landmarks and tags, and the joints' covariances. Older files get
@@ -33,13 +39,39 @@ extern const char *const recording_tables; // CREATE TABLE ...
     "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
 #define JOINT_ERROR_TABLE                                                                                              \
-    "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+    "CREATE TABLE IF NOT EXISTS joint_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER, seal INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
 #define COUNT_TABLES(names)                                                                                            \
     "SELECT count(*) FROM sqlite_schema WHERE lower(type) = 'table' AND rootpage > 0 AND lower(name) IN (" names ")"
 enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_SIDE, OPTIONAL_TABLE_COUNT };
+
+// Columns that older files lack. `seal` is a CRC-32 over the row's id and crc (and what else is named below), so that a
+// damaged id is found: crc does not cover it.
+enum recording_table { TABLE_PLACE, TABLE_VIEW, TABLE_TAKE, TABLE_FRAME, TABLE_JOINT_ERROR, TABLE_IMAGE, TABLE_COUNT };
+// Adds them to a file that is opened to write.
+MUST_CHECK enum status recording_add_columns(struct database *db);
+// Opens SELECT of the table's columns below, then its optional ones (NULL where the file lacks them), then `tail`.
+MUST_CHECK enum status select_open(struct statement **out, struct database *db, enum recording_table table,
+                                   const char *tail);
+// The same with INSERT, and "OR REPLACE" where `or_replace`; parameters in the order of the columns.
+MUST_CHECK enum status insert_open(struct statement **out, struct database *db, enum recording_table table,
+                                   bool or_replace);
+// Where the optional ones begin.
+enum {
+    PLACE_VIEWS = 5,
+    PLACE_SEAL,
+    VIEW_SEAL = 5,
+    TAKE_FRAMES = 7,
+    TAKE_LOST,
+    TAKE_NOTE,
+    TAKE_ALIAS,
+    TAKE_SEAL,
+    FRAME_SEAL = 7,
+    JOINT_ERROR_SEAL = 3,
+    IMAGE_SEAL = 7
+};
 
 // The order of columns in all statements. rowid is id, also where a damaged byte made the table's own SQL text differ.
 #define PLACE_COLUMNS       "calibration, residuals, tags, points, crc"
@@ -57,7 +89,25 @@ struct take_row {
     bool complete;
     int64_t dropped;
     struct body body;
+    int64_t frames; // when it ended; -1: not known (interrupted, or an older file)
+    int64_t lost;   // by damage, before this file was made
+    char note[TAKE_NOTE_BYTES + 1], alias[TAKE_NAME_BYTES + 1];
 };
+
+// The seal columns.
+uint32_t row_seal(int64_t id, uint32_t crc);
+uint32_t place_seal(uint32_t crc, int64_t views);
+uint32_t take_seal(const struct take_row *take, uint32_t crc);
+uint32_t image_seal(int64_t id, const int64_t crcs[3]); // of mask, depth, color; 0: none
+// Whether the row's seal is `seal`; true where it has none.
+bool seal_matches(struct statement *s, int column, uint32_t seal);
+
+// Binds the row to a statement of insert_open(TABLE_TAKE). `t` must outlive its run.
+void take_bind(struct statement *row, const struct take_row *t, uint8_t calibration[CALIBRATION_BYTES],
+               uint8_t body[BODY_BYTES]);
+
+// ERR_INPUT: a take cannot have that name.
+MUST_CHECK enum status take_name_check(const char *name);
 
 // CRC-32 as in PNG and zip, continued from `crc`; begin with 0.
 uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);

@@ -1,77 +1,176 @@
-// Verifies and repairs a recording. recording_salvage.c copies what can be read of a damaged one.
+// Verifies a recording: its structure, counts, checksums, images, order of times and ranges.
 #include "capture/recording/recording_reader.h"
 
-#include "capture/recording/recording_salvage.h"
-#include "platform/file.h"
+#include "base/text.h"
 #include "platform/jpeg.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-// ------------------------------------------------------------- verify
+struct verification {
+    struct recording *r;
+    struct recording_report *report;
+    enum status status; // the first that is no damage: memory, disk
+    struct failure first_error;
+};
 
-// Keeps the first failure; verification continues.
-static void keep_first(struct failure *f, enum status status)
+// Adds this thread's sentence to the findings; verification continues.
+static void add_finding(struct recording_report *out)
 {
-    if (status != NOTHING && f->status == OK)
-        failure_keep(f, status);
+    if (out->findings < RECORDING_FINDINGS_MAX)
+        snprintf(out->finding[out->findings], sizeof out->finding[0], "%.199s", status_message());
+    out->findings++;
 }
 
-static enum status check_place(struct recording *r)
+// Notes what went wrong. Damage is a finding; lack of memory and the like end the verification.
+static void note(struct verification *v, enum status status)
+{
+    if (status == ERR_CORRUPT || status == ERR_INPUT || status == ERR_FORMAT)
+        add_finding(v->report);
+    else if (status < 0 && v->first_error.status == OK)
+        failure_keep(&v->first_error, status);
+}
+
+static const char *path_of(const struct verification *v) { return recording_path(v->r); }
+
+static bool may_go_on(const struct verification *v) { return v->first_error.status == OK; }
+
+// ------------------------------------------------------------- the place
+
+static bool place_is_finite(const struct place *p)
+{
+    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
+    for (int32_t i = 0; i < p->tag_count; i++)
+        finite = finite && tag_is_finite(&p->tags[i]);
+    for (int32_t i = 0; i < p->point_count; i++)
+        finite = finite && point_is_finite(&p->points[i]);
+    for (int32_t i = 0; i < p->view_count; i++)
+        finite = finite && pose_finite(p->views[i].world_from_camera);
+    return finite;
+}
+
+static void check_place(struct verification *v)
 {
     struct place place;
-    enum status status = recording_read_place(r, &place);
-    if (status != OK)
-        return status;
-    const struct calibration *c = &place.calibration;
-    bool finite = isfinite(place.rms_px) && isfinite(place.rms_m);
-    for (int32_t i = 0; i < place.tag_count; i++)
-        finite = finite && tag_is_finite(&place.tags[i]);
-    for (int32_t i = 0; i < place.point_count; i++)
-        finite = finite && point_is_finite(&place.points[i]);
-    uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
-    if (!rgb)
-        status = fail(ERR_MEMORY, "no memory for an image");
-    for (int32_t i = 0; status == OK && i < place.view_count; i++) {
-        const struct place_view *view = &place.views[i];
-        finite = finite && pose_finite(view->world_from_camera);
-        if (view->jpeg)
-            status = jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height);
-    }
-    if (status == ERR_CORRUPT)
-        status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_message());
-    if (status == OK && !finite)
-        status =
-            fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", database_path(recording_database(r)));
-    free(rgb);
-    place_free(&place);
-    return status;
-}
-
-static void check_take(struct recording *r, const char *name, struct recording_report *out, struct failure *found)
-{
-    struct take *t;
-    enum status status = take_open(&t, r, name);
-    keep_first(found, status);
+    enum status status = recording_read_place(v->r, &place);
+    note(v, status);
     if (status != OK)
         return;
-    out->takes++;
-    out->interrupted_takes += !take_is_complete(t);
-    for (int64_t i = 0; i < take_frame_count(t); i++) {
-        struct take_images images;
-        status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
-        keep_first(found, status);
-        out->frames++;
-        out->damaged_frames += status != OK;
+    const struct calibration *c = &place.calibration;
+    uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
+    if (!rgb)
+        note(v, fail(ERR_MEMORY, "no memory for an image"));
+    v->report->lost_views = place.views_lost;
+    for (int32_t i = 0; rgb && may_go_on(v) && i < place.view_count; i++) {
+        const struct place_view *view = &place.views[i];
+        status = view->jpeg ? jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height) : OK;
+        v->report->lost_views += status == ERR_CORRUPT;
+        if (status == ERR_CORRUPT)
+            status = fail(status, "%s: a view of the place: %s", path_of(v), status_message());
+        note(v, status);
     }
+    if (place.views_lost)
+        note(v, fail(ERR_CORRUPT, "%s: %d of %d views of the place are damaged or missing", path_of(v),
+                     (int)place.views_lost, (int)(place.views_lost + place.view_count)));
+    if (place.errors_lost)
+        note(v, fail(ERR_CORRUPT,
+                     "%s: covariances or viewing directions of the place's points and tags are damaged", path_of(v)));
+    if (!place_is_finite(&place))
+        note(v, fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", path_of(v)));
+    free(rgb);
+    place_free(&place);
+}
+
+// ------------------------------------------------------------- the takes
+
+static bool skeleton_is_in_range(const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (!(s->confidence[j] >= 0 && s->confidence[j] <= 1))
+            return false;
+    return true;
+}
+
+static void check_frames(struct verification *v, struct take *t, const char *name)
+{
+    for (int64_t i = 0; i < take_frame_count(t) && may_go_on(v); i++) {
+        struct take_images images;
+        const struct take_entry *e = take_entry(t, i);
+        enum status status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
+        if (status == OK && e->has_skeleton && !skeleton_is_in_range(&e->skeleton))
+            status = fail(ERR_CORRUPT, "%s: take '%s', frame %d: a confidence is not between 0 and 1", path_of(v), name,
+                          (int)e->row_number);
+        note(v, status);
+        v->report->frames++;
+        v->report->damaged_frames += status != OK;
+    }
+}
+
+static void check_take(struct verification *v, int index)
+{
+    const char *name = recording_take_name(v->r, index);
+    struct take *t;
+    enum status status = fail(ERR_CORRUPT, "%s has two takes '%s'", path_of(v), name);
+    for (int k = 0; k < index; k++)
+        if (!strcmp(recording_take_name(v->r, k), name)) {
+            note(v, status);
+            return; // take_open would open the first again
+        }
+    v->report->takes++;
+    status = take_open(&t, v->r, name);
+    note(v, status);
+    v->report->lost_takes += status == ERR_CORRUPT;
+    if (status != OK)
+        return;
+    if (!*name)
+        note(v, fail(ERR_CORRUPT, "%s has a take without a name", path_of(v)));
+    v->report->interrupted_takes += !take_is_complete(t);
+    const int64_t lost = take_lost_now(t);
+    v->report->lost_frames += lost;
+    if (lost)
+        note(v, fail(ERR_CORRUPT, "%s: %lld frames of take '%s' are damaged or missing", path_of(v), (long long)lost,
+                     name));
+    if (take_errors_lost(t))
+        note(v, fail(ERR_CORRUPT, "%s: the joints' covariances of %lld frames of take '%s' are damaged", path_of(v),
+                     (long long)take_errors_lost(t), name));
+    if (take_dropped(t) < 0 || take_lost(t) < 0)
+        note(v, fail(ERR_CORRUPT, "%s: take '%s' counts less than no dropped or lost frames", path_of(v), name));
+    check_frames(v, t, name);
     take_close(&t);
 }
 
-// Bytes of the file and of its write-ahead log.
-static int64_t size_of(const char *path)
+// ------------------------------------------------------------- rows that belong to nothing
+
+// The id of a row is what ties it to others. A damaged one leaves rows behind that belong to nothing.
+static void check_orphans(struct verification *v)
+{
+    static const struct {
+        const char *sql, *what;
+    } checks[] = {
+        {"SELECT count(*) FROM frame WHERE (rowid >> 32) NOT IN (SELECT rowid FROM take)",
+         "frames belong to no take: a take's or a frame's number is damaged"},
+        {"SELECT count(*) FROM picture WHERE rowid NOT IN (SELECT rowid FROM frame WHERE pictures <> 0)",
+         "frames' images belong to no frame: a frame's number is damaged, or rows are missing"},
+        {"SELECT count(*) FROM joint_error WHERE rowid NOT IN (SELECT rowid FROM frame)",
+         "frames' covariances belong to no frame"},
+    };
+    for (size_t i = 0; i < COUNT_OF(checks) && may_go_on(v); i++) {
+        int64_t count = 0;
+        bool there = true;
+        enum status status = i == 2 ? recording_has_joint_errors(recording_database(v->r), &there) : OK;
+        if (status == OK && there)
+            status = database_number(recording_database(v->r), checks[i].sql, &count);
+        if (status == OK && count)
+            status = fail(ERR_CORRUPT, "%s: %lld %s", path_of(v), (long long)count, checks[i].what);
+        note(v, status);
+    }
+}
+
+// ------------------------------------------------------------- the file
+
+int64_t recording_bytes(const char *path)
 {
     static const char *const endings[] = {"", "-wal"};
     int64_t bytes = 0;
@@ -85,88 +184,37 @@ static int64_t size_of(const char *path)
     return bytes;
 }
 
+static enum status verify(struct recording *r, struct recording_report *out)
+{
+    struct verification v = {.r = r, .report = out};
+    out->bytes = recording_bytes(recording_path(r));
+    note(&v, database_check(recording_database(r)));
+    if (may_go_on(&v))
+        check_place(&v);
+    for (int i = 0; i < recording_take_count(r) && may_go_on(&v); i++)
+        check_take(&v, i);
+    if (may_go_on(&v))
+        check_orphans(&v);
+    if (!may_go_on(&v))
+        return failure_restore(&v.first_error);
+    return out->findings ? fail(ERR_CORRUPT, "%s", out->finding[0]) : OK;
+}
+
 enum status recording_verify(const char *path, struct recording_report *out)
 {
     *out = (struct recording_report){0};
     struct recording *r;
-    struct failure found = {0};
     enum status status = recording_open(&r, path);
     if (status != OK)
         return status;
-    out->bytes = size_of(path);
-    keep_first(&found, database_check(recording_database(r)));
-    keep_first(&found, check_place(r));
-    for (int i = 0; i < recording_take_count(r); i++) {
-        const char *name = recording_take_name(r, i);
-        check_take(r, name, out, &found);
-        for (int k = 0; k < i; k++)
-            if (!strcmp(recording_take_name(r, k), name))
-                keep_first(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
-    }
+    // One transaction: what is counted must not change meanwhile because a writer commits.
+    status = database_run(recording_database(r), "BEGIN");
+    if (status == OK)
+        status = verify(r, out);
+    struct failure first;
+    failure_keep(&first, status);
+    if (database_in_transaction(recording_database(r)))
+        status = database_run(recording_database(r), "COMMIT");
     recording_free(&r);
-    return failure_restore(&found);
-}
-
-// ------------------------------------------------------------- repair
-
-// An undamaged file: marks interrupted takes as complete and checkpoints the log.
-static enum status complete_and_checkpoint(const char *path)
-{
-    struct database *db;
-    enum status status = database_open(&db, path, DATABASE_WRITE);
-    if (status == OK)
-        status = database_lock_writer(db);
-    if (status == OK)
-        status = recording_complete_takes(db);
-    if (status == OK)
-        status = database_close_wal(db);
-    database_close(&db);
-    return status;
-}
-
-static enum status rename_with_log(const char *from, const char *to)
-{
-    static const char *const endings[] = {"", "-wal", "-shm"};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char old[4200], new[4200];
-        snprintf(old, sizeof old, "%s%s", from, endings[i]);
-        snprintf(new, sizeof new, "%s%s", to, endings[i]);
-        if (rename(old, new) && !(i && errno == ENOENT))
-            return fail(ERR_IO, "%s cannot be renamed to %s: %s", old, new, strerror(errno));
-    }
-    return OK;
-}
-
-enum status recording_repair(const char *path, struct recording_report *out)
-{
-    enum status status = recording_verify(path, out);
-    if (status == OK) {
-        bool has_log = out->interrupted_takes || !database_is_single_file(path);
-        return has_log ? complete_and_checkpoint(path) : OK;
-    }
-    if (status != ERR_CORRUPT)
-        return status;
-    char damaged[4100], fresh[4100];
-    if (snprintf(damaged, sizeof damaged, "%s.damaged", path) >= (int)sizeof damaged)
-        return fail(ERR_INPUT, "the path %.60s… is too long", path);
-    snprintf(fresh, sizeof fresh, "%s.repair", path);
-    if (file_exists(damaged))
-        return fail(ERR_EXISTS, "%s is there from an earlier repair; move it away first", damaged);
-    recording_remove_files(fresh); // left by an interrupted repair
-    status = recording_salvage(path, fresh, out);
-    if (status == OK)
-        status = rename_with_log(path, damaged);
-    if (status == OK && rename(fresh, path)) {
-        status = fail(ERR_IO, "%s cannot be renamed to %s: %s", fresh, path, strerror(errno));
-        enum status back = rename_with_log(damaged, path);
-        (void)back; // the first error is reported
-    }
-    if (status != OK) {
-        struct failure first;
-        failure_keep(&first, status);
-        recording_remove_files(fresh);
-        return failure_restore(&first);
-    }
-    out->bytes = size_of(path);
-    return OK;
+    return first.status == OK ? status : failure_restore(&first);
 }

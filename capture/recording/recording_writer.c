@@ -3,6 +3,8 @@
 #include "capture/recording/recording_reader.h"
 #include "capture/recording/async_writer.h"
 
+#include "base/text.h"
+#include "platform/file.h"
 #include "platform/jpeg.h"
 
 #include <stdio.h>
@@ -46,26 +48,42 @@ static enum status prepare(struct recording_writer *w)
     return status == OK ? async_writer_open(&w->async_writer, w->db) : status;
 }
 
+// An empty recording, made under another name and renamed, so that a kill leaves either none or a whole one.
+static enum status make_empty(const char *path)
+{
+    char part[FILE_PATH_BYTES];
+    struct database *db = NULL;
+    if (file_exists(path))
+        return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", path);
+    enum status status = file_begin(path, part);
+    if (status != OK)
+        return status;
+    status = database_open(&db, part, DATABASE_WRITE);
+    if (status == OK)
+        status = database_run(db, "PRAGMA page_size = 65536");
+    if (status == OK)
+        status = recording_make_tables(db);
+    if (status == OK)
+        return database_rename(&db, path);
+    database_close(&db);
+    recording_remove_files(part);
+    return status;
+}
+
 enum status recording_create(struct recording_writer **out, const char *path)
 {
-    struct recording_writer *w = *out = calloc(1, sizeof *w);
-    if (!w)
-        return fail(ERR_MEMORY, "no memory to write %s", path);
-    enum status status = database_open(&w->db, path, DATABASE_CREATE);
+    *out = NULL;
+    enum status status = make_empty(path);
     if (status != OK)
-        return release(out, status); // the file that was there before is left alone
-    status = database_run(w->db, "PRAGMA page_size = 65536");
-    if (status == OK)
-        status = database_lock_writer(w->db);
-    if (status == OK)
-        status = recording_make_tables(w->db);
-    if (status == OK)
-        status = prepare(w);
-    if (status == OK)
-        return OK;
-    status = release(out, status);
-    recording_remove_files(path);
-    return status;
+        return status;
+    status = recording_append(out, path);
+    if (status != OK) {
+        struct failure first;
+        failure_keep(&first, status);
+        recording_remove_files(path);
+        return failure_restore(&first);
+    }
+    return OK;
 }
 
 enum status recording_append(struct recording_writer **out, const char *path)
@@ -81,11 +99,18 @@ enum status recording_append(struct recording_writer **out, const char *path)
     if (status == OK)
         status = database_run(w->db, JOINT_ERROR_TABLE); // older files lack it
     if (status == OK)
+        status = recording_add_columns(w->db);
+    if (status == OK)
         status = prepare(w);
     return status == OK ? OK : release(out, status);
 }
 
-enum status recording_close(struct recording_writer **w) { return *w ? release(w, OK) : OK; }
+enum status recording_close(struct recording_writer **w)
+{
+    if (!*w)
+        return OK;
+    return release(w, (*w)->in_take && !(*w)->frames ? recording_end_take(*w) : OK);
+}
 
 // ------------------------------------------------------------- the place
 
@@ -117,7 +142,7 @@ static enum status put_place_row(struct database *db, const struct place *p)
     if (!tags || !points)
         status = fail(ERR_MEMORY, "no memory to write the place");
     if (status == OK)
-        status = statement_open(&s, db, "INSERT INTO place(id, " PLACE_COLUMNS ") VALUES(1,?,?,?,?,?)");
+        status = insert_open(&s, db, TABLE_PLACE, false);
     if (status == OK) {
         put_calibration(calibration, &p->calibration);
         put_residuals(residuals, p->rms_px, p->rms_m);
@@ -130,7 +155,10 @@ static enum status put_place_row(struct database *db, const struct place *p)
         statement_bind_blob(s, 2, residuals, sizeof residuals);
         statement_bind_blob(s, 3, tags, tag_bytes);
         statement_bind_blob(s, 4, points, point_bytes);
-        statement_bind_number(s, 5, crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes));
+        crc = crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes);
+        statement_bind_number(s, 5, crc);
+        statement_bind_number(s, PLACE_VIEWS + 1, p->view_count);
+        statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, p->view_count));
         status = statement_run(s);
     }
     statement_close(&s);
@@ -178,7 +206,7 @@ static enum status put_optional(struct database *db, const struct place *p)
 static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *p)
 {
     struct statement *s;
-    enum status status = statement_open(&s, db, "INSERT INTO place_view(" VIEW_COLUMNS ") VALUES(?,?,?,?,?)");
+    enum status status = insert_open(&s, db, TABLE_VIEW, false);
     for (int32_t i = 0; status == OK && i < p->view_count; i++) {
         const struct place_view *view = &p->views[i];
         const uint8_t *depth = NULL;
@@ -194,7 +222,9 @@ static enum status put_views(struct database *db, struct depth_coder *coder, con
         statement_bind_blob(s, 2, pose, sizeof pose);
         statement_bind_blob(s, 3, depth, depth_bytes);
         statement_bind_blob(s, 4, view->jpeg, jpeg_bytes);
-        statement_bind_number(s, 5, view_crc(pose, depth, depth_bytes, view->jpeg, jpeg_bytes));
+        const uint32_t crc = view_crc(pose, depth, depth_bytes, view->jpeg, jpeg_bytes);
+        statement_bind_number(s, 5, crc);
+        statement_bind_number(s, VIEW_SEAL + 1, row_seal(i, crc));
         status = statement_run(s);
     }
     statement_close(&s);
@@ -223,15 +253,15 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
 
 // ------------------------------------------------------------- takes
 
-static enum status check_name(const char *name)
+enum status take_name_check(const char *name)
 {
     size_t length = strlen(name);
     if (!length || length > TAKE_NAME_BYTES)
         return fail(ERR_INPUT, "a take's name has 1 to %d bytes, not %zu", TAKE_NAME_BYTES, length);
-    for (const char *c = name; *c; c++)
-        if ((unsigned char)*c < 32 || *c == 127)
-            return fail(ERR_INPUT, "a take's name cannot hold control characters");
-    return OK;
+    return text_is_printable(name) ? OK
+                                   : fail(ERR_INPUT, "a take's name is UTF-8 text without control characters, and '%s' "
+                                                     "is not",
+                                          name);
 }
 
 // NOTHING: there is no take of that name.
@@ -260,7 +290,7 @@ static enum status new_take_id(struct recording_writer *w, const char *name)
 enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
 {
     assert(!w->in_take);
-    enum status status = check_name(name);
+    enum status status = take_name_check(name);
     if (status == OK)
         status = calibration_check(calibration);
     if (status != OK)
@@ -276,7 +306,7 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
     if (status != OK)
         return status;
     w->frames = 0;
-    w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}};
+    w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
     snprintf(w->take.name, sizeof w->take.name, "%s", name);
     status = async_writer_put_take(w->async_writer, &w->take);
     if (status == OK)
@@ -302,13 +332,38 @@ enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
     return async_writer_put_take(w->async_writer, &w->take);
 }
 
+// An empty take would only keep its name from being used.
+static enum status remove_take(struct recording_writer *w)
+{
+    struct statement *s = NULL;
+    enum status status = async_writer_pause(w->async_writer);
+    if (status == OK)
+        status = statement_open(&s, w->db, "DELETE FROM take WHERE rowid = ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, w->take.id);
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return async_writer_resume(w->async_writer, status);
+}
+
 enum status recording_end_take(struct recording_writer *w)
 {
     assert(w->in_take);
     w->in_take = false;
+    if (!w->frames)
+        return remove_take(w);
     w->take.complete = true;
+    w->take.frames = w->frames;
     enum status status = async_writer_put_take(w->async_writer, &w->take);
     return status == OK ? async_writer_resume(w->async_writer, async_writer_pause(w->async_writer)) : status;
+}
+
+struct recording_counters recording_writer_count(const struct recording_writer *w)
+{
+    struct recording_counters counters;
+    async_writer_count(w->async_writer, &counters);
+    return counters;
 }
 
 const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
@@ -322,13 +377,12 @@ struct skeleton_statements {
 
 static enum status open_skeleton_statements(struct skeleton_statements *s, struct database *db)
 {
-    enum status status = statement_open(&s->read, db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid = ?");
+    enum status status = select_open(&s->read, db, TABLE_FRAME, "WHERE rowid = ?");
     if (status == OK)
-        status = statement_open(&s->write, db, "UPDATE frame SET skeleton = ?, crc = ? WHERE rowid = ?");
+        status = statement_open(&s->write, db, "UPDATE frame SET skeleton = ?, crc = ?, seal = ? WHERE rowid = ?");
     if (status == OK)
         status = statement_open(&s->forget, db, "DELETE FROM joint_error WHERE rowid = ?");
-    return status == OK ? statement_open(&s->keep, db, "INSERT INTO joint_error(" JOINT_ERROR_COLUMNS ") VALUES(?,?,?)")
-                        : status;
+    return status == OK ? insert_open(&s->keep, db, TABLE_JOINT_ERROR, false) : status;
 }
 
 static void close_skeleton_statements(struct skeleton_statements *s)
@@ -350,7 +404,9 @@ static enum status replace_covariances(const struct skeleton_statements *s, int6
     put_joint_error(bytes, skeleton);
     statement_bind_number(s->keep, 1, key);
     statement_bind_blob(s->keep, 2, bytes, sizeof bytes);
-    statement_bind_number(s->keep, 3, crc32_of(0, bytes, sizeof bytes));
+    const uint32_t crc = crc32_of(0, bytes, sizeof bytes);
+    statement_bind_number(s->keep, 3, crc);
+    statement_bind_number(s->keep, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
     return statement_run(s->keep);
 }
 
@@ -372,8 +428,10 @@ static enum status replace_skeleton(const struct skeleton_statements *s, int64_t
     size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
     const uint8_t *blob = count ? bytes : NULL;
     statement_bind_blob(s->write, 1, blob, count);
-    statement_bind_number(s->write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, images));
-    statement_bind_number(s->write, 3, key);
+    const uint32_t crc = frame_crc(entry.time_ns, entry.located, pose, blob, count, images);
+    statement_bind_number(s->write, 2, crc);
+    statement_bind_number(s->write, 3, row_seal(key, crc));
+    statement_bind_number(s->write, 4, key);
     status = statement_run(s->write);
     return status == OK ? replace_covariances(s, key, skeleton) : status;
 }

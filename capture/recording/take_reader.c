@@ -1,6 +1,7 @@
 // Reading a take: its calibration, body and frame index when it is opened, its images one frame at a time.
 #include "capture/recording/recording_reader.h"
 
+#include "base/text.h"
 #include "capture/recording/depth_codec.h"
 #include "platform/jpeg.h"
 
@@ -17,6 +18,11 @@ struct take_index {
     struct body body;
     bool complete;
     int64_t dropped;
+    int64_t lost_now;      // frames that this file once had
+    int64_t lost;          // and those that it never had because a repair could not save them
+    int64_t errors_lost;   // covariances of frames
+    int64_t count_written; // that the take had when it ended; -1: not known
+    char note[TAKE_NOTE_BYTES + 1], alias[TAKE_NAME_BYTES + 1];
     struct take_entry *entries;
     int64_t count;
 };
@@ -55,9 +61,16 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
         .complete = statement_number(s, 3) == 1,
         .dropped = statement_number(s, 4),
         .body.representative_frame = -1,
+        .frames = statement_is_null(s, TAKE_FRAMES) ? -1 : statement_number(s, TAKE_FRAMES),
+        .lost = statement_number(s, TAKE_LOST),
     };
     bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(s, 1)) < (int)sizeof out->name;
+    whole &= snprintf(out->note, sizeof out->note, "%s", statement_text(s, TAKE_NOTE)) < (int)sizeof out->note;
+    whole &= snprintf(out->alias, sizeof out->alias, "%s", statement_text(s, TAKE_ALIAS)) < (int)sizeof out->alias;
     *usable = false;
+    enum status status = statement_check(s);
+    if (status != OK)
+        return status;
     if (calibration) {
         get_calibration(calibration, &out->calibration);
         *usable = calibration_check(&out->calibration) == OK;
@@ -67,8 +80,10 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
         if (!body_is_finite(&out->body))
             out->body = (struct body){.representative_frame = -1};
     }
-    if (*usable && body && whole && body_is_finite(&out->body) &&
-        take_crc(out->name, calibration, out->complete, out->dropped, body) == statement_number(s, 6))
+    const int64_t crc = statement_number(s, 6);
+    if (*usable && body && whole && body_is_finite(&out->body) && take_id_is_valid(out->id) &&
+        take_crc(out->name, calibration, out->complete, out->dropped, body) == crc &&
+        seal_matches(s, TAKE_SEAL, take_seal(out, (uint32_t)crc)))
         return OK;
     return fail(ERR_CORRUPT, "a take cannot be read");
 }
@@ -76,7 +91,7 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
 static enum status read_take_row(struct take_index *t, struct recording *r)
 {
     struct statement *s;
-    enum status status = statement_open(&s, recording_database(r), "SELECT " TAKE_COLUMNS " FROM take WHERE rowid = ?");
+    enum status status = select_open(&s, recording_database(r), TABLE_TAKE, "WHERE rowid = ?");
     if (status == OK) {
         statement_bind_number(s, 1, t->id);
         status = statement_step(s);
@@ -91,6 +106,12 @@ static enum status read_take_row(struct take_index *t, struct recording *r)
             t->body = row.body;
             t->complete = row.complete;
             t->dropped = row.dropped;
+            t->lost = row.lost;
+            t->count_written = row.frames;
+            memcpy(t->note, row.note, sizeof t->note);
+            memcpy(t->alias, row.alias, sizeof t->alias);
+            text_make_printable(t->note);
+            text_make_printable(t->alias);
         }
     }
     statement_close(&s);
@@ -99,17 +120,24 @@ static enum status read_take_row(struct take_index *t, struct recording *r)
 
 enum status frame_from_row(struct statement *s, struct take_entry *out)
 {
+    return frame_from_row_as(s, statement_number(s, 0), out);
+}
+
+enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entry *out)
+{
     size_t skeleton_bytes;
     const uint8_t *pose = recording_blob(s, 3, POSE_BYTES), *skeleton = statement_blob(s, 4, &skeleton_bytes);
     int64_t time_ns = statement_number(s, 1), images = statement_number(s, 5);
     bool located = statement_number(s, 2) == 1;
+    const int64_t crc = statement_number(s, 6);
     if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || images < 0 || images > 7 ||
-        frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != statement_number(s, 6))
-        return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+        frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != crc ||
+        !seal_matches(s, FRAME_SEAL, row_seal(key, (uint32_t)crc)))
+        return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(key & FRAME_NUMBER_MAX));
     *out = (struct take_entry){
         .time_ns = time_ns,
         .located = located,
-        .row_number = (int32_t)(statement_number(s, 0) & FRAME_NUMBER_MAX),
+        .row_number = (int32_t)(key & FRAME_NUMBER_MAX),
         .has_color = images & TAKE_COLOR,
         .has_depth = images & TAKE_DEPTH,
         .has_mask = images & TAKE_MASK,
@@ -119,15 +147,16 @@ enum status frame_from_row(struct statement *s, struct take_entry *out)
     if (skeleton_bytes)
         get_skeleton(skeleton, &out->skeleton);
     if (!pose_finite(out->world_from_camera) || (out->has_skeleton && !skeleton_is_finite(&out->skeleton)))
-        return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite",
-                    (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
+        return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite", (long long)(key & FRAME_NUMBER_MAX));
     return OK;
 }
 
 enum status joint_error_from_row(struct statement *s, struct skeleton *out)
 {
     const uint8_t *covariances = recording_blob(s, 1, JOINT_ERROR_BYTES);
-    bool good = covariances && crc32_of(0, covariances, JOINT_ERROR_BYTES) == statement_number(s, 2);
+    const int64_t crc = statement_number(s, 2);
+    bool good = covariances && crc32_of(0, covariances, JOINT_ERROR_BYTES) == crc &&
+                seal_matches(s, JOINT_ERROR_SEAL, row_seal(statement_number(s, 0), (uint32_t)crc));
     if (good)
         get_joint_error(covariances, out);
     for (int j = 0; j < JOINT_COUNT && good; j++)
@@ -148,25 +177,54 @@ static bool resize_entries(struct take_index *t, int64_t capacity)
     return entries != NULL;
 }
 
-static enum status read_entry(struct take_index *t, struct statement *s)
+// A damaged page hides some rows: how many keys are tried beyond it, one by one, before the rest is given up.
+enum { HIDDEN_ROWS_MAX = 20000 };
+
+// The rows of the take with keys in order. A row that cannot be read is left out. NOTHING: no more.
+struct row_scan {
+    struct statement *s;
+    int64_t next_key, last_key;
+    int hidden;
+};
+
+static enum status scan_open(struct row_scan *scan, struct recording *r, enum recording_table table, int64_t take)
 {
-    enum status status = frame_from_row(s, &t->entries[t->count]);
-    if (status == OK && t->count && t->entries[t->count].time_ns <= t->entries[t->count - 1].time_ns)
-        status = fail(ERR_CORRUPT, "its frames' times do not rise");
+    *scan = (struct row_scan){.next_key = frame_key(take, 0), .last_key = frame_key(take, FRAME_NUMBER_MAX)};
+    enum status status =
+        select_open(&scan->s, recording_database(r), table, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    if (status == OK) {
+        statement_bind_number(scan->s, 1, scan->next_key);
+        statement_bind_number(scan->s, 2, scan->last_key);
+    }
     return status;
 }
 
+static enum status scan_next(struct row_scan *scan)
+{
+    for (;;) {
+        enum status status = statement_step(scan->s);
+        if (status == OK) {
+            scan->next_key = statement_number(scan->s, 0) + 1;
+            scan->hidden = 0;
+            return OK;
+        }
+        if (status != ERR_CORRUPT)
+            return status;
+        if (scan->next_key > scan->last_key || scan->hidden++ > HIDDEN_ROWS_MAX)
+            return NOTHING;
+        statement_reset(scan->s);
+        statement_bind_number(scan->s, 1, ++scan->next_key);
+        statement_bind_number(scan->s, 2, scan->last_key);
+    }
+}
+
+// One damaged frame costs itself alone: it is left out and counted.
 static enum status read_entries(struct take_index *t, struct recording *r)
 {
-    struct statement *s;
-    int64_t capacity = 0, representative = -1;
-    enum status status = statement_open(
-        &s, recording_database(r), "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
-    if (status == OK) {
-        statement_bind_number(s, 1, frame_key(t->id, 0));
-        statement_bind_number(s, 2, frame_key(t->id, FRAME_NUMBER_MAX));
-    }
-    while (status == OK && (status = statement_step(s)) == OK) {
+    struct row_scan scan = {0};
+    int64_t capacity = 0, representative = -1, rows = 0;
+    enum status status = scan_open(&scan, r, TABLE_FRAME, t->id);
+    while (status == OK && (status = scan_next(&scan)) == OK) {
         if (t->count == capacity) {
             capacity = capacity ? capacity * 2 : 256;
             if (!resize_entries(t, capacity)) {
@@ -174,64 +232,60 @@ static enum status read_entries(struct take_index *t, struct recording *r)
                 break;
             }
         }
-        status = read_entry(t, s);
-        if (status != OK) {
-            status = recording_damaged(r, status_message());
-            break;
-        }
-        if (t->entries[t->count].row_number == t->body.representative_frame)
+        struct take_entry *entry = &t->entries[t->count];
+        rows = (statement_number(scan.s, 0) & FRAME_NUMBER_MAX) + 1;
+        if (frame_from_row(scan.s, entry) != OK || (t->count && entry->time_ns <= entry[-1].time_ns))
+            continue;
+        if (entry->row_number == t->body.representative_frame)
             representative = t->count;
         t->count++;
     }
-    statement_close(&s);
+    statement_close(&scan.s);
     if (t->count && !resize_entries(t, t->count)) // gives back what doubling allocated beyond the last frame
         status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
     // Row numbers have gaps where frames were lost; callers count the frames that are there.
     t->body.representative_frame = representative;
+    const int64_t all = t->count_written > rows ? t->count_written : rows;
+    t->lost_now = all - t->count;
+    t->lost += t->lost_now;
     return status == NOTHING ? OK : status;
 }
 
-// The covariances of the frames that are there.
+// The covariances of the frames that are there. Damaged ones count as unknown.
 static enum status read_joint_errors(struct take_index *t, struct recording *r)
 {
-    struct statement *s = NULL;
+    struct row_scan scan = {0};
     bool there;
     int64_t i = 0;
     enum status status = recording_has_joint_errors(recording_database(r), &there);
     if (status != OK || !there)
         return status;
-    status =
-        statement_open(&s, recording_database(r),
-                       "SELECT " JOINT_ERROR_COLUMNS " FROM joint_error WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
-    if (status == OK) {
-        statement_bind_number(s, 1, frame_key(t->id, 0));
-        statement_bind_number(s, 2, frame_key(t->id, FRAME_NUMBER_MAX));
-    }
-    while (status == OK && (status = statement_step(s)) == OK) {
-        const int64_t number = statement_number(s, 0) & FRAME_NUMBER_MAX;
+    status = scan_open(&scan, r, TABLE_JOINT_ERROR, t->id);
+    while (status == OK && (status = scan_next(&scan)) == OK) {
+        const int64_t number = statement_number(scan.s, 0) & FRAME_NUMBER_MAX;
         while (i < t->count && t->entries[i].row_number < number)
             i++;
-        if (i < t->count && t->entries[i].row_number == number && t->entries[i].has_skeleton)
-            status = joint_error_from_row(s, &t->entries[i].skeleton);
-        if (status != OK)
-            status = recording_damaged(r, status_message());
+        if (i < t->count && t->entries[i].row_number == number && t->entries[i].has_skeleton &&
+            joint_error_from_row(scan.s, &t->entries[i].skeleton) != OK)
+            t->errors_lost++;
     }
-    statement_close(&s);
+    statement_close(&scan.s);
     return status == NOTHING ? OK : status;
 }
 
 static enum status read_index(struct take_index *t, struct recording *r)
 {
-    // One transaction, so that a concurrent writer's commit does not come in between.
+    // One transaction, so that a concurrent writer's commit does not come in between; the caller may have begun one.
     struct database *db = recording_database(r);
-    enum status status = database_run(db, "BEGIN");
+    const bool begins = !database_in_transaction(db);
+    enum status status = begins ? database_run(db, "BEGIN") : OK;
     if (status == OK)
         status = read_take_row(t, r);
     if (status == OK)
         status = read_entries(t, r);
     if (status == OK)
         status = read_joint_errors(t, r);
-    if (database_in_transaction(db)) {
+    if (begins && database_in_transaction(db)) {
         struct failure first;
         failure_keep(&first, status);
         enum status ended = database_run(db, "COMMIT");
@@ -265,8 +319,7 @@ static enum status open_handle(struct take **out, struct recording *r, struct ta
 
 static enum status open_decoders(struct take *t)
 {
-    enum status status = statement_open(&t->read_images, recording_database(t->recording),
-                                        "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
+    enum status status = select_open(&t->read_images, recording_database(t->recording), TABLE_IMAGE, "WHERE rowid = ?");
     return status == OK ? depth_coder_open(&t->coder) : status;
 }
 
@@ -282,6 +335,10 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     if (index) {
         atomic_init(&index->handles, 1);
         index->id = recording_take_id(r, i);
+    }
+    if (index && !take_id_is_valid(index->id)) {
+        free(index);
+        return recording_damaged(r, "a take cannot be read");
     }
     enum status status = open_handle(out, r, index);
     if (status == OK)
@@ -331,6 +388,16 @@ const struct take_entry *take_entry(const struct take *t, int64_t index)
 const struct body *take_body(const struct take *t) { return &t->index->body; }
 
 bool take_is_complete(const struct take *t) { return t->index->complete; }
+
+int64_t take_lost(const struct take *t) { return t->index->lost; }
+
+int64_t take_lost_now(const struct take *t) { return t->index->lost_now; }
+
+int64_t take_errors_lost(const struct take *t) { return t->index->errors_lost; }
+
+const char *take_note(const struct take *t) { return t->index->note; }
+
+const char *take_alias(const struct take *t) { return t->index->alias; }
 
 int64_t take_dropped(const struct take *t) { return t->index->dropped; }
 
@@ -402,6 +469,15 @@ static enum status decode_wanted(struct take *t, unsigned want, struct take_imag
     return status;
 }
 
+// Whether the row holds the images of the frame that its id says.
+static enum status check_image_seal(struct statement *s)
+{
+    const int64_t crcs[3] = {statement_number(s, 1), statement_number(s, 2), statement_number(s, 3)};
+    return seal_matches(s, IMAGE_SEAL, image_seal(statement_number(s, 0), crcs))
+               ? OK
+               : fail(ERR_CORRUPT, "its images are another frame's");
+}
+
 enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out)
 {
     const struct take_entry *entry = take_entry(t, index);
@@ -412,6 +488,8 @@ enum status take_read(struct take *t, int64_t index, unsigned want, struct take_
         return OK;
     statement_bind_number(t->read_images, 1, frame_key(t->index->id, entry->row_number));
     enum status status = statement_step(t->read_images);
+    if (status == OK)
+        status = check_image_seal(t->read_images);
     if (status == OK)
         status = decode_wanted(t, want, out);
     else if (status == NOTHING)

@@ -251,7 +251,7 @@ static enum status read_frame(struct frame_layer_loader *l, const struct bone_tr
         return NOTHING;
     enum status status = take_read(l->take, out->frame, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
-        return status;
+        return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
     depth_frame_label(&l->depth_frame, &images, take_skeletons_at(l->skeletons, out->frame));
     out->has_images = images.color && l->depth_frame.left <= l->depth_frame.right;
     if (out->has_images)

@@ -211,7 +211,7 @@ enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t f
     struct take_images images;
     enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
-        return status;
+        return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
     const struct skeleton joints = inpaint_skeleton(take, frame);
     depth_frame_label(s, &images, &joints);
     return OK;

@@ -124,7 +124,7 @@ enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct de
     const unsigned want = (is_kept ? 0u : TAKE_DEPTH | TAKE_MASK) | (rgb ? TAKE_COLOR : 0u);
     enum status status = take_read(s->source.take, s->frames[i], want, &images);
     if (status != OK)
-        return status;
+        return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
     if (is_kept) {
         restore_window(&s->windows[i], into);
     } else {

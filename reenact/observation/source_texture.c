@@ -94,7 +94,7 @@ enum status source_image_load(struct source_image *image, struct take *take, int
     struct take_images images = {0};
     unsigned want = rays ? TAKE_COLOR | TAKE_DEPTH | TAKE_MASK : TAKE_COLOR;
     enum status status = take_read(take, frame, want, &images);
-    if (status != OK) {
+    if (status != OK && status != ERR_CORRUPT) { // a damaged frame costs itself alone
         source_image_free(image);
         return status;
     }

@@ -194,6 +194,8 @@ static enum status integrate_take(struct occluder_grid *g, struct take *take, in
             continue;
         before = i;
         enum status status = take_read(take, i, TAKE_DEPTH | TAKE_MASK, &images);
+        if (status == ERR_CORRUPT) // a damaged frame costs itself alone
+            continue;
         if (status != OK)
             return status;
         struct depth_view v = {

@@ -183,12 +183,22 @@ static void test_take_names(void **state)
     EXPECT_STATUS(recording_begin_take(w, "", &calibration), ERR_INPUT);
     EXPECT_STATUS(recording_begin_take(w, "a\nb", &calibration), ERR_INPUT);
     longest[200] = 0;
+    EXPECT_STATUS(recording_begin_take(w, "caf\xe9", &calibration), ERR_INPUT); // Latin 1
+    EXPECT_SAYS("UTF-8");
+    EXPECT_STATUS(recording_begin_take(w, "\xc2\x9b" "31m", &calibration), ERR_INPUT); // a terminal obeys U+009B
     EXPECT_STATUS(recording_begin_take(w, longest, &calibration), OK);
+    sample_frames_add(w, 0, 1);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), OK);
+    sample_frames_add(w, 0, 1);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), ERR_EXISTS);
-    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), OK); // the writer can go on
+    EXPECT_STATUS(recording_begin_take(w, "empty", &calibration), OK); // the writer can go on
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "empty", &calibration), OK); // an empty take is not kept
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), OK);
+    sample_frames_add(w, 0, 1);
     EXPECT_STATUS(recording_close(&w), OK);
 
     EXPECT_STATUS(recording_open(&r, path), OK);

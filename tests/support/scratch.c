@@ -50,6 +50,7 @@ void scratch_write(const struct scratch *scratch, const char *name, const void *
     if (folder_make(path) != OK)
         abort();
     *slash = '/';
+    unlink(path); // file_write replaces no recording
     if (file_write(path, bytes, count) != OK)
         abort();
 }

@@ -1,0 +1,14 @@
+// Small things about text: UTF-8, and times as decimal seconds. Pure functions, safe from any thread.
+#pragma once
+#include "base/status.h"
+
+// Well-formed UTF-8 (RFC 3629: no overlong forms, no surrogates, at most U+10FFFF) without control characters, those
+// of ISO 6429 beyond ASCII (U+0080 to U+009F) included: a terminal obeys them.
+bool text_is_printable(const char *text);
+
+// Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
+void text_make_printable(char *text);
+
+// "-1.500000000": nanoseconds as seconds with `decimals` digits, 0 to 9, the rest cut off towards zero.
+enum { SECONDS_TEXT_BYTES = 32 };
+const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BYTES]);

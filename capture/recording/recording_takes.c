@@ -1,0 +1,446 @@
+// Changes takes of a recording: names, notes, deleting, trimming, copying.
+#include "capture/recording/frame_copier.h"
+#include "capture/recording/recording_reader.h"
+
+#include "base/text.h"
+#include "platform/file.h"
+
+#include <stdio.h>
+#include <string.h>
+
+// ------------------------------------------------------------- the file while it is changed
+
+// Opens the file as its only writer and begins a transaction. Deleted content is overwritten with zeros.
+static enum status begin(struct database **db, const char *path)
+{
+    enum status status = database_open(db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(*db);
+    if (status == OK)
+        status = database_lock_writer(*db);
+    if (status == OK)
+        status = database_run(*db, "PRAGMA secure_delete = ON; PRAGMA synchronous = FULL");
+    if (status == OK)
+        status = recording_add_columns(*db);
+    return status == OK ? database_run(*db, "BEGIN IMMEDIATE") : status;
+}
+
+static enum status end(struct database **db, enum status status)
+{
+    struct failure first;
+    if (status == OK)
+        status = database_run(*db, "COMMIT");
+    failure_keep(&first, status);
+    if (*db && database_in_transaction(*db)) {
+        enum status back = database_run(*db, "ROLLBACK");
+        (void)back; // the first error is reported
+    }
+    if (*db && first.status == OK)
+        status = database_close_wal(*db);
+    database_close(db);
+    return first.status == OK ? status : failure_restore(&first);
+}
+
+// Gives the pages that nothing uses any more back to the disk. Where there is no room for the second copy that this
+// takes, they stay in the file.
+static enum status shrink(const char *path, int64_t before, int64_t *freed)
+{
+    struct database *db;
+    int64_t exact = 0;
+    enum status status = database_open(&db, path, DATABASE_WRITE);
+    // Where a damaged byte made a table's id a column like others, VACUUM would number its rows anew.
+    if (status == OK)
+        status = database_number(db,
+                                 "SELECT count(*) FROM sqlite_schema WHERE name IN ('place', 'place_view', 'take', "
+                                 "'frame', 'picture') AND sql LIKE '%(id INTEGER PRIMARY KEY,%'",
+                                 &exact);
+    if (status == OK && exact == 5)
+        status = database_run(db, "VACUUM");
+    database_close(&db);
+    const int64_t after = recording_bytes(path);
+    *freed = before > after ? before - after : 0;
+    return status == ERR_IO ? OK : status;
+}
+
+// NOTHING: no such take. ERR_CORRUPT: its row is damaged.
+static enum status find(struct database *db, const char *name, struct take_row *out)
+{
+    struct statement *s;
+    bool usable;
+    enum status status = select_open(&s, db, TABLE_TAKE, "WHERE name = ?");
+    if (status == OK) {
+        statement_bind_text(s, 1, name);
+        status = statement_step(s);
+    }
+    if (status == OK)
+        status = take_from_row(s, out, &usable);
+    statement_close(&s);
+    return status;
+}
+
+static enum status need(struct database *db, const char *name, struct take_row *out)
+{
+    enum status status = find(db, name, out);
+    if (status == NOTHING)
+        return fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", database_path(db), name);
+    if (status == ERR_CORRUPT)
+        return fail(status, "%s is damaged: the take '%s' cannot be read; try reenact-capture repair",
+                    database_path(db), name);
+    return status;
+}
+
+static enum status check_free(struct database *db, const char *name)
+{
+    struct take_row other;
+    enum status status = take_name_check(name);
+    if (status == OK)
+        status = find(db, name, &other);
+    if (status == OK || status == ERR_CORRUPT)
+        return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(db), name);
+    return status == NOTHING ? OK : status;
+}
+
+static enum status put(struct database *db, const struct take_row *take)
+{
+    struct statement *s;
+    uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
+    enum status status = insert_open(&s, db, TABLE_TAKE, true);
+    if (status == OK) {
+        take_bind(s, take, calibration, body);
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+// ------------------------------------------------------------- names and notes
+
+enum status recording_rename_take(const char *path, const char *name, const char *new_name)
+{
+    struct database *db;
+    struct take_row take;
+    enum status status = begin(&db, path);
+    if (status == OK)
+        status = need(db, name, &take);
+    if (status == OK && strcmp(name, new_name))
+        status = check_free(db, new_name);
+    if (status == OK) {
+        snprintf(take.name, sizeof take.name, "%s", new_name);
+        status = put(db, &take);
+    }
+    return end(&db, status);
+}
+
+static enum status set_text(char *out, size_t size, const char *text, const char *what)
+{
+    if (!text)
+        return OK;
+    if (strlen(text) >= size)
+        return fail(ERR_INPUT, "the %s has %zu bytes; at most %zu are kept", what, strlen(text), size - 1);
+    if (!text_is_printable(text))
+        return fail(ERR_INPUT, "the %s must be UTF-8 text of one line without control characters", what);
+    snprintf(out, size, "%s", text);
+    return OK;
+}
+
+enum status recording_annotate_take(const char *path, const char *name, const char *note, const char *alias)
+{
+    struct database *db;
+    struct take_row take;
+    enum status status = begin(&db, path);
+    if (status == OK)
+        status = need(db, name, &take);
+    if (status == OK)
+        status = set_text(take.note, sizeof take.note, note, "note");
+    if (status == OK)
+        status = set_text(take.alias, sizeof take.alias, alias, "alias");
+    if (status == OK)
+        status = put(db, &take);
+    return end(&db, status);
+}
+
+// ------------------------------------------------------------- deleting and trimming
+
+// Deletes the rows of frames with keys from `first` to `last`.
+static enum status delete_frames(struct database *db, int64_t first, int64_t last)
+{
+    static const char *const sql[] = {"DELETE FROM frame WHERE rowid BETWEEN ? AND ?",
+                                      "DELETE FROM picture WHERE rowid BETWEEN ? AND ?",
+                                      "DELETE FROM joint_error WHERE rowid BETWEEN ? AND ?"};
+    enum status status = database_run(db, JOINT_ERROR_TABLE); // older files lack it
+    for (size_t i = 0; i < COUNT_OF(sql) && status == OK && first <= last; i++) {
+        struct statement *s;
+        status = statement_open(&s, db, sql[i]);
+        if (status == OK) {
+            statement_bind_number(s, 1, first);
+            statement_bind_number(s, 2, last);
+            status = statement_run(s);
+        }
+        statement_close(&s);
+    }
+    return status;
+}
+
+enum status recording_delete_take(const char *path, const char *name, int64_t *freed)
+{
+    struct database *db;
+    struct take_row take;
+    const int64_t before = recording_bytes(path);
+    struct statement *s = NULL;
+    *freed = 0;
+    enum status status = begin(&db, path);
+    if (status == OK)
+        status = need(db, name, &take);
+    if (status == OK)
+        status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, FRAME_NUMBER_MAX));
+    if (status == OK)
+        status = statement_open(&s, db, "DELETE FROM take WHERE rowid = ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, take.id);
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    status = end(&db, status);
+    return status == OK ? shrink(path, before, freed) : status;
+}
+
+// Numbers of the first and the last frame that stay. NOTHING: none.
+static enum status find_range(struct database *db, int64_t take, int64_t from_ns, int64_t to_ns, int64_t range[2])
+{
+    struct statement *s;
+    int64_t start_ns = 0;
+    range[0] = range[1] = -1;
+    enum status status = select_open(&s, db, TABLE_FRAME, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    if (status == OK) {
+        statement_bind_number(s, 1, frame_key(take, 0));
+        statement_bind_number(s, 2, frame_key(take, FRAME_NUMBER_MAX));
+    }
+    for (bool first = true; status == OK && (status = statement_step(s)) == OK; first = false) {
+        struct take_entry entry;
+        status = frame_from_row(s, &entry);
+        if (status != OK)
+            break;
+        start_ns = first ? entry.time_ns : start_ns;
+        // unsigned: the times of a foreign file may lie any distance apart
+        const uint64_t at_ns = (uint64_t)entry.time_ns - (uint64_t)start_ns;
+        if (at_ns >= (uint64_t)from_ns && at_ns <= (uint64_t)to_ns) {
+            range[0] = range[0] < 0 ? entry.row_number : range[0];
+            range[1] = entry.row_number;
+        }
+    }
+    statement_close(&s);
+    return status == NOTHING && range[0] >= 0 ? OK : status;
+}
+
+// Gives the rows with keys from `first` on the keys from `to` on, and the seals that belong to them.
+static enum status renumber(struct database *db, int64_t first, int64_t last, int64_t to)
+{
+    static const struct {
+        enum recording_table table;
+        const char *update;
+    } tables[] = {{TABLE_FRAME, "UPDATE frame SET id = ?, seal = ? WHERE rowid = ?"},
+                  {TABLE_JOINT_ERROR, "UPDATE joint_error SET id = ?, seal = ? WHERE rowid = ?"},
+                  {TABLE_IMAGE, "UPDATE picture SET id = ?, seal = ? WHERE rowid = ?"}};
+    enum status status = OK;
+    for (size_t i = 0; i < COUNT_OF(tables) && status == OK && first != to; i++) {
+        struct statement *read, *write = NULL;
+        int64_t next = first;
+        status = select_open(&read, db, tables[i].table, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
+        if (status == OK)
+            status = statement_open(&write, db, tables[i].update);
+        while (status == OK) {
+            statement_bind_number(read, 1, next);
+            statement_bind_number(read, 2, last);
+            status = statement_step(read);
+            const int64_t key = statement_number(read, 0), new_key = key - first + to;
+            const int64_t numbers[] = {statement_number(read, 1), statement_number(read, 2), statement_number(read, 3)};
+            const int64_t crc = statement_number(read, tables[i].table == TABLE_FRAME ? 6 : 2);
+            statement_reset(read);
+            if (status != OK)
+                break;
+            next = key + 1;
+            statement_bind_number(write, 1, new_key);
+            statement_bind_number(write, 2,
+                                  tables[i].table == TABLE_IMAGE ? image_seal(new_key, numbers)
+                                                                 : row_seal(new_key, (uint32_t)crc));
+            statement_bind_number(write, 3, key);
+            status = statement_run(write);
+        }
+        statement_close(&read);
+        statement_close(&write);
+        status = status == NOTHING ? OK : status;
+    }
+    return status;
+}
+
+enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns, int64_t *freed)
+{
+    struct database *db;
+    struct take_row take;
+    int64_t range[2] = {0, 0};
+    const int64_t before = recording_bytes(path);
+    *freed = 0;
+    if (from_ns < 0 || to_ns < from_ns)
+        return fail(ERR_INPUT, "a take is trimmed from a second to a later one, not from %.3f to %.3f",
+                    (double)from_ns * 1e-9, (double)to_ns * 1e-9);
+    enum status status = begin(&db, path);
+    if (status == OK)
+        status = need(db, name, &take);
+    if (status == OK)
+        status = find_range(db, take.id, from_ns, to_ns, range);
+    if (status == NOTHING)
+        status = fail(ERR_INPUT, "nothing of take '%s' lies between %.3f s and %.3f s; it stays as it was", name,
+                      (double)from_ns * 1e-9, (double)to_ns * 1e-9);
+    if (status == OK)
+        status = delete_frames(db, frame_key(take.id, range[1]) + 1, frame_key(take.id, FRAME_NUMBER_MAX));
+    if (status == OK)
+        status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, range[0]) - 1);
+    if (status == OK)
+        status = renumber(db, frame_key(take.id, range[0]), frame_key(take.id, range[1]), frame_key(take.id, 0));
+    if (status == OK) {
+        int64_t *shown = &take.body.representative_frame;
+        *shown = *shown >= range[0] && *shown <= range[1] ? *shown - range[0] : -1;
+        take.frames = take.frames < 0 ? -1 : range[1] - range[0] + 1;
+        status = put(db, &take);
+    }
+    status = end(&db, status);
+    return status == OK ? shrink(path, before, freed) : status;
+}
+
+// ------------------------------------------------------------- copying
+
+// Whether both hold the same place, by its checksum; a file without one has -1.
+static enum status place_crc(struct database *db, int64_t *crc)
+{
+    *crc = -1;
+    enum status status = database_number(db, "SELECT crc FROM place", crc);
+    return status == NOTHING ? OK : status;
+}
+
+static enum status copy_place(const char *path, const char *to)
+{
+    struct recording *r = NULL;
+    struct recording_writer *w = NULL;
+    struct place place = {0};
+    enum status status = recording_open(&r, path);
+    if (status == OK)
+        status = recording_read_place(r, &place);
+    recording_free(&r);
+    if (status != OK)
+        return status == NOTHING ? OK : status;
+    status = recording_append(&w, to);
+    if (status == OK)
+        status = recording_put_place(w, &place);
+    enum status closed = recording_close(&w);
+    place_free(&place);
+    return status == OK ? closed : status;
+}
+
+static enum status new_id(struct database *db, const char *name, int64_t *id)
+{
+    enum status status = check_free(db, name);
+    if (status == OK)
+        status = database_number(db, "SELECT coalesce(max(rowid), 0) + 1 FROM take", id);
+    return status == OK && !take_id_is_valid(*id) ? fail(ERR_INPUT, "%s is full", database_path(db)) : status;
+}
+
+// Copies the take, which is complete once its last batch is in the file; until then it is marked as interrupted.
+static enum status copy_rows(struct database *from, struct database *to, struct take_row *take, const char *new_name,
+                             bool located)
+{
+    struct async_writer *writer = NULL;
+    struct frame_copier *copier = NULL;
+    struct frame_copy_counts counts = {0};
+    const bool complete = take->complete;
+    struct take_row copy = *take;
+    enum status status = new_id(to, new_name, &copy.id);
+    snprintf(copy.name, sizeof copy.name, "%s", new_name);
+    copy.complete = false;
+    copy.frames = -1;
+    if (status == OK)
+        status = async_writer_open(&writer, to);
+    if (status == OK)
+        status = frame_copier_open(&copier, from, writer);
+    if (status == OK)
+        status = async_writer_put_take(writer, &copy);
+    if (status == OK)
+        status = frame_copier_copy(copier, take, copy.id, located, &counts);
+    if (status == OK) {
+        copy.complete = complete && !counts.lost && !counts.damaged;
+        copy.frames = counts.saved;
+        copy.lost += counts.lost;
+        copy.body.representative_frame = counts.representative;
+        status = async_writer_put_take(writer, &copy);
+    }
+    struct failure first;
+    failure_keep(&first, status);
+    frame_copier_close(&copier);
+    enum status written = async_writer_close(&writer);
+    return first.status == OK ? written : failure_restore(&first);
+}
+
+static enum status copy_into(const char *path, const char *name, const char *to, const char *new_name,
+                             bool *place_differs)
+{
+    struct database *from = NULL, *db = NULL;
+    struct take_row take = {0};
+    int64_t ours, theirs;
+    enum status status = database_open(&from, path, DATABASE_READ);
+    if (status == OK)
+        status = recording_check_tables(from);
+    if (status == OK)
+        status = need(from, name, &take);
+    if (status == OK)
+        status = database_open(&db, to, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(db);
+    if (status == OK)
+        status = database_lock_writer(db);
+    if (status == OK)
+        status = database_run(db, JOINT_ERROR_TABLE);
+    if (status == OK)
+        status = recording_add_columns(db);
+    if (status == OK)
+        status = place_crc(from, &ours);
+    if (status == OK)
+        status = place_crc(db, &theirs);
+    if (status == OK) {
+        *place_differs = ours != theirs && ours != -1;
+        status = copy_rows(from, db, &take, new_name, ours == theirs);
+    }
+    struct failure first;
+    failure_keep(&first, status);
+    database_close(&from);
+    if (db && first.status == OK)
+        status = database_close_wal(db);
+    database_close(&db);
+    return first.status == OK ? status : failure_restore(&first);
+}
+
+enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
+                                bool *place_differs)
+{
+    *place_differs = false;
+    enum status status = take_name_check(new_name);
+    if (status != OK)
+        return status;
+    if (file_exists(to))
+        return copy_into(path, name, to, new_name, place_differs);
+    // A new file: with the place, so that the take is still where it was filmed.
+    struct recording_writer *w;
+    status = recording_create(&w, to);
+    if (status != OK)
+        return status;
+    status = recording_close(&w);
+    if (status == OK)
+        status = copy_place(path, to);
+    if (status == OK)
+        status = copy_into(path, name, to, new_name, place_differs);
+    if (status != OK) {
+        struct failure first;
+        failure_keep(&first, status);
+        recording_remove_files(to);
+        return failure_restore(&first);
+    }
+    return OK;
+}
