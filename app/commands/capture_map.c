@@ -64,6 +64,23 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+// What to show the sensor next, in the status line.
+static void note_progress(const struct mapper *mapper, char *out, size_t capacity)
+{
+    struct mapper_progress p;
+    mapper_get_progress(mapper, &p);
+    if (!p.listed)
+        snprintf(out, capacity, "move slowly, come back to where you began");
+    else if (p.apart_a >= 0)
+        snprintf(out, capacity, "%d of %d tags · show tag %d together with tag %d, or with what is between them",
+                 (int)p.seen, (int)p.listed, (int)p.apart_a, (int)p.apart_b);
+    else if (p.first_unseen >= 0)
+        snprintf(out, capacity, "%d of %d tags · tag %d is still missing", (int)p.seen, (int)p.listed,
+                 (int)p.first_unseen);
+    else
+        snprintf(out, capacity, "all %d tags are seen", (int)p.listed);
+}
+
 // Feeds the mapper until the source ends. NOTHING: stopped before the end of a source that has one.
 static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
                                int64_t *damaged)
@@ -98,6 +115,8 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
         if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
             break;
         status = mapper_add(mapper, &frame);
+        if (bar.done % 10 == 0)
+            note_progress(mapper, bar.note, sizeof bar.note);
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);

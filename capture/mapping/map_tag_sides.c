@@ -92,7 +92,7 @@ static bool side_of_tag(const struct map *m, int32_t tag, double *side_m, double
     return true;
 }
 
-// The common ratio of measured to listed sides where most tags agree on one; else 1.
+// The median ratio of measured to listed sides; 1 where no side was measured.
 static double common_ratio(const struct map *m)
 {
     double ratio[MAPPER_MAX_TAGS];
@@ -103,8 +103,7 @@ static double common_ratio(const struct map *m)
     if (!count)
         return 1;
     qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
-    const double median = ratio[count / 2];
-    return fabs(median - 1) <= WRONG_SHARE ? median : 1;
+    return ratio[count / 2];
 }
 
 static void forget_observations(struct map_frame *f, int32_t tag)
@@ -124,26 +123,25 @@ static void forget_observations(struct map_frame *f, int32_t tag)
 
 void map_check_tag_sides(struct map *m)
 {
-    int32_t wrong = 0, right = 0;
     double *sigma = calloc((size_t)m->tag_count + 1, sizeof *sigma);
     if (!sigma) // the check is a service; mapping goes on without it
         return;
     for (int32_t t = 0; t < m->tag_count; t++)
         if (!side_of_tag(m, t, &m->tags[t].measured_side_m, &sigma[t]))
             m->tags[t].measured_side_m = 0;
-    const double scale = common_ratio(m);
+    // What most tags agree on is the sensor's scale, unless no sensor is so wrong: then it is the list's, as when the
+    // printer scaled the pages. There would be too little left to map by, so that these tags stay.
+    const double ratio = common_ratio(m);
+    const bool list_is_wrong = fabs(ratio - 1) > WRONG_SHARE;
+    const double scale = list_is_wrong ? 1 : ratio;
     for (int32_t t = 0; t < m->tag_count; t++) {
         struct map_tag *tag = &m->tags[t];
-        const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1);
-        if (tag->measured_side_m > 0 && !tag->mapped) // those of an earlier sweep are constants
-            tag->wrong = off > WRONG_SHARE + SIGMAS * sigma[t] / tag->side_m;
+        const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1),
+                     most = WRONG_SHARE + (list_is_wrong ? 0 : SIGMAS * sigma[t] / tag->side_m);
+        tag->wrong = tag->measured_side_m > 0 && !tag->mapped && off > most; // an earlier sweep's are constants
         tag->measured_side_m /= scale;
-        wrong += tag->wrong;
-        right += !tag->wrong && (tag->measured_side_m > 0 || tag->mapped);
-    }
-    // Where most are wrong the list is, by one factor as a rule, and there would be too little left to map by.
-    for (int32_t t = 0; t < m->tag_count && right > wrong; t++)
-        for (int32_t i = 0; i < m->frame_count && m->tags[t].wrong; i++)
+        for (int32_t i = 0; i < m->frame_count && tag->wrong && !list_is_wrong; i++)
             forget_observations(&m->frames[i], t);
+    }
     free(sigma);
 }

@@ -199,6 +199,35 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
 }
 
+void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
+{
+    const struct map *map = &m->map;
+    int32_t group[MAPPER_MAX_TAGS], first = -1;
+    *out = (struct mapper_progress){.listed = map->tag_count, .first_unseen = -1, .apart_a = -1, .apart_b = -1};
+    for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++)
+        group[t] = t;
+    // Tags of one frame are one group, by the lowest index.
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 1; k < map->frames[i].seen_count; k++) {
+            const int32_t a = group[map->frames[i].tag_index[0]], b = group[map->frames[i].tag_index[k]];
+            for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS && a != b; t++)
+                group[t] = group[t] == (a > b ? a : b) ? (a < b ? a : b) : group[t];
+        }
+    for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++) {
+        if (!m->frames_with_tag[map->tags[t].id]) {
+            out->first_unseen = out->first_unseen < 0 ? map->tags[t].id : out->first_unseen;
+            continue;
+        }
+        out->seen++;
+        if (first < 0)
+            first = t;
+        else if (group[t] != group[first] && out->apart_b < 0) {
+            out->apart_a = map->tags[first].id;
+            out->apart_b = map->tags[t].id;
+        }
+    }
+}
+
 static void report_longest_gap(const struct map *m, struct mapper_report *r)
 {
     int64_t longest = 0;

@@ -81,7 +81,7 @@ static void test_good_films_raise_nothing(void **state)
 {
     (void)state;
     static const char *const motions[] = {"still", "pirouette", "kata", "bend"};
-    static const char *const figures[] = {"woman", "tall", "child", "coat"};
+    static const char *const figures[] = {"man", "woman", "child", "coat"};
     static struct coach coach;
     for (size_t m = 0; m < COUNT_OF(motions); m++) {
         struct stage s;
