@@ -85,3 +85,11 @@ int queue_count(struct queue *q)
     pthread_mutex_unlock(&q->lock);
     return count;
 }
+
+bool queue_is_stopped(struct queue *q)
+{
+    pthread_mutex_lock(&q->lock);
+    const bool stopped = q->stopped;
+    pthread_mutex_unlock(&q->lock);
+    return stopped;
+}

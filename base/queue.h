@@ -20,5 +20,7 @@ void *queue_take(struct queue *q);
 // How many items are in it now.
 int queue_count(struct queue *q);
 
+bool queue_is_stopped(struct queue *q);
+
 // From either thread: puts fail from now on; takes continue until the queue is empty.
 void queue_stop(struct queue *q);

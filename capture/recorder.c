@@ -8,6 +8,7 @@
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker.h"
 #include "base/clock.h"
+#include "platform/file.h"
 #include "platform/jpeg.h"
 #include "base/queue.h"
 
@@ -19,6 +20,12 @@
 // Capacity of the queues before the two worker threads. At 640 x 480 a frame takes 1.9 MB; two seconds of a 30 Hz
 // sensor can wait before a frame is dropped.
 enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
+
+// What the frames of one queue may take together: of large pictures fewer wait.
+enum { WAITING_BYTES_MAX = 256 << 20, WAITING_LEAST = 3 };
+
+// How far a recorded source is read ahead of what is in the file: a kill costs less than a second of film.
+enum { FILM_AT_RISK_NS = 900000000 };
 
 // Body points are looked for in every third image, 10 a second: errors of neighbouring images are alike, and a network
 // takes 10 to 30 ms. A live source's image is left out where so many frames wait behind it already.
@@ -45,6 +52,10 @@ struct recorder {
     const struct recorder_options *options;
     struct recording_writer *writer;
     struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
+
+    // used by the caller's thread only
+    int64_t committed_before, written_before; // by earlier takes of the writer
+    int64_t state_ns;                         // when the state was last reported
 
     // used by the looking thread only, until it is joined
     struct pose_network *network;
@@ -324,10 +335,60 @@ static void *write_all(void *context)
 
 // ------------------------------------------------------------- reading
 
+// Frames that a queue of up to `most` may hold.
+static int waiting_frames(const struct calibration *c, int most)
+{
+    const size_t bytes = 4 * pixels(&c->color) + 3 * pixels(&c->depth) + 1; // with the JPEG, at most a byte a pixel
+    const size_t fit = WAITING_BYTES_MAX / bytes;
+    return fit < WAITING_LEAST ? WAITING_LEAST : fit < (size_t)most ? (int)fit : most;
+}
+
+// Waits until so little film is on its way that a kill would cost less than a second. The first frames are held back
+// until the sensor is located, and two must be on their way in any case, so that slow films move on.
+static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_read)
+{
+    struct queue *first = r->to_look ? r->to_look : r->to_process;
+    while (!r->live && !queue_is_stopped(first)) {
+        const struct recording_counters c = recording_writer_count(r->writer);
+        const int64_t on_the_way = frames_read - c.committed_frames + r->committed_before;
+        if (on_the_way < (c.committed_frames > r->committed_before ? 2 : SENSOR_POSE_WARM_UP + 2) ||
+            (c.committed_ns != INT64_MIN && time_ns - c.committed_ns < FILM_AT_RISK_NS))
+            return;
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    }
+}
+
+static int waiting_now(struct recorder *r)
+{
+    return (r->to_look ? queue_count(r->to_look) : 0) + queue_count(r->to_process) + queue_count(r->to_write) +
+           (int)recording_writer_count(r->writer).waiting_frames;
+}
+
+static void report_state(struct recorder *r, const struct recorder_options *options, int64_t film_ns,
+                         struct recorder_result *result)
+{
+    const int waiting = waiting_now(r);
+    result->waiting_most = waiting > result->waiting_most ? waiting : result->waiting_most;
+    const double seconds = (double)film_ns * 1e-9,
+                 written = (double)(recording_writer_count(r->writer).written_bytes - r->written_before);
+    result->mb_per_s = seconds > 0.5 ? written * 1e-6 / seconds : 0;
+    struct recorder_state state = {
+        .waiting = waiting, .dropped = result->dropped, .mb_per_s = result->mb_per_s, .minutes_left = -1};
+    const int64_t now_ns = clock_now_ns();
+    if (!options->on_state || now_ns - r->state_ns < 1000000000)
+        return;
+    r->state_ns = now_ns;
+    const double room = (double)file_free_bytes(recording_writer_path(r->writer)) * 1e-6;
+    if (result->mb_per_s > 0 && room >= 0)
+        state.minutes_left = room / result->mb_per_s / 60;
+    options->on_state(options->context, &state);
+}
+
 // Until the source ends, the user stops or a worker fails.
 static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
                             struct recorder_result *result)
 {
+    int64_t frames_read = 0, first_ns = INT64_MIN;
     for (;;) {
         if (options->should_stop && options->should_stop())
             return OK;
@@ -342,6 +403,9 @@ static enum status read_all(struct recorder *r, struct source *source, const str
         }
         if (status != OK)
             return status;
+        wait_for_file(r, frame.time_ns, frames_read++);
+        first_ns = first_ns == INT64_MIN ? frame.time_ns : first_ns;
+        const int64_t begun_ns = clock_now_ns();
         struct item *item = item_from_frame(&frame, r->calibration);
         if (!item)
             return fail(ERR_MEMORY, "no memory for another frame");
@@ -353,6 +417,9 @@ static enum status read_all(struct recorder *r, struct source *source, const str
                 return OK;
             result->dropped++;
         }
+        if (r->live)
+            result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
+        report_state(r, options, frame.time_ns - first_ns, result);
         if (options->on_frame)
             options->on_frame(options->context);
     }
@@ -396,7 +463,7 @@ static enum status prepare_points(struct recorder *r, struct recorder_result *re
         snprintf(result->no_body_points, sizeof result->no_body_points, "%.255s", status_message());
         return OK;
     }
-    return status == OK ? queue_open(&r->to_look, WAITING_FRAMES) : status;
+    return status == OK ? queue_open(&r->to_look, waiting_frames(r->calibration, WAITING_FRAMES)) : status;
 }
 
 static enum status recorder_prepare(struct recorder *r, const struct recorder_options *given,
@@ -415,9 +482,10 @@ static enum status recorder_prepare(struct recorder *r, const struct recorder_op
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
-        status = queue_open(&r->to_process, r->to_look ? WAITING_LOOKED : WAITING_FRAMES);
+        status =
+            queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
-        status = queue_open(&r->to_write, WAITING_WRITES);
+        status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
     if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
         status = fail(ERR_MEMORY, "no memory for the background");
     return status;
@@ -553,6 +621,8 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
                          .live = source_is_live(source)};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
+        r.committed_before = recording_writer_count(writer).committed_frames;
+        r.written_before = recording_writer_count(writer).written_bytes;
         status = recorder_prepare(&r, options, result);
         if (status == OK)
             status = run_threads(&r, source, options, result);

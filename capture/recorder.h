@@ -10,6 +10,9 @@
 // are replaced by smoothed ones (skeleton_smoother.h); not if the sensor was moved by 5 cm, a degree or more. That
 // takes about as long as tracking did. If it is stopped or killed meanwhile, the take keeps the online joints.
 //
+// A kill or a power cut costs what is on its way. A recorded source is therefore read no further than 0.9 s of film
+// ahead of what is in the file, however fast it could be read; a live one has at most the queues' frames on the way.
+//
 // Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.
 #pragma once
@@ -27,6 +30,14 @@ struct recorder_seen {
     int sensor_moves;                // so far
 };
 
+// How the recording goes, for those who watch it.
+struct recorder_state {
+    int waiting;         // frames between the sensor and the file
+    int64_t dropped;     // so far
+    double mb_per_s;     // written, per second of film; 0: not known yet
+    double minutes_left; // that the disk has room for at that rate; negative: not known yet
+};
+
 // Zero-initialised: no callbacks, no limits. All callbacks but on_seen run on the caller's thread.
 struct recorder_options {
     bool (*should_stop)(void); // asked before every frame read, and before every frame smoothed, where true keeps the
@@ -37,6 +48,7 @@ struct recorder_options {
     // For every frame tracked, on the recorder's processing thread, which it holds up: a millisecond at most. May be
     // NULL.
     void (*on_seen)(void *context, const struct recorder_seen *seen);
+    void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
     bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)
     size_t smoother_bytes_max; // for the frames to be smoothed; a longer take is not smoothed. 0 = no limit
@@ -48,6 +60,9 @@ struct recorder_result {
     int64_t looked;               // of them looked at for body points
     char no_body_points[256];     // why none were looked for although wanted: the networks are missing; "" else
     int64_t dropped;              // lost by the sensor or by the recorder
+    int waiting_most;             // frames that waited between the sensor and the file, at most
+    double handover_ms;           // the longest that the sensor's thread spent on handing over one frame
+    double mb_per_s;              // written, per second of film
     int64_t damaged;              // images that could not be read
     char first_damage[256];       // the error sentence of the first of them; "" when none
     bool located;                 // the sensor's pose in the place is known

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/random.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 enum status file_read(const char *path, uint8_t **bytes, size_t *count)
@@ -232,6 +233,14 @@ bool file_exists(const char *path)
 {
     struct stat about;
     return stat(path, &about) == 0;
+}
+
+int64_t file_free_bytes(const char *path)
+{
+    struct statvfs about;
+    if (statvfs(path, &about) || about.f_bavail > INT64_MAX / (about.f_frsize ? about.f_frsize : 1))
+        return -1;
+    return (int64_t)(about.f_bavail * about.f_frsize);
 }
 
 enum status folder_make(const char *path)

@@ -31,5 +31,8 @@ bool file_is_same(const char *a, const char *b);
 
 bool file_exists(const char *path); // a file or a folder
 
+// Bytes that an ordinary user can still write to the file system of `path`; -1: not known.
+int64_t file_free_bytes(const char *path);
+
 // Makes the folder and its parents; OK when it exists. ERR_IO, ERR_INPUT.
 MUST_CHECK enum status folder_make(const char *path);

@@ -159,6 +159,8 @@ struct json *json_add_array(struct json *object, const char *name)
 
 void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
 
+void json_push_string(struct json *array, const char *value) { attach(array, NULL, cJSON_CreateString(value)); }
+
 char *json_print(const struct json *root)
 {
     char *text = cJSON_Print(node(root));

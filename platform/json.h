@@ -35,4 +35,5 @@ void json_add_string(struct json *object, const char *name, const char *value);
 struct json *json_add_object(struct json *object, const char *name); // the new child; name NULL appends to an array
 struct json *json_add_array(struct json *object, const char *name);
 void json_push_number(struct json *array, double value);
+void json_push_string(struct json *array, const char *value);
 char *json_print(const struct json *root); // indented, ends with a newline; the caller frees it

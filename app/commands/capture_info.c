@@ -1,42 +1,11 @@
 // reenact-capture info FILE: what a recording holds.
 #include "app/commands/commands.h"
 
-#include "capture/recording/recording.h"
+#include "app/commands/take_summary.h"
 #include "platform/json.h"
 
 #include <stdio.h>
 #include <sys/stat.h>
-
-// What info reports of a take, as text or JSON.
-struct take_summary {
-    const char *name;
-    int64_t frames, dropped, with_skeleton, located, representative;
-    double duration_s, fps;
-    const struct calibration *calibration;
-    bool complete;
-};
-
-static struct take_summary summarize(const struct take *t, const char *name)
-{
-    struct take_summary s = {
-        .name = name,
-        .frames = take_frame_count(t),
-        .dropped = take_dropped(t),
-        .representative = take_body(t)->representative_frame,
-        .calibration = take_calibration(t),
-        .complete = take_is_complete(t),
-    };
-    for (int64_t i = 0; i < s.frames; i++) {
-        s.with_skeleton += take_entry(t, i)->has_skeleton;
-        s.located += take_entry(t, i)->located;
-    }
-    if (s.frames > 1) {
-        // Converted first: the difference of times in a malformed file may overflow an int64.
-        s.duration_s = ((double)take_entry(t, s.frames - 1)->time_ns - (double)take_entry(t, 0)->time_ns) * 1e-9;
-        s.fps = (double)(s.frames - 1) / s.duration_s;
-    }
-    return s;
-}
 
 // ------------------------------------------------------------- for people
 
@@ -70,12 +39,24 @@ static void print_take(const struct take_summary *s)
         printf(" at %.1f Hz", s->fps);
     print_size("colour", &s->calibration->color);
     print_size("depth", &s->calibration->depth);
-    printf("\n  skeleton in %lld, located in %lld, ", (long long)s->with_skeleton, (long long)s->located);
+    printf("\n  skeleton in %lld, ", (long long)s->with_skeleton);
+    if (s->with_color < s->frames && s->calibration->color.width)
+        printf("colour in %lld, ", (long long)s->with_color);
+    if (s->with_depth < s->frames && s->calibration->depth.width)
+        printf("depth in %lld, ", (long long)s->with_depth);
+    printf("located in %lld, ", (long long)s->located);
     if (s->representative >= 0)
         printf("representative frame %lld, ", (long long)s->representative);
     else
         printf("no representative frame, ");
-    printf("%lld dropped, %s\n", (long long)s->dropped, s->complete ? "complete" : "interrupted");
+    printf("%lld dropped, ", (long long)s->dropped);
+    if (s->lost)
+        printf("%lld lost to damage, ", (long long)s->lost);
+    puts(s->complete ? "complete" : "interrupted");
+    if (*s->alias)
+        printf("  performed by %s\n", s->alias);
+    if (*s->note)
+        printf("  note: %s\n", s->note);
 }
 
 // ------------------------------------------------------------- for programs
@@ -128,6 +109,11 @@ static void add_take(struct json *takes, const struct take_summary *s)
     json_add_number(take, "frames_located", (double)s->located);
     json_add_number(take, "representative_frame", (double)s->representative);
     json_add_number(take, "dropped", (double)s->dropped);
+    json_add_number(take, "lost", (double)s->lost);
+    json_add_number(take, "frames_with_color", (double)s->with_color);
+    json_add_number(take, "frames_with_depth", (double)s->with_depth);
+    json_add_string(take, "alias", s->alias);
+    json_add_string(take, "note", s->note);
 }
 
 // ------------------------------------------------------------- the command
@@ -139,7 +125,9 @@ static enum status report(struct recording *r, const char *path, struct json *ro
     double bytes = stat(path, &about) ? 0 : (double)about.st_size;
     struct place place;
     enum status status = recording_read_place(r, &place);
-    if (status != OK && status != NOTHING)
+    if (status == ERR_CORRUPT) // the takes can be listed all the same
+        fprintf(stderr, "reenact-capture info: warning: %s\n", status_message());
+    else if (status != OK && status != NOTHING)
         return status;
     if (root) {
         json_add_string(root, "file", path);
@@ -152,6 +140,8 @@ static enum status report(struct recording *r, const char *path, struct json *ro
             add_place(root, &place);
         else
             print_place(&place);
+        if (place.views_lost || place.errors_lost)
+            fprintf(stderr, "reenact-capture info: warning: parts of the place are damaged; try reenact-capture repair\n");
         place_free(&place);
     } else if (!root) {
         printf("no place\n");
@@ -162,9 +152,14 @@ static enum status report(struct recording *r, const char *path, struct json *ro
     for (int i = 0; i < recording_take_count(r); i++) {
         struct take *take;
         status = take_open(&take, r, recording_take_name(r, i));
+        if (status == ERR_CORRUPT) {
+            fprintf(stderr, "reenact-capture info: warning: take '%s': %s\n", recording_take_name(r, i),
+                    status_message());
+            continue;
+        }
         if (status != OK)
             return status;
-        struct take_summary summary = summarize(take, recording_take_name(r, i));
+        struct take_summary summary = take_summarize(take, recording_take_name(r, i));
         if (root)
             add_take(takes, &summary);
         else

@@ -4,6 +4,7 @@
 #include "app/commands/coaching_line.h"
 #include "app/commands/place_input.h"
 #include "capture/recorder.h"
+#include "platform/file.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -38,14 +39,25 @@ static error_t parse(int key, char *value, struct argp_state *state)
 struct record_work {
     struct progress_bar progress;
     struct coaching_line coaching;
+    struct recorder_state state;
     bool filming;
 };
+
+static const double SHORT_MINUTES = 10; // from here on the disk's room is worth the line
 
 static void step(void *context)
 {
     struct record_work *w = context;
-    if (w->filming)
-        coaching_line_text(&w->coaching, w->progress.note, sizeof w->progress.note);
+    char *note = w->progress.note;
+    const size_t capacity = sizeof w->progress.note;
+    if (w->filming) {
+        int used = 0;
+        if (w->state.dropped)
+            used = snprintf(note, capacity, "%lld dropped · ", (long long)w->state.dropped);
+        if (w->state.minutes_left >= 0 && w->state.minutes_left < SHORT_MINUTES)
+            used += snprintf(note + used, capacity - (size_t)used, "%.0f min left · ", w->state.minutes_left);
+        coaching_line_text(&w->coaching, note + used, capacity - (size_t)used);
+    }
     progress_bar_step(&w->progress);
 }
 
@@ -53,6 +65,8 @@ static void see(void *context, const struct recorder_seen *seen)
 {
     coaching_line_see(&((struct record_work *)context)->coaching, seen);
 }
+
+static void keep_state(void *context, const struct recorder_state *s) { ((struct record_work *)context)->state = *s; }
 
 static void start_smoothing(void *context, int64_t frames)
 {
@@ -95,6 +109,9 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
         json_add_number(root, "smoothing_ms", r->smoothing_ms);
+        json_add_number(root, "waiting_most", r->waiting_most);
+        json_add_number(root, "handover_ms", r->handover_ms);
+        json_add_number(root, "mb_per_s", r->mb_per_s);
         add_verdict(root, verdict);
         (void)!command_print_json(&root);
         return;
@@ -102,6 +119,10 @@ static void report(const struct record_arguments *given, const struct recorder_r
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
+    printf("at most %d frames waited to be written", r->waiting_most);
+    if (r->mb_per_s > 0)
+        printf("; %.1f MB a second of film", r->mb_per_s);
+    putchar('\n');
     if (r->smoothing_ms > 0)
         printf("smoothing took %.1f ms a frame\n", r->smoothing_ms);
     else if (r->tracked)
@@ -135,7 +156,11 @@ static enum status record(const struct record_arguments *given, struct place *pl
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
     static struct record_work work; // a coach is too large for the stack
-    enum status status = given->into ? place_input_read(given->into, place) : OK;
+    enum status status = given->into ? place_input_read(given->into, place) : file_check_output(given->out, false);
+    if (status == ERR_CORRUPT) { // a take can be filmed without it
+        fprintf(stderr, "reenact-capture record: warning: %s\n", status_message());
+        status = OK;
+    }
     if (status == NOTHING) // a file without a place is fine
         status = OK;
     if (status == OK)
@@ -145,6 +170,7 @@ static enum status record(const struct record_arguments *given, struct place *pl
     if (status == OK) {
         struct recorder_options options = {.should_stop = command_stopped,
                                            .on_frame = step,
+                                           .on_state = keep_state,
                                            .on_smoothing_begin = start_smoothing,
                                            .on_smoothed = step,
                                            .on_seen = see,
@@ -159,9 +185,17 @@ static enum status record(const struct record_arguments *given, struct place *pl
         coach_verdict(&work.coaching.coach, verdict);
         coaching_line_end(&work.coaching);
     }
+    const bool made = writer && given->out;
     enum status closed = recording_close(&writer);
     source_close(&source);
-    return status != OK ? status : closed;
+    status = status != OK ? status : closed;
+    if (made && !result->frames) { // a file without a take is of no use
+        struct failure first;
+        failure_keep(&first, status);
+        recording_discard(given->out);
+        status = failure_restore(&first);
+    }
+    return status;
 }
 
 int capture_record(int argc, char **argv)
@@ -189,6 +223,9 @@ int capture_record(int argc, char **argv)
     place_free(&place);
     if (result.frames)
         report(&given, &result, &verdict);
+    if (status == OK && !result.frames)
+        status = fail(ERR_INPUT, "nothing was filmed, so no take was kept%s%s", result.damaged ? ": " : "",
+                      result.first_damage);
     if (status == OK)
         warn(argv[0], has_place, &result);
     return status == OK ? 0 : command_failed(argv[0]);

@@ -2,29 +2,81 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/recording_report.h"
+#include "platform/file.h"
 
 #include <stdio.h>
+#include <string.h>
 
-static void print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
+struct repair_arguments {
+    const char *file, *out;
+    bool json;
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
 {
-    if (a->json)
-        recording_report_print_json(a->path, status, r);
-    else if (status == OK)
-        printf("%s: %d takes (%d were interrupted), %lld frames, %lld of them damaged or lost, %.1f MB\n", a->path,
-               r->takes, r->interrupted_takes, (long long)r->frames, (long long)r->damaged_frames,
-               (double)r->bytes / 1e6);
+    struct repair_arguments *a = state->input;
+    switch (key) {
+    case COMMAND_KEY: a->out = value; return 0;
+    case COMMAND_KEY + 1: a->json = true; return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
+    case ARGP_KEY_END: command_require(state, a->file, "FILE"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// walk.reenact: walk-repaired.reenact
+static enum status choose_name(const char *file, char out[FILE_PATH_BYTES])
+{
+    const char *slash = strrchr(file, '/'), *name = slash ? slash + 1 : file, *dot = strrchr(name, '.');
+    const size_t stem = dot && dot > name ? (size_t)(dot - file) : strlen(file);
+    if (snprintf(out, FILE_PATH_BYTES, "%.*s-repaired%s", (int)stem, file, file + stem) >= FILE_PATH_BYTES)
+        return fail(ERR_INPUT, "the path %.60s… is too long", file);
+    return OK;
+}
+
+static void print_report(const char *file, const char *out, enum status status, const struct recording_report *r)
+{
+    if (status == NOTHING) {
+        printf("%s is sound: nothing to repair%s\n", file,
+               r->interrupted_takes ? "; a take that was interrupted can be used as it is" : "");
+        return;
+    }
+    printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", out, r->takes, r->interrupted_takes,
+           (long long)r->frames, (double)r->bytes / 1e6);
+    printf("lost: %lld frames, images of %lld more, %d takes, %d views of the place; %s is as it was\n",
+           (long long)r->lost_frames, (long long)r->damaged_frames, r->lost_takes, (int)r->lost_views, file);
+    for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
+        printf("  found: %s\n", r->finding[i]);
 }
 
 int capture_repair(int argc, char **argv)
 {
-    struct file_arguments a;
-    command_parse_file(
-        argc, argv,
-        "Saves what can be read of a damaged recording into FILE; what was there stays as FILE.damaged. A "
-        "sound file is left as it is, but that interrupted takes count as complete from then on.",
-        &a);
-    struct recording_report report;
-    enum status status = recording_repair(a.path, &report);
-    print_report(&a, status, &report);
-    return status == OK ? 0 : command_failed(argv[0]);
+    static const struct argp_option options[] = {
+        {"out", COMMAND_KEY, "FILE", 0, "the new recording (default: FILE-repaired.reenact beside it)", 0},
+        COMMAND_OPTION_JSON(COMMAND_KEY + 1),
+        {0},
+    };
+    static const struct argp argp = {options,
+                                     parse,
+                                     "FILE",
+                                     "Saves what can be read of a damaged recording into a new one and says what is "
+                                     "lost. FILE is only read.",
+                                     0,
+                                     0,
+                                     0};
+    struct repair_arguments a = {0};
+    char name[FILE_PATH_BYTES];
+    struct recording_report report = {0};
+    command_parse(&argp, argc, argv, &a);
+    enum status status = a.out ? OK : choose_name(a.file, name);
+    const char *out = a.out ? a.out : name;
+    if (status == OK && a.out)
+        status = file_check_output(out, false);
+    if (status == OK)
+        status = recording_repair(a.file, out, &report);
+    if (a.json)
+        recording_report_print_json(status == OK ? out : a.file, status < 0 ? status : OK, &report);
+    else if (status >= 0)
+        print_report(a.file, out, status, &report);
+    return status < 0 ? command_failed(argv[0]) : 0;
 }

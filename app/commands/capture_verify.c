@@ -7,19 +7,30 @@
 
 static void print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
 {
-    if (a->json)
+    if (a->json) {
         recording_report_print_json(a->path, status, r);
-    else if (status == OK)
+    } else if (status == OK) {
         printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", a->path, r->takes,
                r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
-    else if (r->frames)
-        printf("%s: %lld of %lld frames are damaged\n", a->path, (long long)r->damaged_frames, (long long)r->frames);
+    } else if (r->findings) {
+        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; %d views of the "
+               "place\n",
+               a->path, (long long)r->lost_frames, (long long)r->damaged_frames, (long long)r->frames,
+               (int)r->lost_views);
+        for (int i = 1; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
+            printf("  %s\n", r->finding[i]); // the first goes to stderr
+        if (r->findings > RECORDING_FINDINGS_MAX)
+            printf("  and %d more\n", r->findings - RECORDING_FINDINGS_MAX);
+    }
 }
 
 int capture_verify(int argc, char **argv)
 {
     struct file_arguments a;
-    command_parse_file(argc, argv, "Reads every byte of a recording and says whether all of it is sound.", &a);
+    command_parse_file(argc, argv,
+                       "Reads every byte of a recording and says whether all of it is sound: its structure, counts, "
+                       "checksums, pictures, the order of times, ranges. The file is only read.",
+                       &a);
     struct recording_report report;
     enum status status = recording_verify(a.path, &report);
     print_report(&a, status, &report);

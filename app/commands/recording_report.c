@@ -15,6 +15,13 @@ void recording_report_print_json(const char *path, enum status status, const str
     json_add_number(root, "interrupted_takes", r->interrupted_takes);
     json_add_number(root, "frames", (double)r->frames);
     json_add_number(root, "damaged_frames", (double)r->damaged_frames);
+    json_add_number(root, "lost_frames", (double)r->lost_frames);
+    json_add_number(root, "lost_takes", r->lost_takes);
+    json_add_number(root, "lost_views", r->lost_views);
+    json_add_number(root, "findings", r->findings);
+    struct json *list = json_add_array(root, "first_findings");
+    for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
+        json_push_string(list, r->finding[i]);
     json_add_number(root, "bytes", (double)r->bytes);
     (void)!command_print_json(&root); // the exit code is about the recording, not this
 }

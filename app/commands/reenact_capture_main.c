@@ -11,6 +11,8 @@ int main(int argc, char **argv)
         {"info", "say what a recording holds", capture_info},
         {"verify", "read every byte of a recording", capture_verify},
         {"repair", "save what can be read of a damaged recording", capture_repair},
+        {"take", "rename, delete, trim or copy a take, or keep a note on it", capture_take},
+        {"library", "list the takes of all recordings in a folder", capture_library},
         {"export", "write a take's joints for other programs", capture_export},
     };
     return command_main("reenact-capture films a person with one depth camera.", commands, COUNT_OF(commands), NULL,

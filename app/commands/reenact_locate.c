@@ -3,6 +3,7 @@
 
 #include "app/commands/place_input.h"
 #include "locate/camera_tracker.h"
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/source.h"
@@ -60,10 +61,10 @@ static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose 
 {
     char line[256];
     // In integers: a double cannot hold the seconds since 1970 to the nanosecond.
-    int64_t micro = (time_ns + 500) / 1000;
-    int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
-                          (long long)(micro / 1000000), (long long)(micro % 1000000), w.translation.x, w.translation.y,
-                          w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
+    char seconds[SECONDS_TEXT_BYTES];
+    int length = snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
+                          seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), w.translation.x,
+                          w.translation.y, w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
     if (t->count + (size_t)length > t->capacity) {
         size_t capacity = 2 * t->capacity + 65536;
         char *bytes = realloc(t->bytes, capacity);

@@ -12,8 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/statvfs.h>
 
 struct studio_session {
     struct studio_session_options options;
@@ -39,7 +37,6 @@ struct studio_session {
     bool taking;
     int64_t take_first_ns, take_frames, rate_ns, rate_frames;
     double rate_hz;
-    int64_t file_bytes; // when the take began
 };
 
 // ---------------------------------------------------------------- snapshots
@@ -113,16 +110,6 @@ static void set_doing(struct studio_session *s, enum studio_doing doing, const c
     wake(s);
 }
 
-// Bytes of the file and what SQLite keeps beside it.
-static int64_t file_size(const char *path)
-{
-    char beside[1100];
-    struct stat info;
-    int64_t sum = stat(path, &info) ? 0 : info.st_size;
-    snprintf(beside, sizeof beside, "%s-wal", path);
-    return sum + (stat(beside, &info) ? 0 : info.st_size);
-}
-
 static void count_frame(struct studio_session *s, const struct recorder_seen *seen, struct studio_counters *c)
 {
     const int64_t now_ns = clock_now_ns();
@@ -132,17 +119,13 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
         s->rate_ns = now_ns;
         s->rate_frames = 0;
     }
-    *c = (struct studio_counters){.frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = source_dropped(s->source)};
+    *c = (struct studio_counters){
+        .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->source)};
     if (!s->taking)
         return;
     s->take_first_ns = s->take_frames ? s->take_first_ns : seen->time_ns;
     c->frames = ++s->take_frames;
     c->take_s = (double)(seen->time_ns - s->take_first_ns) * 1e-9;
-    struct statvfs disk;
-    if (c->take_s > 1)
-        c->mb_per_s = fmax(0, (double)(file_size(s->file) - s->file_bytes)) * 1e-6 / c->take_s;
-    if (c->mb_per_s > 0 && !statvfs(s->file, &disk))
-        c->minutes_left = (double)disk.f_bavail * (double)disk.f_frsize * 1e-6 / c->mb_per_s / 60;
 }
 
 // One frame, as the preview or the recorder saw it: coach, gesture, snapshot.
@@ -177,7 +160,13 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     if (seen->skeleton)
         out->skeleton = *seen->skeleton;
     out->located = seen->located;
+    const struct studio_counters before = out->counters;
     out->counters = counters;
+    if (s->taking) { // on_state's
+        out->counters.dropped = before.dropped;
+        out->counters.mb_per_s = before.mb_per_s;
+        out->counters.minutes_left = before.minutes_left;
+    }
     out->gestures += gesture;
     snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
     out->fault = coach_any_fault(&s->coach);
@@ -187,6 +176,16 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     out->distance_m = s->coach.distance_m;
     pthread_mutex_unlock(&s->lock);
     wake(s);
+}
+
+static void on_state(void *context, const struct recorder_state *state)
+{
+    struct studio_session *s = context;
+    pthread_mutex_lock(&s->lock);
+    s->shown.counters.dropped = state->dropped;
+    s->shown.counters.mb_per_s = state->mb_per_s;
+    s->shown.counters.minutes_left = state->minutes_left;
+    pthread_mutex_unlock(&s->lock);
 }
 
 static void on_seen(void *context, const struct recorder_seen *seen) { show(context, seen); }
@@ -315,9 +314,9 @@ static enum status record(struct studio_session *s, const char *name, struct rec
     const struct recorder_options options = {.should_stop = take_should_stop,
                                              .on_smoothing_begin = on_smoothing,
                                              .on_seen = on_seen,
+                                             .on_state = on_state,
                                              .context = s,
                                              .body_points = s->options.body_points};
-    s->file_bytes = file_size(s->file);
     status = recorder_run(s->source, writer, name, s->has_place ? &s->place : NULL, &options, result);
     struct failure first;
     failure_keep(&first, status);

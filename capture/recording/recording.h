@@ -100,6 +100,7 @@ void recording_free(struct recording **r); // NULL is fine; sets *r = NULL
 // it is unchanged.
 MUST_CHECK enum status recording_read_place(struct recording *r, struct place *out);
 
+const char *recording_path(const struct recording *r); // valid until recording_free
 int recording_take_count(const struct recording *r);
 // 0 <= index < count, in the order they were recorded. Valid until recording_free.
 const char *recording_take_name(const struct recording *r, int index);

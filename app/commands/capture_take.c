@@ -1,0 +1,151 @@
+// reenact-capture take: renames, deletes, trims and copies takes, and keeps notes on them.
+#include "app/commands/commands.h"
+
+#include "capture/recording/recording.h"
+#include "platform/file.h"
+
+#include <stdio.h>
+#include <string.h>
+
+struct take_arguments {
+    const char *action, *file, *take, *name, *into, *note, *alias;
+    double from_s, to_s;
+    bool has_from, has_to;
+};
+
+enum { KEY_TAKE = COMMAND_KEY, KEY_NAME, KEY_INTO, KEY_NOTE, KEY_ALIAS, KEY_FROM, KEY_TO };
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct take_arguments *a = state->input;
+    switch (key) {
+    case KEY_TAKE: a->take = value; return 0;
+    case KEY_NAME: a->name = value; return 0;
+    case KEY_INTO: a->into = value; return 0;
+    case KEY_NOTE: a->note = value; return 0;
+    case KEY_ALIAS: a->alias = value; return 0;
+    case KEY_FROM:
+        a->from_s = command_parse_number(state, "--from", value, 0, 1e6);
+        a->has_from = true;
+        return 0;
+    case KEY_TO:
+        a->to_s = command_parse_number(state, "--to", value, 0, 1e6);
+        a->has_to = true;
+        return 0;
+    case ARGP_KEY_ARG:
+        if (!a->action)
+            a->action = value;
+        else
+            command_take_file(state, &a->file, value);
+        return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->action, "rename, delete, trim, copy or note");
+        command_require(state, a->file, "FILE");
+        command_require(state, a->take, "--take NAME");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static enum status rename_take(const struct take_arguments *a)
+{
+    enum status status = recording_rename_take(a->file, a->take, a->name);
+    if (status == OK)
+        printf("take '%s' is now '%s'\n", a->take, a->name);
+    return status;
+}
+
+static enum status delete_take(const struct take_arguments *a)
+{
+    int64_t freed;
+    enum status status = recording_delete_take(a->file, a->take, &freed);
+    if (status == OK)
+        printf("take '%s' is deleted, its bytes are overwritten; %.1f MB are free again\n", a->take,
+               (double)freed / 1e6);
+    return status;
+}
+
+static enum status trim_take(const struct take_arguments *a)
+{
+    int64_t freed;
+    enum status status = recording_trim_take(a->file, a->take, (int64_t)(a->from_s * 1e9),
+                                             a->has_to ? (int64_t)(a->to_s * 1e9) : INT64_MAX, &freed);
+    if (status == OK)
+        printf("take '%s' is trimmed, the other frames' bytes are overwritten; %.1f MB are free again\n", a->take,
+               (double)freed / 1e6);
+    return status;
+}
+
+static enum status copy_take(const struct take_arguments *a)
+{
+    bool differs;
+    const char *to = a->into ? a->into : a->file, *name = a->name ? a->name : a->take;
+    enum status status = file_exists(to) ? OK : file_check_output(to, false);
+    if (status == OK)
+        status = recording_copy_take(a->file, a->take, to, name, &differs);
+    if (status == OK)
+        printf("%s: take '%s' is a copy of '%s'%s\n", to, name, a->take,
+               differs ? "; the place there is another one, so the copy does not know where it was filmed" : "");
+    return status;
+}
+
+static enum status annotate_take(const struct take_arguments *a)
+{
+    return recording_annotate_take(a->file, a->take, a->note, a->alias);
+}
+
+static const struct action {
+    const char *name;
+    enum status (*run)(const struct take_arguments *a);
+} actions[] = {{"rename", rename_take},
+               {"delete", delete_take},
+               {"trim", trim_take},
+               {"copy", copy_take},
+               {"note", annotate_take}};
+
+static const char *wrong_usage(const struct take_arguments *a)
+{
+    if (!strcmp(a->action, "rename") && !a->name)
+        return "--name NEW is needed";
+    if (!strcmp(a->action, "trim") && !a->has_from && !a->has_to)
+        return "--from S, --to S or both are needed";
+    if (!strcmp(a->action, "copy") && !a->into && !a->name)
+        return "--into FILE, --name NEW or both are needed";
+    if (!strcmp(a->action, "note") && !a->note && !a->alias)
+        return "--note TEXT, --alias NAME or both are needed";
+    return NULL;
+}
+
+int capture_take(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"take", KEY_TAKE, "NAME", 0, "the take", 0},
+        {"name", KEY_NAME, "NEW", 0, "rename, copy: the new name", 0},
+        {"into", KEY_INTO, "FILE", 0, "copy: into this recording, which is made where there is none", 0},
+        {"from", KEY_FROM, "S", 0, "trim: the first second that stays", 0},
+        {"to", KEY_TO, "S", 0, "trim: the last one", 0},
+        {"note", KEY_NOTE, "TEXT", 0, "note: one line about the take; an empty one removes it", 0},
+        {"alias", KEY_ALIAS, "NAME", 0, "note: who performs, under another name than the person's own", 0},
+        {0},
+    };
+    static const struct argp argp = {
+        options, parse, "rename|delete|trim|copy|note FILE",
+        "Changes the takes of a recording.\v"
+        "Each is done whole or not at all. What delete and trim remove is overwritten with zeros and the file made "
+        "smaller, which takes as much room on the disk again while it runs.",
+        0, 0, 0};
+    struct take_arguments a = {0};
+    command_parse(&argp, argc, argv, &a);
+    for (size_t i = 0; i < COUNT_OF(actions); i++) {
+        if (strcmp(a.action, actions[i].name))
+            continue;
+        const char *wrong = wrong_usage(&a);
+        if (wrong) {
+            fprintf(stderr, "%s %s: %s\n", argv[0], a.action, wrong);
+            return 2;
+        }
+        return actions[i].run(&a) == OK ? 0 : command_failed(argv[0]);
+    }
+    fprintf(stderr, "%s: '%s' is none of rename, delete, trim, copy and note\n", argv[0], a.action);
+    return 2;
+}
