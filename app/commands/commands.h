@@ -10,6 +10,7 @@ int capture_verify(int argc, char **argv);
 int capture_repair(int argc, char **argv);
 int capture_export(int argc, char **argv);
 int capture_tags(int argc, char **argv);
+int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
 

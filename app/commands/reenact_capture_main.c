@@ -8,6 +8,7 @@ int main(int argc, char **argv)
         {"tags", "make tags to print, and their list", capture_tags},
         {"map", "film the empty place", capture_map},
         {"record", "film the actor", capture_record},
+        {"studio", "film in a window, with coaching", capture_studio},
         {"info", "say what a recording holds", capture_info},
         {"verify", "read every byte of a recording", capture_verify},
         {"repair", "save what can be read of a damaged recording", capture_repair},

@@ -344,6 +344,7 @@ static enum status run_take(struct studio_session *s)
     s->taking = false;
     pthread_mutex_lock(&s->lock);
     coach_verdict(&s->coach, &s->shown.verdict);
+    s->shown.verdict_coverage = s->coach.coverage;
     s->shown.take_frames = result.frames;
     s->shown.takes_ready++;
     snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());

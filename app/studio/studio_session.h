@@ -59,9 +59,10 @@ struct studio_snapshot {
     enum pose_advice advice;
     struct coverage coverage;
     double distance_m;
-    struct coach_verdict verdict; // of the last take
-    int64_t take_frames;          // written of the last take
-    char failure[512];            // of the sensor, or of the last take; "": none
+    struct coach_verdict verdict; // of the last take, and what it has seen
+    struct coverage verdict_coverage;
+    int64_t take_frames; // written of the last take
+    char failure[512];   // of the sensor, or of the last take; "": none
 };
 void studio_snapshot_free(struct studio_snapshot *s);
 
