@@ -2,7 +2,9 @@
 
 #include <SDL.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 enum { RATE = 22050 };
 static const double LOUDNESS = 0.25, FADE_S = 0.01; // a tone that starts at once clicks
@@ -12,10 +14,21 @@ struct sound {
     SDL_AudioDeviceID device;
 };
 
+// Where there is neither a sound card nor a sound server, ALSA fills the terminal with its search for one.
+static bool any_device(void)
+{
+    const char *runtime = getenv("XDG_RUNTIME_DIR");
+    char server[512] = "";
+    if (runtime)
+        snprintf(server, sizeof server, "%s/pulse", runtime);
+    return !access("/dev/snd/controlC0", F_OK) || getenv("PULSE_SERVER") || getenv("SDL_AUDIODRIVER") ||
+           (*server && !access(server, F_OK));
+}
+
 enum status sound_open(struct sound **out)
 {
     *out = NULL;
-    if (SDL_InitSubSystem(SDL_INIT_AUDIO))
+    if (!any_device() || SDL_InitSubSystem(SDL_INIT_AUDIO))
         return NOTHING;
     SDL_AudioSpec wanted = {.freq = RATE, .format = AUDIO_S16SYS, .channels = 1, .samples = 512};
     SDL_AudioDeviceID device = SDL_OpenAudioDevice(NULL, 0, &wanted, NULL, 0);

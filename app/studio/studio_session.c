@@ -324,10 +324,20 @@ static enum status record(struct studio_session *s, const char *name, struct rec
     return status != OK ? failure_restore(&first) : closed;
 }
 
+// A film from its beginning again.
+static enum status rewind_source(struct studio_session *s)
+{
+    close_sensor(s);
+    return open_sensor(s);
+}
+
 static enum status run_take(struct studio_session *s)
 {
     char name[256];
     struct recorder_result result = {0};
+    enum status status = source_is_live(s->source) ? OK : rewind_source(s);
+    if (status != OK)
+        return status;
     pthread_mutex_lock(&s->lock);
     snprintf(name, sizeof name, "%s", s->wanted_take);
     s->wanted_take[0] = 0;
@@ -340,7 +350,7 @@ static enum status run_take(struct studio_session *s)
     s->take_frames = 0;
     coach_start(&s->coach, source_calibration(s->source));
     set_doing(s, STUDIO_DOING_TAKE, NULL);
-    enum status status = record(s, name, &result);
+    status = record(s, name, &result);
     s->taking = false;
     pthread_mutex_lock(&s->lock);
     coach_verdict(&s->coach, &s->shown.verdict);
@@ -353,13 +363,6 @@ static enum status run_take(struct studio_session *s)
     tracker_reset(s->tracker);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     return status;
-}
-
-// A film is over: from its beginning again.
-static enum status rewind_source(struct studio_session *s)
-{
-    close_sensor(s);
-    return open_sensor(s);
 }
 
 static void *run(void *context)
