@@ -166,7 +166,7 @@ void scene_watch_next(struct scene_watch *w, const struct scene_view *view, stru
     for (int i = 0; i < SCENE_CELLS; i++)
         valid += g.depth[i] != 0;
     out->no_depth = valid < MIN_DEPTH_SHARE * SCENE_CELLS;
-    out->frozen = is_frozen(w, &g);
+    out->frozen = is_frozen(w, &g) && !out->no_depth;
     out->pushed = is_pushed(w, &g);
     if (out->pushed) { // everything is learned anew
         memset(w->background, 0, sizeof w->background);
