@@ -13,6 +13,8 @@ int capture_tags(int argc, char **argv);
 int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
+int capture_calibrate(int argc, char **argv);
+int capture_calibrate_stereo(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);
 int reenact_compare(int argc, char **argv);

@@ -28,10 +28,11 @@ static const struct rule rules[] = {
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
     {"capture/calibration/", {"locate/", RECORDING}},
+    {"capture/objects/", {"capture/calibration/", RECORDING}},
     {"capture/coaching/", {RECORDING}},
     {"capture/",
-     {"capture/coaching/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
-      "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/coaching/", "capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/",
+      "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
@@ -46,10 +47,10 @@ static const struct rule rules[] = {
     {"app/ui/", {"app/view/", "app/state/", RECORDING}},
     {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
     {"app/studio/",
-     {"app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/", RENDER}},
+     {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/tracking/", RENDER}},
     {"app/commands/",
-     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/calibration/", "capture/mapping/",
-      "locate/", RENDER}},
+     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/objects/", "capture/calibration/",
+      "capture/mapping/", "locate/", RENDER}},
     {"tests/", {0}}, // all of them
 };
 

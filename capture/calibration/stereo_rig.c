@@ -1,0 +1,233 @@
+#include "capture/calibration/stereo_rig.h"
+
+#include "platform/image_file.h"
+#include "platform/json.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_PAIRS = 512, MOST_NAME = 128 };
+
+static enum status read_board(const char *folder, struct stereo_board *board)
+{
+    char path[1024];
+    struct json *root;
+    double columns = 0, rows = 0;
+    const char *pattern = "circles";
+    snprintf(path, sizeof path, "%s/board.json", folder);
+    enum status status = json_read(path, &root);
+    if (status == OK)
+        status = json_need_number(root, "columns", path, &columns);
+    if (status == OK)
+        status = json_need_number(root, "rows", path, &rows);
+    if (status == OK)
+        status = json_need_number(root, "pitch_m", path, &board->pitch_m);
+    if (status == OK) {
+        (void)json_get_string(json_member(root, "pattern"), &pattern);
+        if (strcmp(pattern, "circles"))
+            status = fail(ERR_INPUT, "%s: the pattern '%s' is not known; print circles", path, pattern);
+        else if (!(columns >= 3 && rows >= 3 && columns * rows <= STEREO_MOST_CIRCLES))
+            status = fail(ERR_INPUT, "%s: a board has 3 or more columns and rows, and at most %d circles", path,
+                          STEREO_MOST_CIRCLES);
+        else if (!(board->pitch_m > 1e-4 && board->pitch_m < 10))
+            status = fail(ERR_INPUT, "%s: pitch_m is the distance of two circles' centres in metres", path);
+        board->columns = (int)columns;
+        board->rows = (int)rows;
+    }
+    json_free(&root);
+    return status;
+}
+
+static int compare_names(const void *a, const void *b) { return strcmp(a, b); }
+
+static enum status list_pairs(const char *folder, char (*names)[MOST_NAME], int *count)
+{
+    char path[1024];
+    *count = 0;
+    snprintf(path, sizeof path, "%s/left", folder);
+    DIR *dir = opendir(path);
+    if (!dir)
+        return fail(ERR_MISSING, "%s is no folder; pairs lie in left/ and right/ under equal names", path);
+    for (struct dirent *entry; (entry = readdir(dir)) && *count < MOST_PAIRS;)
+        if (entry->d_name[0] != '.' && strlen(entry->d_name) < MOST_NAME)
+            strcpy(names[(*count)++], entry->d_name);
+    closedir(dir);
+    qsort(names, (size_t)*count, sizeof *names, compare_names);
+    return *count ? OK : fail(ERR_INPUT, "%s is empty", path);
+}
+
+struct sheet {
+    struct circle *circles; // of all pictures, one after the other
+    struct stereo_view *views;
+    int width, height;
+};
+
+static enum status find_in(const char *path, struct sheet *s, struct circle *out, int *count)
+{
+    struct image image;
+    enum status status = image_read(path, &image);
+    if (status != OK)
+        return status;
+    if (!s->width) {
+        s->width = image.width;
+        s->height = image.height;
+    }
+    const size_t pixels = (size_t)image.width * (size_t)image.height;
+    uint8_t *gray = malloc(pixels);
+    if (!gray)
+        status = fail(ERR_MEMORY, "%s: no memory", path);
+    else if (image.width != s->width || image.height != s->height)
+        status = fail(ERR_INPUT, "%s has another size than the pictures before it", path);
+    if (status == OK) {
+        image_gray(image.rgb, pixels, gray);
+        status = stereo_circles_find(gray, image.width, image.height, out, count);
+    }
+    free(gray);
+    free(image.rgb);
+    return status;
+}
+
+static enum status find_all(const char *folder, char (*names)[MOST_NAME], int count, struct sheet *s)
+{
+    static const char *const sides[2] = {"left", "right"};
+    char path[1280];
+    enum status status = OK;
+    for (int i = 0; i < count && status == OK; i++)
+        for (int side = 0; side < 2 && status == OK; side++) {
+            struct circle *at = s->circles + (size_t)(2 * i + side) * STEREO_MOST_CIRCLES;
+            snprintf(path, sizeof path, "%s/%s/%s", folder, sides[side], names[i]);
+            s->views[i].circles[side] = at;
+            status = find_in(path, s, at, &s->views[i].count[side]);
+        }
+    return status;
+}
+
+enum status stereo_calibrate_folder(const char *folder, struct stereo_rig *rig, struct stereo_report *report,
+                                    int *pairs)
+{
+    struct stereo_board board;
+    struct sheet s = {0};
+    char(*names)[MOST_NAME] = malloc(MOST_PAIRS * sizeof *names);
+    if (!names)
+        return fail(ERR_MEMORY, "no memory to list %s", folder);
+    enum status status = read_board(folder, &board);
+    if (status == OK)
+        status = list_pairs(folder, names, pairs);
+    if (status == OK) {
+        s.circles = malloc((size_t)*pairs * 2 * STEREO_MOST_CIRCLES * sizeof *s.circles);
+        s.views = calloc((size_t)*pairs, sizeof *s.views);
+        if (!s.circles || !s.views)
+            status = fail(ERR_MEMORY, "no memory for %d pairs of pictures", *pairs);
+    }
+    if (status == OK)
+        status = find_all(folder, names, *pairs, &s);
+    if (status == OK)
+        status = stereo_calibrate(&board, s.views, *pairs, s.width, s.height, rig, report);
+    free(s.circles);
+    free(s.views);
+    free(names);
+    return status;
+}
+
+static bool read_matrix(const struct json *rows, int n, double *out)
+{
+    if (!json_is_array(rows) || json_count(rows) != n)
+        return false;
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++)
+            if (json_count(json_at(rows, y)) != n || !json_get_number(json_at(json_at(rows, y), x), &out[y * n + x]))
+                return false;
+    return true;
+}
+
+static enum status read_lens(const struct json *root, const char *side, const char *path, struct lens *l)
+{
+    const struct json *camera = json_member(root, side), *distortion = json_member(camera, "distortion");
+    double k[9], d[5] = {0}, width = 640, height = 480;
+    (void)json_get_number(json_member(root, "width"), &width);
+    (void)json_get_number(json_member(root, "height"), &height);
+    bool good = read_matrix(json_member(camera, "K"), 3, k) && json_count(distortion) <= 5 && width >= 16 &&
+                height >= 16 && width < 1e5 && height < 1e5;
+    for (int i = 0; good && i < json_count(distortion); i++)
+        good = json_get_number(json_at(distortion, i), &d[i]);
+    if (!good)
+        return fail(ERR_INPUT,
+                    "%s: \"%s\" needs \"K\", three rows of three numbers, and \"distortion\", k1 k2 p1 p2 k3", path,
+                    side);
+    *l = (struct lens){.width = (int)width,
+                       .height = (int)height,
+                       .fx = k[0],
+                       .fy = k[4],
+                       .cx = k[2],
+                       .cy = k[5],
+                       .k1 = d[0],
+                       .k2 = d[1],
+                       .p1 = d[2],
+                       .p2 = d[3],
+                       .k3 = d[4]};
+    return lens_check(l, side);
+}
+
+enum status stereo_rig_read(const char *path, struct stereo_rig *rig)
+{
+    struct json *root;
+    double m[16];
+    enum status status = json_read(path, &root);
+    if (status == OK)
+        status = read_lens(root, "left", path, &rig->left);
+    if (status == OK)
+        status = read_lens(root, "right", path, &rig->right);
+    if (status == OK && !read_matrix(json_member(root, "left_from_right"), 4, m))
+        status = fail(ERR_INPUT, "%s: \"left_from_right\" needs four rows of four numbers", path);
+    if (status == OK) {
+        double r[3][3] = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}};
+        rig->left_from_right = (struct pose){quat_from_matrix(r), v3(m[3], m[7], m[11])};
+        const struct vec3 x = v3(m[0], m[4], m[8]), y = v3(m[1], m[5], m[9]), z = v3(m[2], m[6], m[10]);
+        if (!pose_finite(rig->left_from_right) || fabs(v3_dot(v3_cross(x, y), z) - 1) > 1e-3 ||
+            fabs(v3_dot(x, y)) + fabs(v3_dot(y, z)) + fabs(v3_dot(z, x)) > 1e-3)
+            status = fail(ERR_INPUT, "%s: \"left_from_right\" is no rotation with a shift", path);
+    }
+    json_free(&root);
+    return status;
+}
+
+static void add_row(struct json *rows, const double *values, int n)
+{
+    struct json *row = json_add_array(rows, NULL);
+    for (int i = 0; i < n; i++)
+        json_push_number(row, values[i]);
+}
+
+static void add_lens(struct json *root, const char *side, const struct lens *l)
+{
+    struct json *camera = json_add_object(root, side), *k = json_add_array(camera, "K");
+    add_row(k, (double[]){l->fx, 0, l->cx}, 3);
+    add_row(k, (double[]){0, l->fy, l->cy}, 3);
+    add_row(k, (double[]){0, 0, 1}, 3);
+    struct json *distortion = json_add_array(camera, "distortion");
+    const double d[5] = {l->k1, l->k2, l->p1, l->p2, l->k3};
+    for (int i = 0; i < 5; i++)
+        json_push_number(distortion, d[i]);
+}
+
+char *stereo_rig_print(const struct stereo_rig *rig)
+{
+    struct json *root = json_new_object();
+    double m[3][3];
+    add_lens(root, "left", &rig->left);
+    add_lens(root, "right", &rig->right);
+    struct json *rows = json_add_array(root, "left_from_right");
+    quat_to_matrix(rig->left_from_right.rotation, m);
+    const double t[3] = {rig->left_from_right.translation.x, rig->left_from_right.translation.y,
+                         rig->left_from_right.translation.z};
+    for (int y = 0; y < 3; y++)
+        add_row(rows, (double[]){m[y][0], m[y][1], m[y][2], t[y]}, 4);
+    add_row(rows, (double[]){0, 0, 0, 1}, 4);
+    json_add_number(root, "width", rig->left.width);
+    json_add_number(root, "height", rig->left.height);
+    char *text = json_print(root);
+    json_free(&root);
+    return text;
+}
