@@ -237,8 +237,8 @@ static void warn_side(const char *program, const struct mapper_report *r)
     if (r->all_wrong_side)
         fprintf(stderr,
                 "%s: warning: by the sensor's depth most tags are not as wide as the list says: tag %d looks "
-                "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map again, else "
-                "the place has the wrong scale\n",
+                "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
+                "again, else the place may have the wrong scale\n",
                 program, (int)r->first_wrong, r->measured_m, r->listed_side_m);
     else
         fprintf(stderr,

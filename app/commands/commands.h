@@ -14,6 +14,8 @@ int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
 int capture_calibrate(int argc, char **argv);
+int capture_calibrate_board(int argc, char **argv);
+int capture_calibrate_camera(int argc, char **argv);
 int capture_calibrate_stereo(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);

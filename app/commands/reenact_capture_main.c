@@ -15,7 +15,7 @@ int main(int argc, char **argv)
         {"take", "rename, delete, trim or copy a take, or keep a note on it", capture_take},
         {"library", "list the takes of all recordings in a folder", capture_library},
         {"export", "write a take's joints for other programs", capture_export},
-        {"calibrate", "measure the lenses of two cameras and the pose between them", capture_calibrate},
+        {"calibrate", "a lens, colour to depth, a rolling shutter, two cameras", capture_calibrate},
     };
     return command_main("reenact-capture films a person with one depth camera.", commands, COUNT_OF(commands), NULL,
                         argc, argv);

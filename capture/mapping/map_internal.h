@@ -76,6 +76,7 @@ struct map {
     int32_t fixed_frame; // the frame that fixes the gauge; -1: tags or held landmarks do
     bool has_prior;      // the sweep adds to a place, whose tags and landmarks are constant
     bool has_depth;      // at least one frame has
+    bool list_is_wrong;  // most tags' sides are, by the depth
     double depth_scale;  // true depth = the sensor's depth times this
     double rms_px, rms_m;
 };

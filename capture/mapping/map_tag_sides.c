@@ -134,6 +134,7 @@ void map_check_tag_sides(struct map *m)
     const double ratio = common_ratio(m);
     const bool list_is_wrong = fabs(ratio - 1) > WRONG_SHARE;
     const double scale = list_is_wrong ? 1 : ratio;
+    m->list_is_wrong = list_is_wrong;
     for (int32_t t = 0; t < m->tag_count; t++) {
         struct map_tag *tag = &m->tags[t];
         const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1),

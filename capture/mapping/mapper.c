@@ -265,8 +265,6 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
             r->listed_side_m = tag->side_m;
             r->measured_m = tag->measured_side_m;
         }
-        if (tag && tag->wrong && tag->mapped)
-            r->all_wrong_side = true;
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->frames_with_tag[id] && r->tags_unseen++ == 0)
@@ -276,6 +274,7 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
         else if (!tag && m->frames_with_tag[id] > 1 && r->tags_unlisted++ == 0)
             r->first_unlisted = id;
     }
+    r->all_wrong_side = m->map.list_is_wrong;
     r->frames_seen = m->frames_seen;
     r->frames = m->map.frame_count;
     for (int32_t i = 0; i < m->map.frame_count; i++)

@@ -84,7 +84,8 @@ struct mapper_report {
     int32_t tags_wrong_side;
     int32_t first_wrong;              // the lowest id of them
     double listed_side_m, measured_m; // of that one
-    bool all_wrong_side; // or most, often by the same factor, as when the printer scaled them: the place is wrong by it
+    bool all_wrong_side; // most are, often by one factor, as when the printer scaled them: nothing of the list is left
+                         // out
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest landmark. With `prior`: true
 };
 

@@ -349,6 +349,8 @@ static void test_wrong_sides_are_named(void **state)
     for (int32_t i = 0; i < r.tag_count; i++) // a printer that fitted the page
         r.tags[i].side_m *= 0.9;
     struct mapping_result m = map_room(&r, r.tag_count, 1, 1);
+    printf("all listed too small: %d wrong, %d tags mapped, looks %.4f m, listed %.4f m\n",
+           (int)m.report.tags_wrong_side, (int)m.place.tag_count, m.report.measured_m, m.report.listed_side_m);
     EXPECT_TRUE(m.report.all_wrong_side);
     EXPECT_NEAR(m.report.measured_m / m.report.listed_side_m, 1 / 0.9, 0.03);
     place_free(&m.place);
