@@ -60,7 +60,9 @@ void coverage_figure_draw(const struct brush *b, const struct coverage *c, struc
     for (int side = 0; side < 4; side++) {
         const struct ui_box one = {box.x + side * w, box.y, w, box.h - 24};
         draw_one(b, c, (enum coverage_side)side, inner(one, 2));
-        label_centred(b, FACE_SMALL, (struct ui_box){one.x, box.y + box.h - 24, w, 24}, b->theme->quiet, names[side]);
+        const double foot = one.y + one.h / 2 + fmin(one.w - 4, (one.h - 4) / 2); // of the figure, in the box's middle
+        label_centred(b, FACE_SMALL, (struct ui_box){one.x, fmin(foot, one.y + one.h), w, 24}, b->theme->quiet,
+                      names[side]);
     }
 }
 

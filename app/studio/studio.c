@@ -181,15 +181,29 @@ static void take_news(struct studio *s, int64_t now_ns)
         s->takes_ready = s->shown.takes_ready;
         studio_take_ready(state, now_ns);
     }
-    if (s->shown.doing == STUDIO_DOING_FAILED && state->page != STUDIO_REVIEW && state->page != STUDIO_RENAME &&
-        state->page != STUDIO_PLAYBACK && state->page != STUDIO_TROUBLE)
-        studio_fail(state, s->shown.failure, now_ns);
+}
+
+// A sensor that failed: said at once, but for a take that is still to be kept or discarded, after that.
+static void check_sensor(struct studio *s, int64_t now_ns)
+{
+    switch (s->state.page) {
+    case STUDIO_OPENING:
+    case STUDIO_LIVE:
+    case STUDIO_COUNTDOWN:
+    case STUDIO_RECORDING:
+    case STUDIO_FINISHING:
+        if (s->session && s->shown.doing == STUDIO_DOING_FAILED)
+            studio_fail(&s->state, s->shown.failure, now_ns);
+        break;
+    default: break;
+    }
 }
 
 int64_t studio_update(struct studio *s, int64_t now_ns)
 {
     enum studio_command command;
     take_news(s, now_ns);
+    check_sensor(s, now_ns);
     int64_t next_ns = studio_tick(&s->state, now_ns);
     while (studio_take_command(&s->state, &command))
         if (run_command(s, command, now_ns) != OK)

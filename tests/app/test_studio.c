@@ -9,7 +9,9 @@
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 #include "platform/png.h"
+#include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
+#include "tests/support/process.h"
 #include "tests/support/test.h"
 
 #include <stdio.h>
@@ -213,11 +215,10 @@ static void record_a_take(struct stage *g)
     EXPECT_INT(g->studio.state.page, STUDIO_RECORDING);
 }
 
-static void film_takes(struct stage *g)
+static void film_takes(struct stage *g, const char *uri)
 {
-    char file[300], uri[300];
+    char file[300];
     snprintf(file, sizeof file, "%s", scratch_file(&g->scratch, "film.reenact"));
-    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g->scratch, "sensor"));
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
     stage_size(g, 1280, 800);
     const struct studio_options options = {.file = file, .sensor = uri, .refresh_hz = 60};
@@ -285,12 +286,37 @@ static void film_world(struct stage *g, double scale, int frames)
     world_close(&world);
 }
 
+static const char *folder_of(const struct stage *g)
+{
+    static char uri[300];
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g->scratch, "sensor"));
+    return uri;
+}
+
 static void test_takes_of_a_film(void **state)
 {
     (void)state;
     static struct stage g;
     film_world(&g, 0.25, 45);
-    film_takes(&g);
+    film_takes(&g, folder_of(&g));
+    stage_close(&g);
+}
+
+// The same through OpenNI2 and its driver for recordings.
+static void test_takes_through_openni(void **state)
+{
+    (void)state;
+    static struct stage g;
+    char oni[300], uri[320];
+    keep_player();
+    film_world(&g, 0.25, 45);
+    snprintf(oni, sizeof oni, "%s", scratch_file(&g.scratch, "film.oni"));
+    snprintf(uri, sizeof uri, "oni:%s", oni);
+    const struct process_result said = PROCESS(MAKE_ONI, "--from", scratch_file(&g.scratch, "sensor"), "--out", oni);
+    if (said.exit_code)
+        print_error("%s", said.err);
+    EXPECT_INT(said.exit_code, 0);
+    film_takes(&g, uri);
     stage_close(&g);
 }
 
@@ -319,15 +345,14 @@ int main(int argc, char **argv)
         static struct stage g;
         g.folder = argv[1];
         film_world(&g, 0.75, 75);
-        film_takes(&g);
+        film_takes(&g, folder_of(&g));
         stage_close(&g);
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_from_sensor_to_kept),
-        cmocka_unit_test(test_takes_are_discarded_and_made_again),
-        cmocka_unit_test(test_a_missing_sensor_is_said),
-        cmocka_unit_test(test_takes_of_a_film),
+        cmocka_unit_test(test_from_sensor_to_kept),      cmocka_unit_test(test_takes_are_discarded_and_made_again),
+        cmocka_unit_test(test_a_missing_sensor_is_said), cmocka_unit_test(test_takes_of_a_film),
+        cmocka_unit_test(test_takes_through_openni),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
