@@ -30,7 +30,7 @@ static enum status open_recording(struct viewer *v)
         return status;
     status = recording_read_place(v->recording, &v->place);
     v->has_place = status == OK && v->place.tag_count + v->place.point_count > 0;
-    return status < 0 ? status : OK;
+    return status < 0 && status != ERR_CORRUPT ? status : OK; // a take can be watched without its place
 }
 
 static void choose_first_take(struct viewer *v, int64_t now_ns)

@@ -13,8 +13,13 @@ struct vec3 v3_perpendicular(struct vec3 a)
 struct quat quat_unit(struct quat q)
 {
     double n = sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-    if (!(n > 1e-300))
-        return (struct quat){0, 0, 0, 1};
+    if (!(n > 1e-150 && n < 1e150)) { // the squares may have left the range of a double
+        double largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));
+        if (largest == 0 && !isnan(n))
+            return (struct quat){0, 0, 0, 1};
+        q = (struct quat){q.x / largest, q.y / largest, q.z / largest, q.w / largest};
+        n = sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    }
     return (struct quat){q.x / n, q.y / n, q.z / n, q.w / n};
 }
 
@@ -82,12 +87,18 @@ struct quat quat_between(struct vec3 a, struct vec3 b)
     double d = v3_dot(ua, ub);
     if (v3_dot(ua, ua) == 0 || v3_dot(ub, ub) == 0)
         return (struct quat){0, 0, 0, 1};
-    if (d < -1 + 1e-12) { // opposite: any half turn about a perpendicular axis
-        struct vec3 axis = v3_perpendicular(ua);
-        return (struct quat){axis.x, axis.y, axis.z, 0};
-    }
     struct vec3 c = v3_cross(ua, ub);
-    return quat_unit((struct quat){c.x, c.y, c.z, 1 + d});
+    double w = 1 + d;
+    if (d < -0.9999) { // 1 + d is only rounding here: |ua + ub|^2 / 2 is the same, of a sum that is nearly exact
+        struct vec3 sum = v3_add(ua, ub);
+        w = v3_dot(sum, sum) / 2;
+        c = v3_cross(ua, sum);
+        if (w < 1e-30) { // opposite: any half turn about a perpendicular axis
+            struct vec3 axis = v3_perpendicular(ua);
+            return (struct quat){axis.x, axis.y, axis.z, 0};
+        }
+    }
+    return quat_unit((struct quat){c.x, c.y, c.z, w});
 }
 
 struct quat quat_slerp(struct quat a, struct quat b, double t)

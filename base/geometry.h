@@ -4,7 +4,7 @@
 //     p_a = rotate(a_from_b.rotation, p_b) + a_from_b.translation
 // Rotations are unit quaternions (w last, as TUM files write them); no Euler
 // angles anywhere. All functions are pure and total: no allocation, no state;
-// a zero-length vector normalises to zero, never to NaN.
+// a zero-length vector normalises to zero, never to NaN. NaN in gives NaN out.
 #pragma once
 #include "base/status.h"
 
@@ -55,7 +55,7 @@ static inline struct vec3 v3_unit(struct vec3 a)
 // Some unit vector perpendicular to `a`; for the zero vector, the x axis.
 struct vec3 v3_perpendicular(struct vec3 a);
 
-struct quat quat_unit(struct quat q);                    // zero becomes the identity
+struct quat quat_unit(struct quat q);                    // zero becomes the identity; NaN stays NaN
 struct quat quat_multiply(struct quat a, struct quat b); // first b, then a
 static inline struct vec3 quat_rotate(struct quat q, struct vec3 v)
 {

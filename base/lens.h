@@ -21,13 +21,9 @@ struct lens {
 // The largest readout_s that is accepted: longer than that of any known camera.
 #define LENS_MAX_READOUT_S 0.2
 
-// What lens_check accepts, chosen by hand far outside of what is built: focal lengths in longer sides of the picture
-// (fields of view from 157 to 0.6 degrees), and how far the distortion moves a pixel halfway to the corners, in parts of
-// its distance from the centre.
-#define LENS_MIN_FOCAL      0.1
-#define LENS_MAX_FOCAL      100.0
-#define LENS_MIN_RADIAL     0.2
-#define LENS_MAX_TANGENTIAL 1.0
+// Bounds of what is accepted, far beyond any camera's: a focal length from 1 pixel, and nothing beyond a million.
+#define LENS_MIN_FOCAL_PX 1.0
+#define LENS_MAX_PX       1e6
 
 struct pixel {
     double x, y;
@@ -60,6 +56,7 @@ struct pixel lens_project_clamped(const struct lens *lens, double largest_r2, st
 // The point with z = 1 that projects to `px`; the distortion is inverted by Newton's method to 1e-10.
 struct vec3 lens_ray(const struct lens *lens, struct pixel px);
 
-// ERR_INPUT with a sentence when a number is missing, not finite or out of range.
+// ERR_INPUT with a sentence when a number is missing, not finite or out of range, or where the distortion cannot be
+// inverted within the image.
 // `what` names the lens in the sentence ("color" of calibration.json).
 MUST_CHECK enum status lens_check(const struct lens *lens, const char *what);

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+static const double PIVOT_ROUNDING = 0x1p-53;
+
 // Entry (i, j) of A less what the columns before j account for.
 static double remaining(const double *a, int n, int i, int j)
 {
@@ -17,8 +19,9 @@ bool cholesky_factor(double *a, int n)
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
             a[i * n + j] = remaining(a, n, i, j) / a[j * n + j];
+        // What is left of the diagonal element, but for the rounding of the subtractions.
         const double pivot = remaining(a, n, i, i);
-        if (!(pivot > 0 && isfinite(pivot)))
+        if (!(pivot > PIVOT_ROUNDING * n * a[i * n + i] && isfinite(pivot)))
             return false;
         a[i * n + i] = sqrt(pivot);
     }

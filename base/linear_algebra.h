@@ -6,8 +6,8 @@
 
 enum { LINEAR_MAX = 16 }; // the largest n of the functions that keep a copy: marginal_information, invert_symmetric
 
-// A = L L'. Reads and writes the lower triangle only, which becomes L. False: A is not positive definite or not finite;
-// the triangle is then undefined.
+// A = L L'. Reads and writes the lower triangle only, which becomes L. False: A is not positive definite (a pivot is no
+// more than rounding leaves of it) or not finite; the triangle is then undefined.
 bool cholesky_factor(double *a, int n);
 
 // The same for a matrix that is positive semidefinite but for rounding: a pivot below min_pivot is set to it.

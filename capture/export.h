@@ -1,12 +1,45 @@
-// Export of a take's joints for other programs: CSV, and BVH (Biovision hierarchy). Pure but for the file written.
+// Export of a take, and of a place, for other programs: joints as CSV, motion as BVH (Biovision hierarchy), points as
+// PLY (Stanford polygon format, binary, little-endian, metres), the sensor's film as MP4, everything as a TUM folder.
+//
+// What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/output.h) and
+// finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
 #pragma once
+#include "base/progress.h"
 #include "capture/recording/recording.h"
 
-// CSV: timestamp,joint,x_m,y_m,z_m,confidence,sigma_m; seconds, the colour camera's axes; sigma_m: standard deviation
-// per axis, empty where not known. Frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status export_joints_csv(const struct take *take, const char *path);
+#include <stdio.h>
 
-// BVH, y up, centimetres: bones of the take's median lengths, rotated frame by
-// frame; frames without a person left out. In the world's axes where the sensor
-// was located, else in the camera's. Written whole or not at all. ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status export_bvh(const struct take *take, const char *path);
+enum export_axes {
+    EXPORT_SENSOR, // the colour camera's: x right, y down, z forward
+    EXPORT_ROOM,   // the place's: z up from the floor
+};
+
+// CSV: timestamp,joint,x_m,y_m,z_m,confidence,sigma_m; seconds; sigma_m: standard deviation per axis, empty where not
+// known. Frames without a person are left out, in the room's axes also those whose sensor pose was not measured.
+// ERR_INPUT: the room's axes, and no frame has a measured sensor pose.
+MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_axes axes, FILE *out);
+
+// BVH, y up, centimetres; frames without a person are left out. In the world's axes where the sensor was located, else
+// in the camera's. Joints that keep their place in their parent's axes over the take (elbows, hands, knees, feet) have
+// three channels, rotations; others six: a position that replaces the OFFSET, as Blender reads it, so that every known
+// joint is where the CSV has it.
+MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
+
+// A frame's depth samples as coloured points, in the world's axes where the sensor was located, else in the camera's.
+// actor: only those of the actor's mask. NOTHING: the frame has no such samples.
+MUST_CHECK enum status export_points_ply(struct take *take, int64_t frame, bool actor, FILE *out);
+
+// A place in its world's axes: its views' depth samples (every fourth pixel of every fourth row) and landmarks as
+// points, tags as squares. NOTHING: the place is empty.
+MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);
+
+// The colour images as H.264 in MP4, with the take's own times. out must be at its beginning; seekable: whether it can
+// be rewound, else the film is fragmented. NOTHING: the watch said to stop. ERR_INPUT: the take has no colour, or this
+// program was built without FFmpeg's libraries.
+MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch);
+
+// A TUM RGB-D folder that platform/folder.c reads: rgb/, depth/ and mask/ with their lists, calibration.json,
+// trajectory.txt (world_from_camera of frames whose sensor was located) and joints.csv. Colour images are the sensor's
+// own bytes. Written as `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop;
+// nothing remains then, nor after an error.
+MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch);

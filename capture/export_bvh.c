@@ -1,17 +1,17 @@
-// BVH, the motion format of animation programs: a hierarchy of bones with fixed
-// offsets and, for each frame, the root's position and every joint's rotation.
+// BVH, the motion format of animation programs: a hierarchy of bones with offsets and, for each frame, the root's
+// position, every joint's rotation and, of joints that move in their parent's axes, their position.
 #include "capture/export.h"
+
 #include "base/portable_math.h"
-
 #include "capture/median.h"
-#include "platform/file.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 
 // BVH has y up and is usually in centimetres.
 static const double CM = 100;
 static const double DEG = 57.29577951308232;
+// A joint that leaves its place in its parent's axes by more than this at any time has position channels.
+static const double RIGID_M = 2e-4;
 
 enum { NO_PARENT = -1 };
 
@@ -46,47 +46,6 @@ static struct skeleton y_up_skeleton(const struct take_entry *entry)
 static bool usable(const struct skeleton *s, int bone)
 {
     return s->confidence[bones[bone].joint] > 0 && v3_finite(s->joint[bones[bone].joint]);
-}
-
-// The median length of every bone over the take, metres; 0 where it was not known in any frame.
-static enum status bone_lengths(const struct take *take, double length[BONES])
-{
-    int64_t frames = take_frame_count(take);
-    double *seen = malloc(sizeof *seen * (size_t)(frames ? frames : 1));
-    if (!seen)
-        return fail(ERR_MEMORY, "no memory to export the motion");
-    for (int b = 0; b < BONES; b++) {
-        int64_t count = 0;
-        for (int64_t i = 0; i < frames && bones[b].parent != NO_PARENT; i++) {
-            const struct take_entry *e = take_entry(take, i);
-            if (e->has_skeleton && usable(&e->skeleton, b) && usable(&e->skeleton, bones[b].parent))
-                seen[count++] =
-                    v3_distance(e->skeleton.joint[bones[b].joint], e->skeleton.joint[bones[bones[b].parent].joint]);
-        }
-        length[b] = median_of(seen, (size_t)count);
-    }
-    free(seen);
-    return OK;
-}
-
-static void print_hierarchy(FILE *out, const double length[BONES], int bone, int depth)
-{
-    struct vec3 offset = v3_scale(v3_unit(bind_direction[bone]), CM * length[bone]);
-    bool root = bones[bone].parent == NO_PARENT, leaf = true;
-    fprintf(out, "%*s%s %s\n%*s{\n", 2 * depth, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), 2 * depth,
-            "");
-    fprintf(out, "%*sOFFSET %.4f %.4f %.4f\n", 2 * depth + 2, "", offset.x, offset.y, offset.z);
-    fprintf(out, "%*sCHANNELS %s Zrotation Xrotation Yrotation\n", 2 * depth + 2, "",
-            root ? "6 Xposition Yposition Zposition" : "3");
-    for (int child = bone + 1; child < BONES; child++)
-        if (bones[child].parent == bone) {
-            print_hierarchy(out, length, child, depth + 1);
-            leaf = false;
-        }
-    if (leaf)
-        fprintf(out, "%*sEnd Site\n%*s{\n%*sOFFSET 0 0 0\n%*s}\n", 2 * depth + 2, "", 2 * depth + 2, "", 2 * depth + 4,
-                "", 2 * depth + 2, "");
-    fprintf(out, "%*s}\n", 2 * depth, "");
 }
 
 // The rotation of the whole body: x across the pelvis, y up the spine. `before` where it is not known.
@@ -125,6 +84,114 @@ static void world_rotations(const struct skeleton *s, struct quat before_root, s
     }
 }
 
+// One exported frame.
+struct motion_frame {
+    struct vec3 root;            // of the root, metres
+    struct quat rotation[BONES]; // with respect to the world
+    struct vec3 at[BONES];       // in the parent's axes, metres
+    bool known[BONES];           // both ends of the bone are
+};
+
+struct motion {
+    struct motion_frame *frames;
+    int64_t count;
+    double frame_s;
+    struct vec3 offset[BONES]; // the median of `at`, metres
+    bool moves[BONES];         // has position channels
+};
+
+static enum status motion_open(struct motion *m, const struct take *take)
+{
+    int64_t frames = take_frame_count(take), first = -1, last = -1;
+    struct quat root = {0, 0, 0, 1};
+    *m = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *m->frames)};
+    if (!m->frames)
+        return fail(ERR_MEMORY, "no memory to export the motion");
+    for (int64_t i = 0; i < frames; i++) {
+        const struct take_entry *entry = take_entry(take, i);
+        if (!entry->has_skeleton)
+            continue;
+        struct motion_frame *f = &m->frames[m->count++];
+        const struct skeleton s = y_up_skeleton(entry);
+        world_rotations(&s, root, f->rotation);
+        root = f->rotation[0];
+        f->root = usable(&s, 0) ? s.joint[JOINT_WAIST] : v3(0, 0, 0);
+        for (int b = 1; b < BONES; b++) {
+            const int parent = bones[b].parent;
+            f->known[b] = usable(&s, b) && usable(&s, parent);
+            const struct vec3 bone = v3_sub(s.joint[bones[b].joint], s.joint[bones[parent].joint]);
+            if (f->known[b])
+                f->at[b] = quat_rotate(quat_conjugate(f->rotation[parent]), bone);
+        }
+        first = first < 0 ? i : first;
+        last = i;
+    }
+    const double seconds =
+        m->count > 1 ? (double)(take_entry(take, last)->time_ns - take_entry(take, first)->time_ns) / 1e9 : 0;
+    m->frame_s = m->count > 1 ? seconds / (double)(m->count - 1) : 1.0 / 30;
+    return OK;
+}
+
+// The median place of every joint in its parent's axes, and whether it leaves that.
+static enum status find_offsets(struct motion *m)
+{
+    double *seen = malloc(sizeof *seen * (size_t)(m->count ? m->count : 1));
+    if (!seen)
+        return fail(ERR_MEMORY, "no memory to export the motion");
+    for (int b = 1; b < BONES; b++) {
+        double median[3];
+        for (int axis = 0; axis < 3; axis++) {
+            size_t count = 0;
+            for (int64_t i = 0; i < m->count; i++)
+                if (m->frames[i].known[b])
+                    seen[count++] = (&m->frames[i].at[b].x)[axis];
+            median[axis] = median_of(seen, count);
+        }
+        m->offset[b] = v3(median[0], median[1], median[2]);
+        for (int64_t i = 0; i < m->count; i++)
+            m->moves[b] |= m->frames[i].known[b] && v3_distance(m->frames[i].at[b], m->offset[b]) > RIGID_M;
+    }
+    free(seen);
+    return OK;
+}
+
+// Where a bone without a child ends, in the joint's axes, metres: a hand's, foot's and head's usual length.
+static struct vec3 end_site(enum joint joint)
+{
+    if (joint == JOINT_HEAD)
+        return v3(0, 0.12, 0);
+    if (joint == JOINT_LEFT_FOOT || joint == JOINT_RIGHT_FOOT)
+        return v3(0, -0.06, 0.15);
+    return v3(joint == JOINT_LEFT_HAND ? 0.1 : -0.1, 0, 0);
+}
+
+static void print_offset(FILE *out, int indent, struct vec3 metres)
+{
+    fprintf(out, "%*sOFFSET %.5f %.5f %.5f\n", indent, "", CM * metres.x, CM * metres.y, CM * metres.z);
+}
+
+static void print_hierarchy(FILE *out, const struct motion *m, int bone, int depth)
+{
+    const bool root = bones[bone].parent == NO_PARENT, six = root || m->moves[bone];
+    const int indent = 2 * depth;
+    bool leaf = true;
+    fprintf(out, "%*s%s %s\n%*s{\n", indent, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), indent, "");
+    print_offset(out, indent + 2, m->offset[bone]);
+    fprintf(out, "%*sCHANNELS %s Zrotation Xrotation Yrotation\n", indent + 2, "",
+            six ? "6 Xposition Yposition Zposition" : "3");
+    for (int child = bone + 1; child < BONES; child++)
+        if (bones[child].parent == bone) {
+            print_hierarchy(out, m, child, depth + 1);
+            leaf = false;
+        }
+    if (leaf) {
+        fprintf(out, "%*sEnd Site\n%*s{\n", indent + 2, "", indent + 2, "");
+        print_offset(out, indent + 4, end_site(bones[bone].joint));
+        fprintf(out, "%*s}\n", indent + 2, "");
+    }
+    fprintf(out, "%*s}\n", indent, "");
+}
+
 // Euler angles, degrees, about z, then x, then y, the order of CHANNELS.
 static void print_rotation(FILE *out, struct quat q)
 {
@@ -137,56 +204,36 @@ static void print_rotation(FILE *out, struct quat q)
     fprintf(out, " %.4f %.4f %.4f", z * DEG, x * DEG, y * DEG);
 }
 
-static void print_motion(FILE *out, const struct take *take)
+// The channels' values, depth first: the order in which print_hierarchy prints the joints, which is the table's.
+static void print_motion(FILE *out, const struct motion *m)
 {
-    int64_t frames = 0, first = -1, last = -1;
-    for (int64_t i = 0; i < take_frame_count(take); i++)
-        if (take_entry(take, i)->has_skeleton) {
-            first = first < 0 ? i : first;
-            last = i;
-            frames++;
+    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)m->count, m->frame_s);
+    for (int64_t i = 0; i < m->count; i++) {
+        const struct motion_frame *f = &m->frames[i];
+        for (int b = 0; b < BONES; b++) {
+            const int parent = bones[b].parent;
+            const struct vec3 at = parent == NO_PARENT ? f->root : f->known[b] ? f->at[b] : m->offset[b];
+            if (parent == NO_PARENT || m->moves[b])
+                fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
+            print_rotation(out, parent == NO_PARENT
+                                    ? f->rotation[b]
+                                    : quat_multiply(quat_conjugate(f->rotation[parent]), f->rotation[b]));
         }
-    double seconds =
-        frames > 1 ? (double)(take_entry(take, last)->time_ns - take_entry(take, first)->time_ns) / 1e9 : 0;
-    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)frames,
-            frames > 1 ? seconds / (double)(frames - 1) : 1.0 / 30);
-    struct quat root = {0, 0, 0, 1};
-    for (int64_t i = 0; i < take_frame_count(take); i++) {
-        const struct take_entry *entry = take_entry(take, i);
-        if (!entry->has_skeleton)
-            continue;
-        struct skeleton s = y_up_skeleton(entry);
-        struct quat rotation[BONES];
-        world_rotations(&s, root, rotation);
-        root = rotation[0];
-        struct vec3 at = s.confidence[JOINT_WAIST] > 0 ? v3_scale(s.joint[JOINT_WAIST], CM) : v3(0, 0, 0);
-        fprintf(out, "%.4f %.4f %.4f", at.x, at.y, at.z);
-        // depth first, the order in which print_hierarchy prints the joints, which is the table's order
-        for (int b = 0; b < BONES; b++)
-            print_rotation(out, bones[b].parent == NO_PARENT
-                                    ? rotation[b]
-                                    : quat_multiply(quat_conjugate(rotation[bones[b].parent]), rotation[b]));
         fputc('\n', out);
     }
 }
 
-enum status export_bvh(const struct take *take, const char *path)
+enum status export_bvh(const struct take *take, FILE *out)
 {
-    double length[BONES];
-    enum status status = bone_lengths(take, length);
-    if (status != OK)
-        return status;
-    char *text = NULL;
-    size_t size = 0;
-    FILE *out = open_memstream(&text, &size);
-    if (!out)
-        return fail(ERR_MEMORY, "no memory to export the motion");
-    fputs("HIERARCHY\n", out);
-    print_hierarchy(out, length, 0, 0);
-    print_motion(out, take);
-    bool written = !ferror(out);
-    written = fclose(out) == 0 && written;
-    status = written ? file_write(path, text, size) : fail(ERR_MEMORY, "no memory to export the motion");
-    free(text);
+    struct motion motion;
+    enum status status = motion_open(&motion, take);
+    if (status == OK)
+        status = find_offsets(&motion);
+    if (status == OK) {
+        fputs("HIERARCHY\n", out);
+        print_hierarchy(out, &motion, 0, 0);
+        print_motion(out, &motion);
+    }
+    free(motion.frames);
     return status;
 }

@@ -54,8 +54,8 @@ struct recorder {
     struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
 
     // used by the caller's thread only
-    int64_t committed_before, written_before; // by earlier takes of the writer
-    int64_t state_ns;                         // when the state was last reported
+    int64_t synced_before, written_before; // by earlier takes of the writer
+    int64_t state_ns;                      // when the state was last reported
 
     // used by the looking thread only, until it is joined
     struct pose_network *network;
@@ -350,9 +350,9 @@ static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_re
     struct queue *first = r->to_look ? r->to_look : r->to_process;
     while (!r->live && !queue_is_stopped(first)) {
         const struct recording_counters c = recording_writer_count(r->writer);
-        const int64_t on_the_way = frames_read - c.committed_frames + r->committed_before;
-        if (on_the_way < (c.committed_frames > r->committed_before ? 2 : SENSOR_POSE_WARM_UP + 2) ||
-            (c.committed_ns != INT64_MIN && time_ns - c.committed_ns < FILM_AT_RISK_NS))
+        const int64_t kept = c.synced_frames - r->synced_before;
+        if (frames_read - kept < (kept > 0 ? 2 : SENSOR_POSE_WARM_UP + 2) ||
+            (kept > 0 && time_ns - c.synced_ns < FILM_AT_RISK_NS))
             return;
         clock_sleep_until_ns(clock_now_ns() + 1000000);
     }
@@ -621,7 +621,7 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
                          .live = source_is_live(source)};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
-        r.committed_before = recording_writer_count(writer).committed_frames;
+        r.synced_before = recording_writer_count(writer).synced_frames;
         r.written_before = recording_writer_count(writer).written_bytes;
         status = recorder_prepare(&r, options, result);
         if (status == OK)

@@ -2,7 +2,20 @@
 #pragma once
 #include "compare/alignment.h"
 
-#define ALIGNMENT_INFINITE INT64_MAX
+// feature_cost, for loops.
+static inline int32_t cost_of(const struct feature_frame *a, const struct feature_frame *b)
+{
+    const int16_t *restrict x = a->number, *restrict y = b->number;
+    int32_t sum = 0;
+    for (int k = 0; k < FEATURE_NUMBERS; k++) {
+        const int16_t d = (int16_t)(x[k] - y[k]);
+        sum += d * d;
+    }
+    return sum;
+}
+
+// A price that no path has; costs can be added to it.
+#define ALIGNMENT_INFINITE (INT64_MAX / 4)
 
 // Cells of row i: columns begin[i] .. end[i] - 1; empty rows are allowed. Backpointers of row i begin at offset[i].
 struct alignment_window {

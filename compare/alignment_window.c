@@ -4,17 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static inline int32_t cost_of(const struct feature_frame *a, const struct feature_frame *b)
-{
-    const int16_t *restrict x = a->number, *restrict y = b->number;
-    int32_t sum = 0;
-    for (int k = 0; k < FEATURE_NUMBERS; k++) {
-        const int16_t d = (int16_t)(x[k] - y[k]);
-        sum += d * d;
-    }
-    return sum;
-}
-
 int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *b) { return cost_of(a, b); }
 
 void alignment_free(struct alignment *a)
@@ -63,72 +52,59 @@ struct programme {
     uint8_t *from;
     int64_t best, cells;
     int32_t best_a, best_b;
+    int32_t alive_begin, alive_end; // columns of the row before between which prices are finite
 };
 
-// Prices of the cells from which a cell can be reached.
-struct neighbors {
-    int64_t above_left, above, left;
-};
-
-// The best way to cell (i, j) before its own cost: which step, and its price without c and with `twice` if 2 c follow.
-static inline int64_t arrive(const struct programme *p, struct neighbors near, int32_t i, int32_t j, int32_t c,
-                             uint8_t *from)
-{
-    const int64_t above_left = near.above_left, above = near.above, left = near.left;
-    const int64_t skipped = (int64_t)p->prices->skip_a * i + (int64_t)p->prices->skip_b * j;
-    int64_t before = above_left < skipped ? above_left : skipped;
-    *from = above_left <= skipped ? FROM_BOTH : FROM_START;
-    int64_t price = before + 2 * (int64_t)c;
-    if (above != ALIGNMENT_INFINITE && above + c + p->prices->step < price) {
-        price = above + c + p->prices->step;
-        *from = FROM_A;
-    }
-    if (left != ALIGNMENT_INFINITE && left + c + p->prices->step < price) {
-        price = left + c + p->prices->step;
-        *from = FROM_B;
-    }
-    return price;
-}
-
-// The least that any way to the cell costs, before its cost is known.
-static inline int64_t at_least(const struct programme *p, struct neighbors near, int32_t i, int32_t j)
-{
-    int64_t least = (int64_t)p->prices->skip_a * i + (int64_t)p->prices->skip_b * j;
-    least = near.above_left < least ? near.above_left : least;
-    least = near.above < least ? near.above : least;
-    return near.left < least ? near.left : least;
-}
-
+// One row of cells. Everything that does not depend on the column is kept out of the loop, which is where the time
+// goes.
 static void fill_row(struct programme *p, int32_t i)
 {
     const struct alignment_bound *bound = p->bound;
-    const int32_t begin = p->w->begin[i], end = p->w->end[i];
-    const struct feature_frame *row = &p->a->frames[i];
-    const int64_t *rest = bound ? bound->rest + (int64_t)(i / bound->block) * bound->columns : NULL;
-    uint8_t *from = p->from + p->w->offset[i] - begin;
+    const struct alignment_prices prices = *p->prices;
+    const int32_t window = p->w->begin[i], end = p->w->end[i], block = bound ? bound->block : end + 1;
+    const struct feature_frame copy = p->a->frames[i], *row = &copy; // what the loop writes cannot change it
+    const int64_t *rest = bound ? bound->rest + (int64_t)(i / block) * bound->columns : NULL;
+    const int64_t tail = (int64_t)prices.skip_a * (p->a->count - 1 - i) + (int64_t)prices.skip_b * (p->b->count - 1);
+    const int64_t start = (int64_t)prices.skip_a * i + (int64_t)prices.skip_b * window,
+                  most = bound ? bound->best : ALIGNMENT_INFINITE;
+    // Where no path can start any more, cells are reached only from the row before.
+    const int32_t begin = start > most && p->alive_begin > window ? p->alive_begin : window;
+    int64_t skipped_b = (int64_t)prices.skip_b * begin, skipped = (int64_t)prices.skip_a * i + skipped_b;
+    uint8_t *from = p->from + p->w->offset[i] - window;
     int64_t left = ALIGNMENT_INFINITE, above_left = begin ? p->above[begin - 1] : ALIGNMENT_INFINITE;
-    for (int32_t j = begin; j < end; j++) {
-        const int64_t above = p->above[j];
-        const int64_t limit = rest ? bound->best - rest[j / bound->block] : ALIGNMENT_INFINITE;
-        int64_t price = ALIGNMENT_INFINITE;
-        const struct neighbors near = {above_left, above, left};
-        if (at_least(p, near, i, j) <= limit) {
+    int32_t alive_begin = end, alive_end = begin;
+    for (int32_t first = begin, next; first < end; first = next) {
+        next = (first / block + 1) * block < end ? (first / block + 1) * block : end;
+        const int64_t limit = rest ? bound->best - rest[first / block] : ALIGNMENT_INFINITE;
+        for (int32_t j = first; j < next; j++, skipped += prices.skip_b, skipped_b += prices.skip_b) {
+            const int64_t above = p->above[j], before = above_left < skipped ? above_left : skipped,
+                          beside = above <= left ? above : left;
             const int32_t c = cost_of(row, &p->b->frames[j]);
-            p->cells++;
-            price = arrive(p, near, i, j, c, &from[j]);
-            const int64_t total = price + (int64_t)p->prices->skip_a * (p->a->count - 1 - i) +
-                                  (int64_t)p->prices->skip_b * (p->b->count - 1 - j);
-            if (total < p->best) {
-                p->best = total;
+            const int64_t both = before + 2 * (int64_t)c, one = beside + c + prices.step;
+            const uint8_t from_both = above_left <= skipped ? FROM_BOTH : FROM_START,
+                          from_one = above <= left ? FROM_A : FROM_B;
+            int64_t price = one < both ? one : both;
+            from[j] = one < both ? from_one : from_both;
+            if (price + tail - skipped_b < p->best) {
+                p->best = price + tail - skipped_b;
                 p->best_a = i;
                 p->best_b = j;
             }
-            if (price > limit)
-                price = ALIGNMENT_INFINITE;
+            price = price > limit ? ALIGNMENT_INFINITE : price;
+            p->cells++;
+            p->here[j] = left = price;
+            above_left = above;
+            if (price != ALIGNMENT_INFINITE) {
+                alive_begin = j < alive_begin ? j : alive_begin;
+                alive_end = j + 1;
+            } else if (j > p->alive_end && skipped > most) {
+                next = end;
+                break;
+            }
         }
-        p->here[j] = left = price;
-        above_left = above;
     }
+    p->alive_begin = alive_begin;
+    p->alive_end = alive_end;
 }
 
 static void clear_row(const struct alignment_window *w, int32_t i, int64_t *row)
@@ -167,7 +143,14 @@ enum status align_in_window(const struct features *a, const struct features *b, 
                             const struct alignment_window *w, const struct alignment_bound *bound,
                             struct alignment *out)
 {
-    struct programme p = {.a = a, .b = b, .prices = prices, .w = w, .bound = bound, .best = ALIGNMENT_INFINITE};
+    struct programme p = {.a = a,
+                          .b = b,
+                          .prices = prices,
+                          .w = w,
+                          .bound = bound,
+                          .best = ALIGNMENT_INFINITE,
+                          .alive_begin = 0,
+                          .alive_end = b->count};
     p.above = malloc((size_t)b->count * sizeof *p.above);
     p.here = malloc((size_t)b->count * sizeof *p.here);
     p.from = malloc((size_t)(w->cells > 0 ? w->cells : 1));

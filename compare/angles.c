@@ -30,7 +30,7 @@ bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, dou
         }
     *direction = v3_unit(sum);
     *sigma = used ? sqrt(variance) / used : 0;
-    return used > 0;
+    return used > 0 && v3_dot(*direction, *direction) > 0; // folded back on itself it points nowhere
 }
 
 static double between(struct vec3 a, struct vec3 b) { return portable_atan2(v3_length(v3_cross(a, b)), v3_dot(a, b)); }
@@ -48,6 +48,10 @@ static void bend(struct body_angles *out, enum body_angle a, const struct moveme
         set(out, a, between(vector(f->direction[near]), vector(f->direction[far])), f->sigma[near], f->sigma[far]);
 }
 
+// An angle about an axis is read off the direction's component across that axis: where that is short, as of the side
+// lean of a person bent level, the angle is ever less certain. Chosen by hand: from half of the length on.
+static double sigma_across(double sigma, double a, double b) { return sigma / fmin(1, 2 * sqrt(a * a + b * b)); }
+
 static void trunk_angles(struct body_angles *out, const struct movement_frame *f, struct vec3 trunk, double sigma)
 {
     static const struct {
@@ -63,8 +67,8 @@ static void trunk_angles(struct body_angles *out, const struct movement_frame *f
         if (is_known(f, limbs[i].part))
             set(out, limbs[i].angle, between(v3_scale(trunk, -1), vector(f->direction[limbs[i].part])), sigma,
                 f->sigma[limbs[i].part]);
-    set(out, ANGLE_LEAN, portable_atan2(trunk.y, trunk.z), sigma, 0);
-    set(out, ANGLE_SIDE_LEAN, portable_atan2(trunk.x, trunk.z), sigma, 0);
+    set(out, ANGLE_LEAN, portable_atan2(trunk.y, trunk.z), sigma_across(sigma, trunk.y, trunk.z), 0);
+    set(out, ANGLE_SIDE_LEAN, portable_atan2(trunk.x, trunk.z), sigma_across(sigma, trunk.x, trunk.z), 0);
     if (is_known(f, PART_HEAD))
         set(out, ANGLE_HEAD, between(trunk, vector(f->direction[PART_HEAD])), sigma, f->sigma[PART_HEAD]);
 }

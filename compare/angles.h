@@ -27,7 +27,8 @@ struct body_angles {
 };
 struct body_angles body_angles_of(const struct movement_frame *f);
 
-// The trunk's direction from waist to neck: the mean of both torso parts, or the one that is known. False: neither.
+// The trunk's direction from waist to neck: the mean of both torso parts, or the one that is known. False: neither, or
+// they point opposite ways.
 bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, double *sigma);
 
 // The range an angle goes through in a movement's frames first..end - 1: 3rd and 97th percentile, so that a single

@@ -16,7 +16,7 @@ const char *verdict_name(enum verdict v)
 
 enum verdict verdict_of(double angle_rad, double sigma_rad)
 {
-    const double quantile = 0.253; // of the normal distribution, for VERDICT_LEVEL
+    const double quantile = 0.706; // of the normal distribution, for VERDICT_LEVEL
     const double most_sigma = 1.5 * DIFFERENT_RAD;
     if (!(sigma_rad >= 0 && sigma_rad <= most_sigma) || !isfinite(angle_rad))
         return VERDICT_UNKNOWN;

@@ -12,7 +12,7 @@ const char *verdict_name(enum verdict v); // "unknown", "same", "different"
 // Of an angle between two directions and its standard deviation: which side of DIFFERENT_RAD it is on, at a level of
 // VERDICT_LEVEL for a Gaussian error; unknown where neither is that sure, or the standard deviation is above 15
 // degrees.
-#define VERDICT_LEVEL 0.6
+#define VERDICT_LEVEL 0.76
 enum verdict verdict_of(double angle_rad, double sigma_rad);
 
 struct part_difference {

@@ -10,9 +10,9 @@
 
 static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 
-// By hand. A posture is found where it is off by 10 degrees and 0.7 standard deviations, as long as it stays above 6,
-// for 0.3 s at least; gaps of 0.3 s do not end it.
-static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 0.7;
+// By hand. A posture is found where it is off by 10 degrees and 2 standard deviations for 0.3 s in all, as long as it
+// stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
+static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 2, UPPER_SHARE = 0.67;
 enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 3, LEAST_LATE = 20 };
 
 struct series {
@@ -27,6 +27,7 @@ struct judge {
     int32_t count;
     int8_t *shift[LIMBS];
     bool *late[LIMBS];
+    struct weighed *scratch;
     struct series s;
 };
 
@@ -85,30 +86,66 @@ static void fill(struct judge *g, const struct body_joint *j)
 
 // ------------------------------------------------------------- posture
 
-// What is wrong over first..end - 1: mean over the frames of at least 0.7 of the worst.
+// What is wrong over first..end - 1.
 struct wrong {
-    double degrees, angle_degrees, difference[3];
+    double degrees, angle_degrees, difference[3], sigma;
 };
 
-static struct wrong measure(const struct series *s, int32_t first, int32_t end)
+struct weighed {
+    float degrees, weight;
+};
+
+static int by_degrees(const void *a, const void *b)
+{
+    const float x = ((const struct weighed *)a)->degrees, y = ((const struct weighed *)b)->degrees;
+    return (x > y) - (x < y);
+}
+
+// What a frame says against noise of its own and of 3 degrees.
+static double weight_of(const struct series *s, int32_t f) { return 1 / ((double)s->sigma[f] * s->sigma[f] + 9); }
+
+// The degrees below which UPPER_SHARE of the frames are, by weight: it is wrong less where it begins and ends, and a
+// tracker's mistakes are more but short. NaN: nothing known.
+static double level_of(const struct series *s, int32_t first, int32_t end, struct weighed *scratch)
+{
+    int32_t count = 0;
+    double sum = 0, before = 0;
+    for (int32_t f = first; f < end; f++)
+        if (!isnan(s->degrees[f])) {
+            scratch[count++] = (struct weighed){s->degrees[f], (float)weight_of(s, f)};
+            sum += weight_of(s, f);
+        }
+    qsort(scratch, (size_t)count, sizeof *scratch, by_degrees);
+    for (int32_t k = 0; k < count; k++) {
+        before += scratch[k].weight;
+        if (before >= UPPER_SHARE * sum)
+            return scratch[k].degrees;
+    }
+    return NAN;
+}
+
+// The weighted mean over the frames about that level.
+static struct wrong measure(const struct series *s, int32_t first, int32_t end, struct weighed *scratch)
 {
     struct wrong w = {0};
-    double worst = 0, used = 0;
-    for (int32_t f = first; f < end; f++)
-        if (!isnan(s->degrees[f]))
-            worst = fmax(worst, s->degrees[f]);
+    const double level = level_of(s, first, end, scratch);
+    double used = 0;
     for (int32_t f = first; f < end; f++) {
-        if (isnan(s->degrees[f]) || s->degrees[f] < 0.7 * worst || isnan(s->angle_a[f]) || isnan(s->angle_b[f]))
+        if (isnan(s->degrees[f]) || isnan(s->angle_a[f]) || isnan(s->angle_b[f]) ||
+            fabs(s->degrees[f] - level) > 0.3 * level)
             continue;
-        w.degrees += s->degrees[f];
-        w.angle_degrees += ((double)s->angle_b[f] - s->angle_a[f]) * RAD;
+        const double weight = weight_of(s, f);
+        w.degrees += weight * s->degrees[f];
+        w.sigma += weight * s->sigma[f];
+        w.angle_degrees += weight * ((double)s->angle_b[f] - s->angle_a[f]) * RAD;
         for (int k = 0; k < 3; k++)
-            w.difference[k] += s->difference[f][k];
-        used++;
+            w.difference[k] += weight * s->difference[f][k];
+        used += weight;
     }
     for (int k = 0; k < 3 && used > 0; k++)
         w.difference[k] /= used;
-    w.degrees = used > 0 ? w.degrees / used : worst;
+    w.degrees = used > 0 ? w.degrees / used : 0;
+    w.sigma = used > 0 ? w.sigma / used : 0;
     w.angle_degrees = used > 0 ? w.angle_degrees / used : 0;
     return w;
 }
@@ -152,33 +189,42 @@ static void say(const struct judge *g, const struct wrong *w, double *amount, ch
 
 static enum status add_posture(struct judge *g, int32_t first, int32_t end)
 {
-    const struct wrong w = measure(&g->s, first, end);
+    const struct wrong w = measure(&g->s, first, end, g->scratch);
     struct finding f = {.kind = FINDING_POSTURE,
                         .part = own_part(g, g->s.joint->part),
                         .from_s = at_seconds(first),
                         .to_s = at_seconds(end),
                         .unit = "deg"};
     say(g, &w, &f.amount, f.sentence, sizeof f.sentence);
-    f.weight = w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s)) * (g->s.joint->part == PART_HEAD ? 0.6 : 1);
+    // By how much it counts: what may be the joints' own error counts less.
+    const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
+    f.weight = sure * w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s)) * (g->s.joint->part == PART_HEAD ? 0.6 : 1);
     return w.degrees < BEGIN_DEGREES ? OK : finding_add(g->c, &f, true);
+}
+
+static bool begins(const struct series *s, int32_t f)
+{
+    // The head is short and trackers know it badly.
+    const double share = s->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
+    return s->degrees[f] >= BEGIN_DEGREES + share * s->sigma[f]; // false for NaN
 }
 
 static enum status scan_posture(struct judge *g)
 {
     const struct series *s = &g->s;
-    // The head is short and trackers know it badly.
-    const double share = s->joint->part == PART_HEAD ? 2 * SIGMA_SHARE : SIGMA_SHARE;
     enum status status = OK;
     for (int32_t f = 0; f < g->count && status == OK; f++) {
-        if (isnan(s->degrees[f]) || s->degrees[f] < BEGIN_DEGREES + share * s->sigma[f])
+        if (!begins(s, f))
             continue;
-        int32_t first = f, end = f + 1;
+        int32_t first = f, end = f + 1, frames = 1;
         while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN
             first--;
         for (int32_t k = end; k < g->count && k < end + MOST_GAP; k++)
-            if (s->degrees[k] >= STAY_DEGREES)
+            if (s->degrees[k] >= STAY_DEGREES) {
                 end = k + 1;
-        if (end - first >= LEAST_FRAMES)
+                frames += begins(s, k);
+            }
+        if (frames >= LEAST_FRAMES)
             status = add_posture(g, first, end);
         f = end;
     }
@@ -277,12 +323,13 @@ static bool open(struct judge *g, struct comparison *c)
 {
     const size_t n = (size_t)c->judged.count;
     *g = (struct judge){.c = c, .count = c->judged.count};
+    g->scratch = malloc(n * sizeof *g->scratch);
     g->s.difference = malloc(n * sizeof *g->s.difference);
     g->s.degrees = malloc(n * sizeof *g->s.degrees);
     g->s.sigma = malloc(n * sizeof *g->s.sigma);
     g->s.angle_a = malloc(n * sizeof *g->s.angle_a);
     g->s.angle_b = malloc(n * sizeof *g->s.angle_b);
-    bool have = g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b;
+    bool have = g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b;
     for (int k = 0; k < LIMBS; k++) {
         g->shift[k] = calloc(n, sizeof *g->shift[k]);
         g->late[k] = calloc(n, sizeof *g->late[k]);
@@ -293,6 +340,7 @@ static bool open(struct judge *g, struct comparison *c)
 
 static void close(struct judge *g)
 {
+    free(g->scratch);
     free(g->s.difference);
     free(g->s.degrees);
     free(g->s.sigma);

@@ -11,19 +11,32 @@ void joint_samples_free(struct joint_samples *s)
     *s = (struct joint_samples){0};
 }
 
-float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.012f : 0.05f; }
+float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.02f : 0.08f; }
+
+// Clocks count from anywhere: a result that no 64 bits hold is the farthest one that they do.
+static int64_t clamped_sum(int64_t a, int64_t b)
+{
+    int64_t sum;
+    return !__builtin_add_overflow(a, b, &sum) ? sum : a > 0 ? INT64_MAX : INT64_MIN;
+}
+
+static int64_t clamped_difference(int64_t a, int64_t b)
+{
+    int64_t difference;
+    return !__builtin_sub_overflow(a, b, &difference) ? difference : a > b ? INT64_MAX : INT64_MIN;
+}
 
 enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample)
 {
-    int64_t time_ns = sample->time_ns + s->offset_ns;
+    int64_t time_ns = clamped_sum(sample->time_ns, s->offset_ns);
     if (s->count) {
-        const int64_t last_ns = s->at[s->count - 1].time_ns, step_ns = time_ns - last_ns;
+        const int64_t last_ns = s->at[s->count - 1].time_ns, step_ns = clamped_difference(time_ns, last_ns);
         if (step_ns <= 0 && step_ns > -1000000000) {
             s->dropped++;
             return OK;
         }
         if (step_ns <= 0 || step_ns > 60000000000) {
-            s->offset_ns -= step_ns - 33000000;
+            s->offset_ns = clamped_difference(last_ns + 33000000, sample->time_ns);
             s->jumps++;
             time_ns = last_ns + 33000000;
         }

@@ -23,9 +23,8 @@ struct joint_samples {
 };
 void joint_samples_free(struct joint_samples *s); // zeroed is fine; leaves it zeroed
 
-// Of a joint of this confidence where the source gives none: 12 mm where observed, 5 cm where inferred. By hand, so
-// that directions have the error that this project's tracker had in a rendered film of a walk (2 degrees in the
-// median).
+// Of a joint of this confidence where the source gives none: 20 mm where observed, 8 cm where inferred. By hand: a
+// Kinect's noise.
 float default_sigma_m(float confidence);
 
 // Appends one; time_ns in any clock. A sample that is up to a second earlier than the last one is dropped. A clock that

@@ -1,5 +1,7 @@
 #include "compare/movement_index.h"
 
+#include "compare/alignment_internal.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -113,36 +115,43 @@ static void align_from(const struct movement_index *m, struct sought sought, int
 {
     const struct features *query = sought.query;
     const int32_t step = sought.step;
-    const int32_t first = k * BLOCK, left = m->frames.count - first;
-    const int32_t width = 2 * query->count + BLOCK < left ? 2 * query->count + BLOCK : left;
+    const int32_t first = k * BLOCK, remaining = m->frames.count - first;
+    const int32_t width = 2 * query->count + BLOCK < remaining ? 2 * query->count + BLOCK : remaining;
     struct row *above = scratch, *here = scratch + width;
     best->tried++;
+    const struct row none = {INT64_MAX / 2, 0};
+    int32_t alive = 0, end = 0; // columns of the row above that a better path than the best may go through
     for (int32_t i = 0; i < query->count; i++) {
-        int64_t least = INT64_MAX;
-        for (int32_t j = 0; j < width; j++) {
-            const int64_t c = feature_cost(&query->frames[i], &m->frames.frames[first + j]);
-            struct row r = {INT64_MAX / 2, j};
-            if (!i && j < BLOCK)
-                r = (struct row){2 * c, j};
-            if (i && j && above[j - 1].price + 2 * c < r.price)
-                r = (struct row){above[j - 1].price + 2 * c, above[j - 1].start};
-            if (i && above[j].price + c + step < r.price)
-                r = (struct row){above[j].price + c + step, above[j].start};
-            if (j && here[j - 1].price + c + step < r.price)
-                r = (struct row){here[j - 1].price + c + step, here[j - 1].start};
-            if (j - r.start >= 2 * query->count)
-                r.price = INT64_MAX / 2;
-            here[j] = r;
-            least = r.price < least ? r.price : least;
-        }
         // What is left of this block of the query is not counted.
-        if (least + rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k] >= best->price)
+        const int64_t limit = best->price - 1 - rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k];
+        const struct feature_frame frame = query->frames[i];
+        const int32_t from = alive, to = i ? end : BLOCK - 1;
+        struct row left = none, above_left = none;
+        alive = width;
+        end = 0;
+        for (int32_t j = from; j < width && (j <= to || left.price <= limit); j++) {
+            const struct row over = i && j < to ? above[j] : none, beside = over.price <= left.price ? over : left;
+            struct row r = i ? above_left : (struct row){j < BLOCK ? 0 : none.price, j};
+            above_left = over;
+            if (r.price <= limit || beside.price <= limit) {
+                const int64_t c = cost_of(&frame, &m->frames.frames[first + j]);
+                r.price += 2 * c;
+                if (beside.price + c + step < r.price)
+                    r = (struct row){beside.price + c + step, beside.start};
+            }
+            left = here[j] = r.price <= limit && j - r.start < 2 * query->count ? r : none;
+            if (left.price <= limit) {
+                alive = j < alive ? j : alive;
+                end = j + 1;
+            }
+        }
+        if (alive >= end)
             return;
         struct row *swap = above;
         above = here;
         here = swap;
     }
-    for (int32_t j = 0; j < width; j++)
+    for (int32_t j = alive; j < end; j++)
         if (above[j].price < best->price) {
             best->price = above[j].price;
             best->first = first + above[j].start;

@@ -8,7 +8,7 @@ enum {
     THIN = 4,            // 30 Hz to 7.5 Hz
     MOST_SEARCHED = 900, // thinned frames in which a cycle is searched: two minutes
     LEAST_CYCLE = 6,     // thinned frames: 0.8 s
-    MOST_LAGS = 12,      // candidates for the length
+    MOST_LAGS = 12,      // candidates for the length, and as many halves of them
     SHIFTS = 12,         // candidates for the start, in a cycle
     TREND = 2,           // cycles to both sides over which a mean is taken out
 };
@@ -16,6 +16,11 @@ enum {
 static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
 // A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
 static const double MOST_PRICE = 0.45;
+// A part does not repeat itself with the others if more of its variance is left from cycle to cycle than this, and than
+// so many times what is left of the best part's.
+static const double LEFT_LEAST = 0.5, LEFT_FACTOR = 2;
+// The best part's, else the lag is none.
+static const double MOST_LEFT = 1;
 // A longer cycle must be cheaper than a shorter one by this factor and by this.
 static const double LONGER_GAIN = 0.6, LONGER_MARGIN = 0.03;
 
@@ -245,6 +250,28 @@ static int choose_lags(const double *cost, int32_t most, double mean, int32_t la
     return count;
 }
 
+static int ascending(const void *a, const void *b)
+{
+    const int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+    return (x > y) - (x < y);
+}
+
+// Adds the halves that are not there: where the pace changes, two cycles may be found and one alone not.
+static int add_halves(int32_t lag[2 * MOST_LAGS], int lags)
+{
+    int count = lags;
+    for (int k = 0; k < lags; k++) {
+        const int32_t half = lag[k] / 2;
+        bool there = half < LEAST_CYCLE;
+        for (int n = 0; n < count; n++)
+            there = there || 8 * abs(lag[n] - half) <= half;
+        if (!there)
+            lag[count++] = half;
+    }
+    qsort(lag, (size_t)count, sizeof *lag, ascending);
+    return count;
+}
+
 // Does a cycle from `first` go somewhere, compared with what the movement's frames differ by?
 static bool goes_somewhere(const struct features *f, int32_t first, int32_t length, double mean)
 {
@@ -260,6 +287,7 @@ struct best_cycle {
     struct repetition_span span;
     double price; // mean, outside the cycle itself, as a share of the mean cost
     double mean;  // cost of two frames, trend taken out
+    uint16_t restless;
 };
 
 // Mean cost of two frames of the movement.
@@ -315,15 +343,62 @@ static enum status detrend(const struct features *f, int32_t half, struct featur
     return OK;
 }
 
+// A part's numbers, three after another.
+enum { PART_NUMBERS = 3, PARTS = FEATURE_NUMBERS / PART_NUMBERS };
+
+// How much of a part's variance is left between frames `lag` apart: 0 where it repeats itself, 1 where it does not.
+static double unlike(const struct features *f, int32_t lag, int part, double *variance)
+{
+    double sum = 0, square = 0;
+    for (int n = part * PART_NUMBERS; n < (part + 1) * PART_NUMBERS; n++) {
+        for (int32_t i = 0; i < f->count; i++)
+            square += (double)f->frames[i].number[n] * f->frames[i].number[n];
+        for (int32_t i = 0; i + lag < f->count; i++) {
+            const double d = (double)f->frames[i].number[n] - f->frames[i + lag].number[n];
+            sum += d * d;
+        }
+    }
+    *variance = square / f->count;
+    return *variance > 0 ? sum / (f->count - lag) / (2 * *variance) : 1;
+}
+
+// Parts (bits) that do not repeat themselves with the others, such as legs that a tracker loses. f: without trend.
+static uint16_t restless_parts(const struct features *f, int32_t lag, double *best_left)
+{
+    double left[PARTS], variance[PARTS], most = 0, least = 2;
+    uint16_t restless = 0;
+    for (int p = 0; p < PARTS; p++) {
+        left[p] = unlike(f, lag, p, &variance[p]);
+        most = fmax(most, variance[p]);
+    }
+    for (int p = 0; p < PARTS; p++)
+        if (variance[p] > 0.3 * most)
+            least = fmin(least, left[p]);
+    *best_left = least;
+    for (int p = 0; p < PARTS; p++)
+        restless |= (uint16_t)((least < LEFT_LEAST && left[p] > fmax(LEFT_LEAST, LEFT_FACTOR * least)) << p);
+    return restless;
+}
+
+static void silence(struct feature_frame *frames, int32_t count, uint16_t parts)
+{
+    for (int32_t i = 0; i < count; i++)
+        for (int n = 0; n < PARTS * PART_NUMBERS; n++)
+            frames[i].number[n] = parts >> n / PART_NUMBERS & 1 ? 0 : frames[i].number[n];
+}
+
 static enum status try_lag(const struct features *f, int32_t lag, struct best_cycle *best)
 {
     struct best_cycle of_lag = {.price = 1e9};
+    double left = 1;
     struct feature_frame *level = NULL;
     enum status status = detrend(f, TREND * lag, &level);
     if (status == OK) {
         const struct features flat = {level, f->count};
+        of_lag.restless = restless_parts(&flat, lag, &left);
+        silence(level, f->count, of_lag.restless);
         of_lag.mean = mean_cost(&flat);
-        if (of_lag.mean > 0)
+        if (of_lag.mean > 0 && left < MOST_LEFT)
             status = try_starts(&flat, lag, &of_lag);
     }
     free(level);
@@ -365,10 +440,10 @@ static enum status find(const struct features *f, int32_t count, struct repetiti
     double *cost = malloc(((size_t)most + 2) * sizeof *cost);
     if (!cost)
         return fail(ERR_MEMORY, "no memory to find repetitions");
-    int32_t lag[MOST_LAGS];
+    int32_t lag[2 * MOST_LAGS];
     cost[0] = 0;
     const double mean = self_costs(&searched, cost);
-    const int lags = mean > 0 ? choose_lags(cost, most, mean, lag) : 0;
+    const int lags = mean > 0 ? add_halves(lag, choose_lags(cost, most, mean, lag)) : 0;
     struct best_cycle best = {.price = 1e9};
     enum status status = OK;
     free(cost);
@@ -381,6 +456,7 @@ static enum status find(const struct features *f, int32_t count, struct repetiti
     int64_t price;
     status = detrend(f, TREND * length, &level);
     if (status == OK) {
+        silence(level, f->count, best.restless);
         const struct model m = {level + at + best.span.first, length, (int64_t)(IDLE * best.mean),
                                 (int64_t)(STAY * best.mean)};
         const struct features all = {level, f->count};

@@ -7,8 +7,10 @@
 //
 // Where no cycle is given, it is searched in the movement: for the lags at which the movement resembles itself most
 // (as YIN does with a difference function, de Cheveigne & Kawahara 2002), pieces of that length from all places are
-// tried; the one whose repetitions explain the rest of the movement at the least price is taken, a shorter one where
-// it does as well. Searched in 7.5 Hz, in the two minutes that move most. Pure.
+// tried, and halves of those lags, because one cycle alone is no such lag where the pace changes; the piece whose
+// repetitions explain the rest of the movement at the least price is taken, a shorter one where it does as well. Parts
+// that do not repeat themselves from cycle to cycle while others do (legs that a tracker loses) are left out. Searched
+// in 7.5 Hz, in the two minutes that move most. Pure.
 #pragma once
 #include "compare/alignment.h"
 

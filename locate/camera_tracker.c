@@ -37,7 +37,9 @@ struct camera_tracker {
 
 struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
 {
-    int64_t ahead = time_ns - m->time_ns;
+    int64_t ahead;
+    if (__builtin_sub_overflow(time_ns, m->time_ns, &ahead))
+        ahead = time_ns > m->time_ns ? INT64_MAX : INT64_MIN;
     ahead = ahead > CAMERA_MAX_EXTRAPOLATION_NS    ? CAMERA_MAX_EXTRAPOLATION_NS
             : ahead < -CAMERA_MAX_EXTRAPOLATION_NS ? -CAMERA_MAX_EXTRAPOLATION_NS
                                                    : ahead;

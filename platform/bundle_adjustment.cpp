@@ -285,6 +285,33 @@ bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem
     return any;
 }
 
+bool is_finite(const pose &p)
+{
+    const quat &q = p.rotation;
+    return v3_finite(p.translation) && std::isfinite(q.x + q.y + q.z + q.w);
+}
+
+bool is_finite(const ba_problem &in)
+{
+    bool finite = std::isfinite(in.fx) && std::isfinite(in.fy);
+    for (int32_t i = 0; i < in.camera_count; i++)
+        finite = finite && is_finite(in.cameras[i].camera_from_world);
+    for (int32_t i = 0; i < in.square_count; i++)
+        finite = finite && is_finite(in.squares[i].world_from_square) && std::isfinite(in.squares[i].side_m);
+    for (int32_t i = 0; i < in.point_count; i++)
+        finite = finite && v3_finite(in.points[i]);
+    for (int32_t i = 0; i < in.corner_count; i++)
+        for (int k = 0; k < 8; k++)
+            finite = finite && std::isfinite(in.corners[i].observed[k]);
+    for (int32_t i = 0; i < in.plane_depth_count; i++)
+        finite = finite && std::isfinite(in.plane_depths[i].z) && std::isfinite(in.plane_depths[i].sigma_m);
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &o = in.observations[i];
+        finite = finite && std::isfinite(o.x) && std::isfinite(o.y) && std::isfinite(o.z) && std::isfinite(o.sigma_m);
+    }
+    return finite;
+}
+
 enum status solve(const ba_problem &in)
 {
     solver_state c(in);
@@ -320,6 +347,8 @@ enum status solve(const ba_problem &in)
 
 enum status bundle_adjust(const struct ba_problem *problem)
 {
+    if (!is_finite(*problem)) // Ceres would print a page about it first
+        return fail(ERR_SOLVER, "the joint adjustment was given a number that is not finite");
     try {
         return solve(*problem);
     } catch (const std::bad_alloc &) {

@@ -129,6 +129,9 @@ static enum status read_relation(const struct json *root, const char *path, stru
     double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (!(fabs(length - 1) < 1e-2))
         return fail(ERR_INPUT, "%s: 'color_from_depth.rotation' is no unit quaternion (x, y, z, w)", path);
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(t[i]) <= 100)) // metres; no sensor is that wide
+            return fail(ERR_INPUT, "%s: the cameras of 'color_from_depth.translation_m' are %g m apart", path, t[i]);
     out->color_from_depth.rotation = quat_unit((struct quat){q[0], q[1], q[2], q[3]});
     out->color_from_depth.translation = v3(t[0], t[1], t[2]);
     return OK;
@@ -167,6 +170,55 @@ enum status calibration_read(const char *path, struct calibration *out)
 {
     double unit_m;
     return calibration_read_with_unit(path, out, &unit_m);
+}
+
+static struct json *add_lens(struct json *root, const char *name, const struct lens *lens)
+{
+    struct json *object = json_add_object(root, name);
+    const struct {
+        const char *name;
+        double value;
+    } numbers[] = {{"width", lens->width},
+                   {"height", lens->height},
+                   {"fx", lens->fx},
+                   {"fy", lens->fy},
+                   {"cx", lens->cx},
+                   {"cy", lens->cy},
+                   {"readout_ms", lens->readout_s * 1e3},
+                   {"focal_sigma", lens->focal_sigma}};
+    for (size_t i = 0; i < COUNT_OF(numbers); i++)
+        json_add_number(object, numbers[i].name, numbers[i].value);
+    struct json *distortion = json_add_array(object, "distortion");
+    const double coefficients[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
+    for (size_t i = 0; i < COUNT_OF(coefficients); i++)
+        json_push_number(distortion, coefficients[i]);
+    return object;
+}
+
+enum status calibration_write(const char *path, const struct calibration *c)
+{
+    struct json *root = json_new_object();
+    if (c->color.width)
+        add_lens(root, "color", &c->color);
+    if (c->depth.width)
+        json_add_number(add_lens(root, "depth", &c->depth), "unit_m", 0.001);
+    if (c->color.width && c->depth.width) {
+        json_add_bool(root, "registered", c->registered);
+        struct json *relation = json_add_object(root, "color_from_depth");
+        struct json *translation = json_add_array(relation, "translation_m");
+        struct json *rotation = json_add_array(relation, "rotation");
+        const struct pose *p = &c->color_from_depth;
+        for (int i = 0; i < 3; i++)
+            json_push_number(translation, (&p->translation.x)[i]);
+        for (int i = 0; i < 4; i++)
+            json_push_number(rotation, (&p->rotation.x)[i]);
+    }
+    char *text = json_print(root);
+    json_free(&root);
+    enum status status =
+        text ? file_write(path, text, strlen(text)) : fail(ERR_MEMORY, "no memory to write a calibration");
+    free(text);
+    return status;
 }
 
 // ------------------------------------------------------------- tablet cameras
@@ -215,24 +267,10 @@ enum status camera_lens_save(const char *id, const struct lens *lens)
         return status;
     memcpy(folder, path, sizeof folder);
     *strrchr(folder, '/') = 0;
-    struct json *root = json_new_object(), *color = json_add_object(root, "color"), *distortion;
-    const struct {
-        const char *name;
-        double value;
-    } numbers[] = {{"width", lens->width},
-                   {"height", lens->height},
-                   {"fx", lens->fx},
-                   {"fy", lens->fy},
-                   {"cx", lens->cx},
-                   {"cy", lens->cy},
-                   {"readout_ms", lens->readout_s * 1e3},
-                   {"focal_sigma", fmax(MIN_SAVED_SIGMA, lens->focal_sigma)}};
-    for (size_t i = 0; i < COUNT_OF(numbers); i++)
-        json_add_number(color, numbers[i].name, numbers[i].value);
-    distortion = json_add_array(color, "distortion");
-    const double coefficients[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
-    for (size_t i = 0; i < COUNT_OF(coefficients); i++)
-        json_push_number(distortion, coefficients[i]);
+    struct lens kept = *lens;
+    kept.focal_sigma = fmax(MIN_SAVED_SIGMA, lens->focal_sigma);
+    struct json *root = json_new_object();
+    add_lens(root, "color", &kept);
     char *text = json_print(root);
     json_free(&root);
     status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to save a camera's lens");

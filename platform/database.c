@@ -273,8 +273,7 @@ enum status database_number(struct database *db, const char *sql, int64_t *out)
 
 enum status database_has_column(struct database *db, const char *table, const char *column, bool *out)
 {
-    const int code =
-        sqlite3_table_column_metadata(db->handle, NULL, table, column, NULL, NULL, NULL, NULL, NULL);
+    const int code = sqlite3_table_column_metadata(db->handle, NULL, table, column, NULL, NULL, NULL, NULL, NULL);
     *out = code == SQLITE_OK;
     return code == SQLITE_OK || (code & 0xff) == SQLITE_ERROR ? OK : fail_sqlite(db, code);
 }

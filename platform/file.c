@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -262,4 +263,23 @@ enum status folder_make(const char *path)
         if (!held)
             return OK;
     }
+}
+
+enum status folder_rename(const char *from, const char *to)
+{
+    return rename(from, to) ? fail(ERR_IO, "%s could not be written: %s", to, strerror(errno)) : OK;
+}
+
+static int remove_entry(const char *path, const struct stat *about, int kind, struct FTW *where)
+{
+    (void)about;
+    (void)kind;
+    (void)where;
+    return remove(path);
+}
+
+void folder_remove(const char *path)
+{
+    enum { OPEN_FOLDERS = 8 };
+    (void)nftw(path, remove_entry, OPEN_FOLDERS, FTW_DEPTH | FTW_PHYS);
 }

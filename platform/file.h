@@ -23,7 +23,8 @@ MUST_CHECK enum status file_end(const char *path, const char *part, enum status 
 // another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be written. Devices and
 // pipes can be written.
 MUST_CHECK enum status file_check_output(const char *path, bool force);
-// Likewise whether files can be written into a folder, which need not exist. ERR_EXISTS: it is not empty, and no `force`.
+// Likewise whether files can be written into a folder, which need not exist. ERR_EXISTS: it is not empty, and no
+// `force`.
 MUST_CHECK enum status folder_check_output(const char *path, bool force);
 
 // Both names lead to one file (links are followed).
@@ -36,3 +37,10 @@ int64_t file_free_bytes(const char *path);
 
 // Makes the folder and its parents; OK when it exists. ERR_IO, ERR_INPUT.
 MUST_CHECK enum status folder_make(const char *path);
+
+// Renames a folder; `to` must not exist. ERR_IO.
+MUST_CHECK enum status folder_rename(const char *from, const char *to);
+
+// Removes a folder that this program made, with all that is in it; links are removed, not followed. Keeps the sentence
+// of the last failure.
+void folder_remove(const char *path);

@@ -117,7 +117,8 @@ static enum status check_path(const struct image_list *list, const char *dir, co
         else if (length && !(length == 1 && *at == '.'))
             depth++;
         if (depth < 0)
-            return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number, path);
+            return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number,
+                        path);
         at += length + (at[length] == '/');
     }
     return OK;

@@ -28,8 +28,9 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
     else if (*width < 1 || *height < 1)
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: it ends before its picture begins");
     else if (!image_size_is_usable(*width, *height))
-        status = fail(ERR_INPUT, "a JPEG picture has %d x %d pixels; at most %d a side and %d million in all can be used",
-                      *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
+        status =
+            fail(ERR_INPUT, "a JPEG picture has %d x %d pixels; at most %d a side and %d million in all can be used",
+                 *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     tjDestroy(handle);
     return status;
 }

@@ -16,7 +16,7 @@ const struct json *json_at(const struct json *array, int index);             // 
 // One after the other, for long ones: json_at walks from the first each time. NULL: no more.
 const struct json *json_first(const struct json *array);
 const struct json *json_next(const struct json *value);
-const char *json_name(const struct json *member);                            // "" if it has none
+const char *json_name(const struct json *member); // "" if it has none
 bool json_is_object(const struct json *value);
 bool json_is_array(const struct json *value);
 // False when it is not of that type (a number must be finite); *out is then untouched.

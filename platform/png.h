@@ -12,8 +12,8 @@ struct png_layout {
 
 // Reads a file as `kind`: palettes are expanded, alpha is dropped or set to opaque.
 // PNG_GRAY16 for an 8-bit image, or an 8-bit kind for a 16-bit image, is ERR_INPUT:
-// the values would change; so is a picture larger than base/pixels.h allows. *pixels is malloc'ed, the caller frees it. ERR_MISSING,
-// ERR_CORRUPT, ERR_MEMORY. On error *pixels is untouched.
+// the values would change; so is a picture larger than base/pixels.h allows. *pixels is malloc'ed, the caller frees it.
+// ERR_MISSING, ERR_CORRUPT, ERR_MEMORY. On error *pixels is untouched.
 MUST_CHECK enum status png_read(const char *path, enum png_kind kind, void **pixels, int *width, int *height);
 
 // The same from memory. layout: kind in, size out. `name` is for the sentence.

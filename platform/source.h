@@ -75,3 +75,6 @@ MUST_CHECK enum status source_devices(struct source_device *out, int capacity, i
 
 // Reads a folder's calibration.json. ERR_MISSING; ERR_INPUT with the member's name. *out is then untouched.
 MUST_CHECK enum status calibration_read(const char *path, struct calibration *out);
+
+// Writes what calibration_read reads. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status calibration_write(const char *path, const struct calibration *calibration);

@@ -53,6 +53,11 @@ enum status window_open(struct window **out, const struct window_options *option
     SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
     if (SDL_Init(SDL_INIT_VIDEO))
         return fail_open(&s, "no window can be opened; is there a display?");
+    // SDL falls back to drawing where nothing is seen; only who asks for that gets it.
+    if (!getenv("SDL_VIDEODRIVER") &&
+        (!strcmp(SDL_GetCurrentVideoDriver(), "offscreen") || !strcmp(SDL_GetCurrentVideoDriver(), "dummy") ||
+         !strcmp(SDL_GetCurrentVideoDriver(), "evdev")))
+        return fail_open(&s, "there is no display to show it on");
     if (!make_window(s, options))
         return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?");
     SDL_GL_SetSwapInterval(1); // may fail: then the main loop's own pacing limits the rate

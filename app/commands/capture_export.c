@@ -1,65 +1,182 @@
-// reenact-capture export: writes a take's joints for other programs.
+// reenact-capture export: writes a take, or the place, for other programs.
+#include "app/commands/capture_export.h"
+
 #include "app/commands/commands.h"
+#include "platform/output.h"
 
-#include "capture/export.h"
-#include "platform/file.h"
+#include <stdlib.h>
+#include <string.h>
 
-typedef enum status format_writer(const struct take *take, const char *path);
-static const char *const format_names[] = {"joints-csv", "bvh"};
-static format_writer *const format_writers[] = {export_joints_csv, export_bvh};
+enum { KEY_TAKE = COMMAND_KEY, KEY_AS, KEY_OUT, KEY_AXES, KEY_WHAT, KEY_AT, KEY_HTML, KEY_FORCE };
 
-struct export_arguments {
-    const char *file, *take, *out;
-    bool force;
-    format_writer *write;
+static const char *const format_names[] = {
+    [EXPORT_CSV] = "joints-csv", [EXPORT_BVH] = "bvh", [EXPORT_GLB] = "glb",
+    [EXPORT_PLY] = "ply",        [EXPORT_MP4] = "mp4", [EXPORT_FOLDER] = "folder"};
+static const char *const axes_names[] = {[EXPORT_SENSOR] = "sensor", [EXPORT_ROOM] = "room"};
+static const char *const what_names[] = {
+    [PLY_POINTS] = "points", [PLY_ACTOR] = "actor", [PLY_MESH] = "mesh", [PLY_PLACE] = "place"};
+
+static const struct argp_option options[] = {
+    {"take", KEY_TAKE, "NAME", 0, "the take; not for the place", 0},
+    {"as", KEY_AS, "FORMAT", 0,
+     "joints-csv (time, joint, position, confidence, standard deviation per axis), bvh (motion), glb (the actor, "
+     "animated "
+     "and textured), ply (points or a mesh), mp4 (the sensor's film) or folder (TUM RGB-D)",
+     0},
+    {"out", KEY_OUT, "PATH", 0, "the file, or folder, to write; - is standard output", 0},
+    {"axes", KEY_AXES, "AXES", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)", 0},
+    {"what", KEY_WHAT, "WHAT", 0,
+     "of ply: points (a frame's, default), actor (a frame's points of the actor), mesh (the actor's model at that "
+     "instant) or place (the room)",
+     0},
+    {"at", KEY_AT, "SECONDS", 0, "of ply: the instant of the take (default: its most typical frame)", 0},
+    {"html", KEY_HTML, "FILE", 0, "with glb: also write a page that shows the actor in a browser", 0},
+    {"force", KEY_FORCE, NULL, 0, "write over files that exist, though never over the recording", 0},
+    {0},
 };
+
+static void check(struct argp_state *state, const struct export_arguments *given)
+{
+    const bool place = given->format == EXPORT_PLY && given->what == PLY_PLACE;
+    command_require(state, given->file, "FILE");
+    command_require(state, given->format >= 0 ? given : NULL, "--as FORMAT");
+    if (!place)
+        command_require(state, given->take, "--take NAME");
+    command_require(state, given->out, "--out PATH");
+    if (given->html && given->format != EXPORT_GLB)
+        argp_error(state, "--html goes with --as glb");
+    if (!strcmp(given->out, "-") && given->format == EXPORT_FOLDER)
+        argp_error(state, "a folder cannot be written to standard output");
+    if (given->html && !strcmp(given->out, given->html))
+        argp_error(state, "--out and --html name the same file");
+}
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct export_arguments *given = state->input;
     switch (key) {
-    case COMMAND_KEY: given->take = value; return 0;
-    case COMMAND_KEY + 1:
-        given->write = format_writers[command_parse_choice(state, "--as", value, format_names, COUNT_OF(format_names))];
+    case KEY_TAKE: given->take = value; return 0;
+    case KEY_AS:
+        given->format = command_parse_choice(state, "--as", value, format_names, COUNT_OF(format_names));
         return 0;
-    case COMMAND_KEY + 2: given->out = value; return 0;
-    case COMMAND_KEY + 3: given->force = true; return 0;
+    case KEY_OUT: given->out = value; return 0;
+    case KEY_AXES:
+        given->axes = (enum export_axes)command_parse_choice(state, "--axes", value, axes_names, COUNT_OF(axes_names));
+        return 0;
+    case KEY_WHAT:
+        given->what = (enum export_ply)command_parse_choice(state, "--what", value, what_names, COUNT_OF(what_names));
+        return 0;
+    case KEY_AT: given->at_s = command_parse_number(state, "--at", value, 0, 1e6); return 0;
+    case KEY_HTML: given->html = value; return 0;
+    case KEY_FORCE: given->force = true; return 0;
     case ARGP_KEY_ARG: command_take_file(state, &given->file, value); return 0;
-    case ARGP_KEY_END:
-        command_require(state, given->file, "FILE");
-        command_require(state, given->take, "--take NAME");
-        command_require(state, given->write ? given : NULL, "--as FORMAT");
-        command_require(state, given->out, "--out PATH");
-        return 0;
+    case ARGP_KEY_END: check(state, given); return 0;
+    default: return ARGP_ERR_UNKNOWN;
     }
-    return ARGP_ERR_UNKNOWN;
+}
+
+int64_t export_frame(const struct export_arguments *given, const struct take *take)
+{
+    const int64_t frames = take_frame_count(take), typical = take_body(take)->representative_frame;
+    if (isnan(given->at_s))
+        return typical >= 0 ? typical : frames / 2;
+    int64_t best = 0;
+    double least = INFINITY;
+    for (int64_t i = 0; i < frames; i++) {
+        const double since_s = (double)(take_entry(take, i)->time_ns - take_entry(take, 0)->time_ns) * 1e-9;
+        if (fabs(since_s - given->at_s) < least) {
+            least = fabs(since_s - given->at_s);
+            best = i;
+        }
+    }
+    return best;
+}
+
+static bool on_progress(void *self, double share)
+{
+    struct progress_bar *progress = self;
+    while (progress->done < (int64_t)(share * (double)progress->total))
+        progress_bar_step(progress);
+    return !command_stopped();
+}
+
+static enum status write_place(struct recording *recording, const struct export_arguments *given, FILE *out)
+{
+    struct place place = {0};
+    enum status status = recording_read_place(recording, &place);
+    if (status == OK)
+        status = export_place_ply(&place, out);
+    place_free(&place);
+    return status == NOTHING ? fail(ERR_INPUT, "%s holds no place", given->file) : status;
+}
+
+static enum status write_points(struct take *take, const struct export_arguments *given, FILE *out)
+{
+    const enum status status = export_points_ply(take, export_frame(given, take), given->what == PLY_ACTOR, out);
+    return status == NOTHING ? fail(ERR_INPUT, "that frame has no such points; give another --at") : status;
+}
+
+static enum status write_take(struct take *take, const struct export_arguments *given, const struct output *out,
+                              const struct progress_watch *watch)
+{
+    FILE *file = output_file(out);
+    switch ((enum export_format)given->format) {
+    case EXPORT_CSV: return export_joints_csv(take, given->axes, file);
+    case EXPORT_BVH: return export_bvh(take, file);
+    case EXPORT_GLB: return export_actor(given, take, file, watch);
+    case EXPORT_PLY:
+        return given->what == PLY_MESH ? export_actor(given, take, file, watch) : write_points(take, given, file);
+    case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch);
+    case EXPORT_FOLDER: break; // is no file
+    }
+    return OK;
+}
+
+static enum status write_out(struct recording *recording, const struct export_arguments *given,
+                             const struct progress_watch *watch)
+{
+    const bool place = given->format == EXPORT_PLY && given->what == PLY_PLACE;
+    struct take *take = NULL;
+    struct output *out = NULL;
+    enum status status = place ? OK : take_open(&take, recording, given->take);
+    if (status == OK && take && !take_frame_count(take))
+        status = fail(ERR_INPUT, "the take '%s' holds no frame", given->take);
+    if (status == OK && given->format == EXPORT_FOLDER) {
+        status = export_folder(take, given->out, watch);
+    } else if (status == OK) {
+        status = output_open(&out, given->out);
+        if (status == OK)
+            status = place ? write_place(recording, given, output_file(out)) : write_take(take, given, out, watch);
+        if (status == NOTHING && command_stopped())
+            status = fail(ERR_IO, "stopped");
+        status = output_close(&out, status);
+    }
+    if (status == NOTHING && command_stopped())
+        status = fail(ERR_IO, "stopped");
+    take_close(&take);
+    return status;
 }
 
 int capture_export(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"take", COMMAND_KEY, "NAME", 0, "the take", 0},
-        {"as", COMMAND_KEY + 1, "FORMAT", 0,
-         "joints-csv (time, joint, position in the colour camera's axes, confidence, standard deviation per axis) or "
-         "bvh",
-         0},
-        {"out", COMMAND_KEY + 2, "PATH", 0, "the file to write", 0},
-        COMMAND_OPTION_FORCE(COMMAND_KEY + 3),
-        {0},
-    };
-    static const struct argp argp = {options, parse, "FILE", "Writes a take's joints for other programs.", 0, 0, 0};
-    struct export_arguments given = {0};
+    static const struct argp argp = {options, parse, "FILE", "Writes a take, or the place, for other programs.",
+                                     0,       0,     0};
+    struct export_arguments given = {.format = -1, .at_s = NAN};
+    struct progress_bar progress;
+    const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
     command_parse(&argp, argc, argv, &given);
     struct recording *recording = NULL;
-    struct take *take = NULL;
-    enum status status = file_check_output(given.out, given.force);
+    enum status status = recording_open(&recording, given.file);
     if (status == OK)
-        status = recording_open(&recording, given.file);
-    if (status == OK)
-        status = take_open(&take, recording, given.take);
-    if (status == OK)
-        status = given.write(take, given.out);
-    take_close(&take);
+        status = output_check(given.out, given.file, given.force && given.format != EXPORT_FOLDER);
+    if (status == OK && given.html)
+        status = output_check(given.html, given.file, given.force);
+    if (status == OK) {
+        command_catch_signals();
+        progress_bar_start(&progress, "exporting", 100);
+        status = write_out(recording, &given, &watch);
+        progress_bar_end(&progress);
+    }
     recording_free(&recording);
     return status == OK ? 0 : command_failed(argv[0]);
 }

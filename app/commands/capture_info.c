@@ -141,7 +141,8 @@ static enum status report(struct recording *r, const char *path, struct json *ro
         else
             print_place(&place);
         if (place.views_lost || place.errors_lost)
-            fprintf(stderr, "reenact-capture info: warning: parts of the place are damaged; try reenact-capture repair\n");
+            fprintf(stderr,
+                    "reenact-capture info: warning: parts of the place are damaged; try reenact-capture repair\n");
         place_free(&place);
     } else if (!root) {
         printf("no place\n");

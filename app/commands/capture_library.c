@@ -226,7 +226,8 @@ int capture_library(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {
-        options, parse, "DIR", "Lists the takes of all recordings (*.reenact) in a folder and those below it.", 0, 0, 0};
+        options, parse, "DIR", "Lists the takes of all recordings (*.reenact) in a folder and those below it.",
+        0,       0,     0};
     struct library_arguments a = {0};
     command_parse(&argp, argc, argv, &a);
     char *page = NULL;

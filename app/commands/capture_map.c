@@ -321,6 +321,8 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK)
         status = feed_mapper(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
+    if (status == OK && !live)
+        command_warn_times(program, source_dropped(source));
     source_close(&source);
     if (status == OK)
         status = mapper_finish(mapper, &place, &report);

@@ -186,6 +186,8 @@ static enum status record(const struct record_arguments *given, struct place *pl
         coaching_line_end(&work.coaching);
     }
     const bool made = writer && given->out;
+    if (status == OK && !source_is_live(source))
+        command_warn_times("reenact-capture record", source_dropped(source));
     enum status closed = recording_close(&writer);
     source_close(&source);
     status = status != OK ? status : closed;

@@ -129,11 +129,15 @@ int capture_take(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {
-        options, parse, "rename|delete|trim|copy|note FILE",
+        options,
+        parse,
+        "rename|delete|trim|copy|note FILE",
         "Changes the takes of a recording.\v"
         "Each is done whole or not at all. What delete and trim remove is overwritten with zeros and the file made "
         "smaller, which takes as much room on the disk again while it runs.",
-        0, 0, 0};
+        0,
+        0,
+        0};
     struct take_arguments a = {0};
     command_parse(&argp, argc, argv, &a);
     for (size_t i = 0; i < COUNT_OF(actions); i++) {

@@ -70,6 +70,15 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
                 count > 1 ? "them" : "it");
 }
 
+void command_warn_times(const char *program, int64_t count)
+{
+    if (count)
+        fprintf(stderr,
+                "%s: warning: %lld pictures were left out: their times are not later than those of the pictures before "
+                "them\n",
+                program, (long long)count);
+}
+
 void command_parse(const struct argp *argp, int argc, char **argv, void *input)
 {
     const error_t error = argp_parse(argp, argc, argv, 0, NULL, input);

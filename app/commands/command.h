@@ -26,6 +26,9 @@ int command_failed(const char *program);
 // Warns on stderr that `count` tags are not where the place has them, the lowest id being `first`. 0: no output.
 void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 
+// Warns on stderr that a recorded source left `count` pictures out because their times do not rise. 0: no output.
+void command_warn_times(const char *program, int64_t count);
+
 // ---- For argp parsers. On wrong usage these print a sentence and end the program with exit code 2.
 
 // An option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
@@ -49,7 +52,7 @@ void command_parse(const struct argp *argp, int argc, char **argv, void *input);
 // --force of commands that write files.
 #define COMMAND_OPTION_FORCE(key)                                                                                      \
     {                                                                                                                  \
-        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                     \
+        "force", key, NULL, 0, "write over files that exist; a recording is never overwritten", 0                      \
     }
 
 // A required option must have been given.

@@ -230,6 +230,8 @@ int reenact_locate(int argc, char **argv)
         s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
         report(&a, &s);
         warn(argv[0], &s);
+        if (!source_is_live(camera))
+            command_warn_times(argv[0], source_dropped(camera));
         const enum status kept = source_save_lens(camera, &s.lens);
         status = kept < 0 ? kept : OK;
     }

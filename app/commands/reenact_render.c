@@ -22,7 +22,18 @@ struct render_arguments {
     double start_s, error_px;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON, KEY_FORCE };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_OUT,
+    KEY_DETAIL,
+    KEY_LAYERS,
+    KEY_START,
+    KEY_ERROR,
+    KEY_ALONE,
+    KEY_JSON,
+    KEY_FORCE
+};
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -205,8 +216,8 @@ static void close_run(struct render_run *r)
 static void write_pose(FILE *to, int64_t time_ns, struct pose p)
 {
     char seconds[SECONDS_TEXT_BYTES];
-    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y,
-            p.rotation.z, p.rotation.w);
+    fprintf(to, "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", seconds_text(time_ns, 9, seconds), p.translation.x,
+            p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z, p.rotation.w);
 }
 
 static enum status write_image(struct render_run *r, const char *name, const char *ending, enum png_kind kind,
@@ -392,6 +403,8 @@ int reenact_render(int argc, char **argv)
     if (status == OK) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
+        if (!source_is_live(run.camera))
+            command_warn_times(argv[0], source_dropped(run.camera));
     }
     close_run(&run);
     return status == OK ? 0 : command_failed(argv[0]);

@@ -101,6 +101,26 @@ struct watch {
 
 static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
 
+// Whether there is something to watch, before a window opens: who starts this from a shell or a program learns it
+// there.
+static enum status check_file(const struct watch_arguments *a)
+{
+    struct recording *recording;
+    enum status status = recording_open(&recording, a->file);
+    if (status != OK)
+        return status;
+    const int count = recording_take_count(recording);
+    bool found = !a->take;
+    for (int i = 0; i < count && !found; i++)
+        found = !strcmp(recording_take_name(recording, i), a->take);
+    if (!count)
+        status = fail(ERR_MISSING, "%s holds no take; film one with reenact-capture record", a->file);
+    else if (!found)
+        status = fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", a->file, a->take);
+    recording_free(&recording);
+    return status;
+}
+
 static enum status watch_open(struct watch *w)
 {
     const struct watch_arguments *a = w->arguments;
@@ -269,7 +289,9 @@ int reenact_watch(int argc, char **argv)
     command_parse(&argp, argc, argv, &given);
     struct watch watch = {.arguments = &given};
     command_catch_signals();
-    enum status status = watch_open(&watch);
+    enum status status = check_file(&given);
+    if (status == OK)
+        status = watch_open(&watch);
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)

@@ -6,8 +6,8 @@ struct take_summary {
     const char *name, *note, *alias; // as long as the take is open
     int64_t frames, dropped, lost, with_skeleton, with_color, with_depth, located, representative;
     double duration_s, fps;
-    double longest_gap_s;        // between two frames
-    double longest_unseen_s;     // without a person
+    double longest_gap_s;    // between two frames
+    double longest_unseen_s; // without a person
     const struct calibration *calibration;
     bool complete;
 };

@@ -4,6 +4,8 @@ static double clamp(double x, double low, double high) { return x < low ? low : 
 
 void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notches)
 {
+    if (!isfinite(drag_x) || !isfinite(drag_y) || !isfinite(notches)) // it would stay in the angles for ever
+        return;
     // Gains and limits chosen by hand.
     orbit->angle_rad -= 4 * drag_x;
     orbit->rise_rad = clamp(orbit->rise_rad + 2 * drag_y, -0.2, 1.4);

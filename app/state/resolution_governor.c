@@ -24,6 +24,8 @@ struct resolution_governor governor_start(double budget_ms)
 
 bool governor_update(struct resolution_governor *g, double took_ms)
 {
+    if (!(took_ms >= 0 && took_ms < HUGE_VAL)) // it would stay in the mean for ever
+        return false;
     if (g->warmup_left > 0) { // the first frames after a change carry its cost
         g->warmup_left--;
         g->typical_ms = took_ms;

@@ -132,6 +132,7 @@ static struct elimination elimination_order(int count)
 bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
+    bool finite = true;
     struct elimination e = elimination_order(s->count);
     for (int i = 0; i < s->count; i++) {
         int a = e.unknown[i];
@@ -154,10 +155,11 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
     for (int i = s->count - 1; i >= 0; i--) {
         y[i] /= l[i][i];
         x[e.unknown[i]] = y[i];
+        finite = finite && isfinite(y[i]);
         for (int k = e.first[i]; k < i; k++)
             y[k] -= l[i][k] * y[i];
     }
-    return true;
+    return finite;
 }
 
 // Not marginal_information() of base/linear_algebra.h: the two parts differ in size, and pivots are clamped.

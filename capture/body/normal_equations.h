@@ -36,7 +36,7 @@ void normal_equations_reset(struct normal_equations *s, bool with_shape);
 void normal_equations_add(struct normal_equations *s, const struct body_build *build, const struct point_residual *r);
 // Propagates the segments' sums to h and g. Once, after all residuals.
 void normal_equations_assemble(struct normal_equations *s, const struct body_build *build);
-// Solves (H + damping diag H) x = g by Cholesky decomposition; false when H is not positive definite.
+// Solves (H + damping diag H) x = g by Cholesky decomposition; false when H is not positive definite, or x not finite.
 bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT]);
 // The information of the shape with the pose marginalised out: the Schur complement of H.
 void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT]);

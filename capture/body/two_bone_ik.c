@@ -23,6 +23,8 @@ void two_bone_ik(const struct body_shape *shape, struct body_pose *pose, enum se
                  struct vec3 pole)
 {
     struct body_build build;
+    if (!v3_finite(target) || !v3_finite(pole))
+        return;
     body_forward_kinematics(shape, pose, &build);
     enum segment lower = upper + 1, end = upper + 2;
     struct vec3 base = build.origin[upper], way = v3_sub(target, base), along = v3_unit(way);

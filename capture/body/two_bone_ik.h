@@ -8,6 +8,7 @@ void body_aim_segment(const struct body_shape *shape, struct body_pose *pose, en
 
 // Rotates the segment `upper` (an upper arm or a thigh) and the next so that the third one's origin, the wrist or the
 // ankle, comes to `target`, or as near as the limb reaches, and the middle joint points to `pole`, a direction. Camera
-// axes. Both by the shortest rotation from where they are.
+// axes. Both by the shortest rotation from where they are. A target or pole that is not finite leaves the limb as it
+// is.
 void two_bone_ik(const struct body_shape *shape, struct body_pose *pose, enum segment upper, struct vec3 target,
                  struct vec3 pole);

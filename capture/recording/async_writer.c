@@ -214,6 +214,7 @@ static void *run_checkpointer(void *argument)
             continue;
         }
         s->unsynced = false;
+        const struct recording_counters before = s->counters;
         pthread_mutex_unlock(&s->lock);
         int64_t left;
         enum status status = database_checkpoint(s->checkpoint_db, &left);
@@ -222,6 +223,9 @@ static void *run_checkpointer(void *argument)
             while (s->writing) // the writer thread uses the connection that set_error() rolls back
                 pthread_cond_wait(&s->done, &s->lock);
             set_error(s, status);
+        } else {
+            s->counters.synced_frames = before.committed_frames;
+            s->counters.synced_ns = before.committed_ns;
         }
     }
     pthread_mutex_unlock(&s->lock);
@@ -258,7 +262,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
     s->db = db;
     s->batch.since_ns = INT64_MAX;
-    s->counters.committed_ns = INT64_MIN;
+    s->counters.committed_ns = s->counters.synced_ns = INT64_MIN;
     condition_open(&s->wake);
     pthread_cond_init(&s->done, NULL);
     pthread_mutex_init(&s->lock, NULL);
@@ -322,7 +326,8 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
         struct recording_counters *c = &s->counters;
         c->waiting_bytes += (int64_t)bytes;
         c->waiting_frames++;
-        c->waiting_frames_most = c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
+        c->waiting_frames_most =
+            c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
         if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
             s->due = true;
             pthread_cond_broadcast(&s->wake);

@@ -87,13 +87,19 @@ static bool key_is_possible(int64_t key)
     return take_id_is_valid(key >> 32) && (key & 0xffffffff) <= FRAME_NUMBER_MAX;
 }
 
+// A frame beside which another one lies has its own id; it is then its images' id that is damaged.
+static bool has_neighbour(struct frame_copier *c, int64_t key)
+{
+    return row_exists(c->frame_exists, key & 0xffffffff ? key - 1 : key + 1);
+}
+
 // The id that the row of c->frame was written with; its own where nothing speaks against that.
 static int64_t true_key(struct frame_copier *c)
 {
     const int64_t key = statement_number(c->frame, 0), crc = statement_number(c->frame, 6);
     const bool sealed = !statement_is_null(c->frame, FRAME_SEAL), has_images = statement_number(c->frame, 5) != 0;
     if (sealed ? seal_matches(c->frame, FRAME_SEAL, row_seal(key, (uint32_t)crc))
-               : !has_images || row_exists(c->images, key))
+               : !has_images || row_exists(c->images, key) || has_neighbour(c, key))
         return key;
     for (int bit = 0; bit < 63; bit++) {
         const int64_t other = key ^ (int64_t)1 << bit;

@@ -1,5 +1,5 @@
-// Copies frames of one recording into another, checking all of them: for repair, and for copies of takes. What cannot be
-// read is left out and counted.
+// Copies frames of one recording into another, checking all of them: for repair, and for copies of takes. What cannot
+// be read is left out and counted.
 #pragma once
 #include "capture/recording/async_writer.h"
 

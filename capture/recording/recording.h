@@ -71,11 +71,11 @@ MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const
 
 // How the writing goes. Any thread may ask.
 struct recording_counters {
-    int64_t waiting_frames, waiting_bytes; // given, not yet committed
-    int64_t waiting_frames_most;           // ever
-    int64_t committed_frames;
-    int64_t committed_ns;  // time of the last frame that is in the file; INT64_MIN: none
-    int64_t written_bytes; // of all frames committed so far
+    int64_t waiting_frames, waiting_bytes;   // given, not yet committed
+    int64_t waiting_frames_most;             // ever
+    int64_t committed_frames, synced_frames; // in the file: a kill does not cost them; nor a power cut
+    int64_t committed_ns, synced_ns;         // times of the last of them; INT64_MIN: none
+    int64_t written_bytes;                   // of all frames committed so far
 };
 struct recording_counters recording_writer_count(const struct recording_writer *w);
 
@@ -140,7 +140,7 @@ int64_t take_lost(const struct take *t);        // frames that damage cost, befo
 int64_t take_errors_lost(const struct take *t); // frames whose joints' covariances damage cost
 const char *take_note(const struct take *t);    // "" where there is none; valid until the last handle is closed
 const char *take_alias(const struct take *t);   // who performs: a name that need not be the person's own; "" likewise
-size_t take_index_bytes(const struct take *t); // of the index, which all handles on the take share
+size_t take_index_bytes(const struct take *t);  // of the index, which all handles on the take share
 
 // Decoded images of one frame. Pixels belong to the handle and are valid until its next take_read; images that were not
 // wanted, or that the frame lacks, are NULL.
@@ -153,6 +153,10 @@ enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // Reads and decodes the wanted images (a sum of take_want) of frame `index`. ERR_CORRUPT: the frame is damaged; others
 // can still be read. ERR_IO, ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
+
+// The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
+// take_read or take_read_jpeg. NOTHING: it has no colour. Errors as take_read; unless OK, *bytes is NULL.
+MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count);
 
 // ---------------------------------------------------------------- verify and repair
 
@@ -173,14 +177,15 @@ struct recording_report {
 MUST_CHECK enum status recording_verify(const char *path, struct recording_report *out);
 
 // Saves every frame that can be read of a damaged file into `to`, which must not exist; `path` is only read. Rows whose
-// ids were damaged are put where they belong as far as that can be known. *out: what was saved and lost. Takes that lost
-// frames say so (take_lost) and are not complete. NOTHING: `path` is sound, and nothing was made. ERR_EXISTS, ERR_IO,
-// ERR_MEMORY; ERR_CORRUPT: not even the tables can be read. On failure there is no `to`.
+// ids were damaged are put where they belong as far as that can be known. *out: what was saved and lost. Takes that
+// lost frames say so (take_lost) and are not complete. NOTHING: `path` is sound, and nothing was made. ERR_EXISTS,
+// ERR_IO, ERR_MEMORY; ERR_CORRUPT: not even the tables can be read. On failure there is no `to`.
 MUST_CHECK enum status recording_repair(const char *path, const char *to, struct recording_report *out);
 
 // ---------------------------------------------------------------- changing takes
-// Each in one transaction: all of it or, on any error, nothing. ERR_MISSING: no such take. ERR_EXISTS: the new name is in
-// use. ERR_CORRUPT: repair the file first. ERR_IO: also where another program writes the file. ERR_INPUT, ERR_MEMORY.
+// Each in one transaction: all of it or, on any error, nothing. ERR_MISSING: no such take. ERR_EXISTS: the new name is
+// in use. ERR_CORRUPT: repair the file first. ERR_IO: also where another program writes the file. ERR_INPUT,
+// ERR_MEMORY.
 
 MUST_CHECK enum status recording_rename_take(const char *path, const char *name, const char *new_name);
 // NULL keeps what there is, "" removes it.

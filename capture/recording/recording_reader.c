@@ -281,6 +281,8 @@ enum status recording_read_place(struct recording *r, struct place *out)
         status = read_views(r, s, coder, &place);
     statement_close(&s);
     depth_coder_close(&coder);
+    if (has_place && status == OK && !place_is_finite(&place))
+        status = recording_damaged(r, "the place holds a number that is not finite");
     if (has_place && status == OK) {
         *out = place;
         return OK;

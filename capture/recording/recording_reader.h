@@ -3,7 +3,7 @@
 #include "capture/recording/recording_schema.h"
 
 MUST_CHECK enum status recording_open_as(struct recording **out, const char *path, enum database_access access);
-struct database *recording_database(struct recording *r); // borrowed
+struct database *recording_database(struct recording *r);        // borrowed
 int64_t recording_take_id(const struct recording *r, int index); // of recording_take_name(r, index)
 
 // Of take_lost, those that are missing in this file.

@@ -103,7 +103,7 @@ static void choose_name(const struct repair *v, struct take_row *take)
 
 static enum status keep_name(struct repair *v, const char *name)
 {
-    char (*grown)[TAKE_NAME_BYTES + 1] = realloc(v->written, sizeof *grown * ((size_t)v->names.count + 1));
+    char(*grown)[TAKE_NAME_BYTES + 1] = realloc(v->written, sizeof *grown * ((size_t)v->names.count + 1));
     if (!grown)
         return fail(ERR_MEMORY, "no memory to repair %s", database_path(v->from));
     v->written = grown;
@@ -122,6 +122,11 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
     if (status != OK)
         return status;
     struct recording_report *r = v->report;
+    if (!counts.saved) { // an empty take is of no use
+        r->lost_frames += counts.lost;
+        r->lost_takes += take->frames != 0 && counts.lost;
+        return add_id(&v->used, take->id);
+    }
     r->takes++;
     r->frames += counts.saved;
     r->damaged_frames += counts.damaged;
@@ -142,13 +147,15 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
         status = keep_name(v, take->name);
     if (status == OK)
         status = async_writer_put_take(v->writer, take);
-    return status == OK ? async_writer_resume(v->writer, async_writer_pause(v->writer)) // it holds one take row at a time
-                        : status;
+    return status == OK
+               ? async_writer_resume(v->writer, async_writer_pause(v->writer)) // it holds one take row at a time
+               : status;
 }
 
 static struct take_row borrowed_take(const struct repair *v, int64_t id)
 {
-    struct take_row take = {.id = id, .calibration = v->calibration, .body = {.representative_frame = -1}, .frames = -1};
+    struct take_row take = {
+        .id = id, .calibration = v->calibration, .body = {.representative_frame = -1}, .frames = -1};
     return take;
 }
 

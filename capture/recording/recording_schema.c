@@ -109,9 +109,10 @@ static const struct table_columns {
 } table_columns[TABLE_COUNT] = {
     [TABLE_PLACE] = {"place", PLACE_COLUMNS, {{"views", "INTEGER"}, {"seal", "INTEGER"}}},
     [TABLE_VIEW] = {"place_view", VIEW_COLUMNS, {{"seal", "INTEGER"}}},
-    [TABLE_TAKE] = {"take",
-                    TAKE_COLUMNS,
-                    {{"frames", "INTEGER"}, {"lost", "INTEGER"}, {"note", "TEXT"}, {"alias", "TEXT"}, {"seal", "INTEGER"}}},
+    [TABLE_TAKE] =
+        {"take",
+         TAKE_COLUMNS,
+         {{"frames", "INTEGER"}, {"lost", "INTEGER"}, {"note", "TEXT"}, {"alias", "TEXT"}, {"seal", "INTEGER"}}},
     [TABLE_FRAME] = {"frame", FRAME_COLUMNS, {{"seal", "INTEGER"}}},
     [TABLE_JOINT_ERROR] = {"joint_error", JOINT_ERROR_COLUMNS, {{"seal", "INTEGER"}}},
     [TABLE_IMAGE] = {"picture", IMAGE_COLUMNS, {{"seal", "INTEGER"}}},
@@ -155,8 +156,8 @@ enum status insert_open(struct statement **out, struct database *db, enum record
 {
     const struct table_columns *t = &table_columns[table];
     char sql[700];
-    size_t used = (size_t)snprintf(sql, sizeof sql, "INSERT %sINTO %s(%s", or_replace ? "OR REPLACE " : "", t->name,
-                                   t->columns);
+    size_t used =
+        (size_t)snprintf(sql, sizeof sql, "INSERT %sINTO %s(%s", or_replace ? "OR REPLACE " : "", t->name, t->columns);
     int count = 1;
     for (const char *c = t->columns; *c; c++)
         count += *c == ',';
@@ -399,6 +400,18 @@ bool point_is_finite(const struct place_landmark *point)
         finite = finite && isfinite(c[i]);
     for (size_t i = 0; i < COUNT_OF(point->seen_from); i++)
         finite = finite && isfinite(point->seen_from[i]);
+    return finite;
+}
+
+bool place_is_finite(const struct place *p)
+{
+    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
+    for (int32_t i = 0; i < p->tag_count; i++)
+        finite = finite && tag_is_finite(&p->tags[i]);
+    for (int32_t i = 0; i < p->point_count; i++)
+        finite = finite && point_is_finite(&p->points[i]);
+    for (int32_t i = 0; i < p->view_count; i++)
+        finite = finite && pose_finite(p->views[i].world_from_camera);
     return finite;
 }
 

@@ -149,6 +149,7 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *o
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
 bool point_is_finite(const struct place_landmark *point); // and no variance is negative
 bool tag_is_finite(const struct place_tag *tag);          // likewise
+bool place_is_finite(const struct place *place);          // all of these, and its views' poses and residuals
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_has_covariance(const struct skeleton *skeleton); // of any joint
 bool skeleton_is_finite(const struct skeleton *skeleton);      // covariances included

@@ -82,7 +82,8 @@ static enum status need(struct database *db, const char *name, struct take_row *
 {
     enum status status = find(db, name, out);
     if (status == NOTHING)
-        return fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", database_path(db), name);
+        return fail(ERR_MISSING, "%s has no take '%s'; reenact-capture info lists those it has", database_path(db),
+                    name);
     if (status == ERR_CORRUPT)
         return fail(status, "%s is damaged: the take '%s' cannot be read; try reenact-capture repair",
                     database_path(db), name);

@@ -39,18 +39,6 @@ static bool may_go_on(const struct verification *v) { return v->first_error.stat
 
 // ------------------------------------------------------------- the place
 
-static bool place_is_finite(const struct place *p)
-{
-    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
-    for (int32_t i = 0; i < p->tag_count; i++)
-        finite = finite && tag_is_finite(&p->tags[i]);
-    for (int32_t i = 0; i < p->point_count; i++)
-        finite = finite && point_is_finite(&p->points[i]);
-    for (int32_t i = 0; i < p->view_count; i++)
-        finite = finite && pose_finite(p->views[i].world_from_camera);
-    return finite;
-}
-
 static void check_place(struct verification *v)
 {
     struct place place;
@@ -75,10 +63,8 @@ static void check_place(struct verification *v)
         note(v, fail(ERR_CORRUPT, "%s: %d of %d views of the place are damaged or missing", path_of(v),
                      (int)place.views_lost, (int)(place.views_lost + place.view_count)));
     if (place.errors_lost)
-        note(v, fail(ERR_CORRUPT,
-                     "%s: covariances or viewing directions of the place's points and tags are damaged", path_of(v)));
-    if (!place_is_finite(&place))
-        note(v, fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", path_of(v)));
+        note(v, fail(ERR_CORRUPT, "%s: covariances or viewing directions of the place's points and tags are damaged",
+                     path_of(v)));
     free(rgb);
     place_free(&place);
 }
@@ -165,6 +151,7 @@ static void check_orphans(struct verification *v)
         if (status == OK && count)
             status = fail(ERR_CORRUPT, "%s: %lld %s", path_of(v), (long long)count, checks[i].what);
         note(v, status);
+        v->report->lost_frames += i == 0 ? count : 0;
     }
 }
 

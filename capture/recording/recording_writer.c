@@ -122,14 +122,7 @@ static enum status check_place(const struct place *p)
     if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
         p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
-    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
-    for (int32_t i = 0; i < p->tag_count; i++)
-        finite = finite && tag_is_finite(&p->tags[i]);
-    for (int32_t i = 0; i < p->point_count; i++)
-        finite = finite && point_is_finite(&p->points[i]);
-    for (int32_t i = 0; i < p->view_count; i++)
-        finite = finite && pose_finite(p->views[i].world_from_camera);
-    return finite ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
+    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
 }
 
 static enum status put_place_row(struct database *db, const struct place *p)
@@ -259,8 +252,9 @@ enum status take_name_check(const char *name)
     if (!length || length > TAKE_NAME_BYTES)
         return fail(ERR_INPUT, "a take's name has 1 to %d bytes, not %zu", TAKE_NAME_BYTES, length);
     return text_is_printable(name) ? OK
-                                   : fail(ERR_INPUT, "a take's name is UTF-8 text without control characters, and '%s' "
-                                                     "is not",
+                                   : fail(ERR_INPUT,
+                                          "a take's name is UTF-8 text without control characters, and '%s' "
+                                          "is not",
                                           name);
 }
 
@@ -306,7 +300,8 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
     if (status != OK)
         return status;
     w->frames = 0;
-    w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
+    w->take = (struct take_row){
+        .id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
     snprintf(w->take.name, sizeof w->take.name, "%s", name);
     status = async_writer_put_take(w->async_writer, &w->take);
     if (status == OK)

@@ -478,6 +478,23 @@ static enum status check_image_seal(struct statement *s)
                : fail(ERR_CORRUPT, "its images are another frame's");
 }
 
+// Steps to the row of a frame's images.
+static enum status find_images(struct take *t, const struct take_entry *entry)
+{
+    statement_bind_number(t->read_images, 1, frame_key(t->index->id, entry->row_number));
+    enum status status = statement_step(t->read_images);
+    if (status == OK)
+        return check_image_seal(t->read_images);
+    return status == NOTHING ? fail(ERR_CORRUPT, "its images are lost") : status;
+}
+
+static enum status name_frame(const struct take *t, int64_t index, enum status status)
+{
+    return status == ERR_CORRUPT ? fail(status, "%s: frame %lld is damaged: %s", recording_path(t->recording),
+                                        (long long)index, status_message())
+                                 : status;
+}
+
 enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out)
 {
     const struct take_entry *entry = take_entry(t, index);
@@ -486,17 +503,25 @@ enum status take_read(struct take *t, int64_t index, unsigned want, struct take_
             (entry->has_mask ? TAKE_MASK : 0u);
     if (!want)
         return OK;
-    statement_bind_number(t->read_images, 1, frame_key(t->index->id, entry->row_number));
-    enum status status = statement_step(t->read_images);
-    if (status == OK)
-        status = check_image_seal(t->read_images);
+    statement_reset(t->read_images); // take_read_jpeg leaves it open
+    enum status status = find_images(t, entry);
     if (status == OK)
         status = decode_wanted(t, want, out);
-    else if (status == NOTHING)
-        status = fail(ERR_CORRUPT, "its images are lost");
-    if (status == ERR_CORRUPT)
-        status = fail(status, "%s: frame %lld is damaged: %s", recording_path(t->recording), (long long)index,
-                      status_message());
+    status = name_frame(t, index, status);
     statement_reset(t->read_images);
     return status;
+}
+
+enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count)
+{
+    const struct take_entry *entry = take_entry(t, index);
+    *bytes = NULL;
+    *count = 0;
+    if (!entry->has_color)
+        return NOTHING;
+    statement_reset(t->read_images);
+    enum status status = find_images(t, entry);
+    if (status == OK && !(*bytes = checked_blob(t->read_images, 6, 3, count)))
+        status = ERR_CORRUPT;
+    return name_frame(t, index, status); // the statement is reset when it is used next
 }

@@ -372,11 +372,11 @@ static bool is_static_object(struct tracker *t, struct fit_task *task, const uin
     struct fit_result *best = &t->scratch->best;
     if (t->backward || segmenter_static_frames(t->segmenter) < STATIC_FRAMES_MIN)
         return false;
-    if (tracker_points_deny_person(t))
+    const bool fits_well = explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN &&
+                           best->energy < FIT_ENERGY_MAX && shape_log_odds(&best->shape) < STATIC_SHAPE_MAX;
+    if (tracker_points_deny_person(t, fits_well))
         return true;
-    if (t->frames % SECOND_PERSON_EVERY ||
-        (explained_share(t->evidence, best, NEAR_M) > EXPLAINED_SHARE_MIN && best->energy < FIT_ENERGY_MAX &&
-         shape_log_odds(&best->shape) < STATIC_SHAPE_MAX))
+    if (t->frames % SECOND_PERSON_EVERY || fits_well)
         return false;
     struct body_pose pose = best->pose;
     struct body_shape shape = best->shape;

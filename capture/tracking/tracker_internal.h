@@ -99,8 +99,8 @@ bool tracker_points_decide(const struct tracker *t);
 void tracker_count_unconfirmed(struct tracker *t);
 // A new person is not to be detected: colour shows none here, or will soon tell.
 bool tracker_is_person_refused(const struct tracker *t);
-// Colour has shown no person here for so long that what is static is furniture.
-bool tracker_points_deny_person(const struct tracker *t);
+// Colour has shown no person here for so long that what is static is furniture. fits_well: the body fits it.
+bool tracker_points_deny_person(const struct tracker *t, bool fits_well);
 
 // Fits the body to the frame, or detects a person. True: scratch->best is the person's fit, and t->following holds.
 bool tracker_decide(struct tracker *t, struct tracked_frame *frame);

@@ -6,7 +6,8 @@
 
 // Chosen by hand. Images in a row in which colour shows no person where depth has one: a new person is refused for so
 // many, 2 s of a 30 Hz film of which every third image is looked at; then depth is believed, for colour may be blind to
-// this person. What stays static meanwhile is furniture, sooner if colour shows a person elsewhere.
+// this person. What stays static meanwhile is furniture unless the body fits it well, sooner if colour shows a person
+// elsewhere.
 enum { REFUSED_IMAGES_MAX = 20, ELSEWHERE_IMAGES = 5 };
 // Without an image for so many frames, depth decides alone.
 enum { FRESH_FRAMES = 6 };
@@ -68,7 +69,11 @@ bool tracker_is_person_refused(const struct tracker *t)
     return !t->has_points || (t->unconfirmed_images > 0 && t->unconfirmed_images <= REFUSED_IMAGES_MAX);
 }
 
-bool tracker_points_deny_person(const struct tracker *t)
+bool tracker_points_deny_person(const struct tracker *t, bool fits_well)
 {
-    return t->has_points && t->unconfirmed_images >= (t->elsewhere ? ELSEWHERE_IMAGES : REFUSED_IMAGES_MAX);
+    if (!t->has_points)
+        return false;
+    if (t->elsewhere)
+        return t->unconfirmed_images >= ELSEWHERE_IMAGES;
+    return !fits_well && t->unconfirmed_images >= REFUSED_IMAGES_MAX;
 }

@@ -29,6 +29,8 @@ static enum status find_size(struct tsdf *v)
         if (!(v->bind_pose.skeleton.confidence[j] > 0))
             continue;
         struct vec3 p = v->bind_pose.skeleton.joint[j];
+        if (!v3_finite(p)) // fmin and fmax would pass over it
+            return fail(ERR_INPUT, "a joint of the take's person is not finite");
         low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
         high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
     }

@@ -15,6 +15,8 @@ struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const
         if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
             return all; // out there the shaders hold the radial factor (lens.glsl)
         const struct pixel px = lens_project(lens, ray);
+        if (!isfinite(px.x) || !isfinite(px.y)) // fmin and fmax would pass over NaN
+            return all;
         const double at[2] = {px.x, px.y};
         for (int a = 0; a < 2; a++) {
             first[a] = fmin(first[a], at[a]);

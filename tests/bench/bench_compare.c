@@ -1,7 +1,8 @@
 // Stage "compare": time alignment of two movements, error against time: ours (exact, pruned), the plain full dynamic
 // programme, and FastDTW (Salvador & Chan 2007) at several radii; movements of 300 frames of a person whose every bone
-// swings on its own, the attempt at a changing pace with noise. The error is the excess price over the optimum, in
-// percent. Before the table: finding a second's movement in an hour.
+// swings on its own, the attempt at a changing pace, with noise; every third is hard: to and fro, with pauses and
+// pieces left out. The error is the excess price over the optimum, in percent. Before the table: finding a second's
+// movement in an hour.
 #include "tests/bench/bench.h"
 #include "tests/support/limbs.h"
 
@@ -47,15 +48,24 @@ static enum status features_at(const struct limbs *limbs, const double *time_s, 
     return status;
 }
 
-static enum status make_pair(struct pair *p, struct rng *rng)
+static enum status make_pair(struct pair *p, bool hard, struct rng *rng)
 {
     const struct limbs limbs = limbs_random(rng);
     double a_s[FRAMES], b_s[FRAMES], time_s = 0, pace = 1;
+    int halted = 0;
     for (int i = 0; i < FRAMES; i++) {
         a_s[i] = i / MOVEMENT_RATE_HZ;
         b_s[i] = time_s;
         pace += 0.05 * rng_normal(rng) + 0.05 * (1 - pace);
-        time_s += fmax(0, pace) / MOVEMENT_RATE_HZ;
+        // A hard one also halts for half a second now and then, and leaves out as much.
+        const double dice = hard ? rng_uniform(rng) : 1;
+        halted = dice < 0.03 ? 15 : halted - 1;
+        time_s += halted > 0 ? 0 : fmax(0, pace) / MOVEMENT_RATE_HZ + (dice > 0.97 && dice < 1 ? 0.5 : 0);
+    }
+    // And it goes to and fro, a little further each time: coarse frames do not say which time it is.
+    for (int i = 0; i < FRAMES && hard; i++) {
+        a_s[i] = (1 + 0.05 * a_s[i]) * sin(6.28 * a_s[i] / 1.1);
+        b_s[i] = (1 + 0.05 * b_s[i]) * sin(6.28 * b_s[i] / 1.1);
     }
     enum status status = features_at(&limbs, a_s, FRAMES, 0.005, rng, &p->a);
     if (status == OK)
@@ -184,7 +194,7 @@ static enum status run(struct bench *b)
     printf("compare: seed %llu\n", (unsigned long long)SEED);
     status = search_an_hour(&rng);
     for (int i = 0; i < ITEMS && status == OK; i++)
-        status = make_pair(&pairs[i], &rng);
+        status = make_pair(&pairs[i], i % 3 == 2, &rng);
     struct contender exact = {pairs, 0}, plain = {pairs, -1}, r1 = {pairs, 1}, r3 = {pairs, 3}, r10 = {pairs, 10},
                      r30 = {pairs, 30};
     const struct bench_contender contenders[] = {

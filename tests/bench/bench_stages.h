@@ -15,9 +15,11 @@ extern const struct bench_stage bench_stage_prepare;
 extern const struct bench_stage bench_stage_draw;
 extern const struct bench_stage bench_stage_lod;
 extern const struct bench_stage bench_stage_compare;
+extern const struct bench_stage bench_stage_repetitions;
 
 static const struct bench_stage *const bench_stages[] = {
-    &bench_stage_depth, &bench_stage_skeleton, &bench_stage_search,  &bench_stage_tags,     &bench_stage_tag_distance,
-    &bench_stage_map,   &bench_stage_still,    &bench_stage_views,   &bench_stage_held_out, &bench_stage_prepare,
-    &bench_stage_draw,  &bench_stage_lod,      &bench_stage_compare,
+    &bench_stage_depth,        &bench_stage_skeleton,    &bench_stage_search, &bench_stage_tags,
+    &bench_stage_tag_distance, &bench_stage_map,         &bench_stage_still,  &bench_stage_views,
+    &bench_stage_held_out,     &bench_stage_prepare,     &bench_stage_draw,   &bench_stage_lod,
+    &bench_stage_compare,      &bench_stage_repetitions,
 };

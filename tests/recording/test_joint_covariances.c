@@ -1,8 +1,7 @@
 // The joints' covariances in a recording: older files lack them, and damaged ones are found and given up without their
 // frames.
 #include "tests/support/recording_sample.h"
-
-#include "platform/database.h"
+#include "tests/support/sql.h"
 
 // As they were written, bit for bit.
 static void expect_covariances(struct take *t, int index)
@@ -13,14 +12,6 @@ static void expect_covariances(struct take *t, int index)
     if (e->has_skeleton)
         assert_memory_equal(e->skeleton.covariance, m.frame.skeleton.covariance, sizeof e->skeleton.covariance);
     free(m.jpeg);
-}
-
-static void run_sql(const char *path, const char *sql)
-{
-    struct database *db;
-    EXPECT_STATUS(database_open(&db, path, DATABASE_WRITE), OK);
-    EXPECT_STATUS(database_run(db, sql), OK);
-    database_close(&db);
 }
 
 // Older files lack the joints' covariances: they are read, and takes that are added get them.

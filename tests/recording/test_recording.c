@@ -185,7 +185,11 @@ static void test_take_names(void **state)
     longest[200] = 0;
     EXPECT_STATUS(recording_begin_take(w, "caf\xe9", &calibration), ERR_INPUT); // Latin 1
     EXPECT_SAYS("UTF-8");
-    EXPECT_STATUS(recording_begin_take(w, "\xc2\x9b" "31m", &calibration), ERR_INPUT); // a terminal obeys U+009B
+    EXPECT_STATUS(recording_begin_take(w,
+                                       "\xc2\x9b"
+                                       "31m",
+                                       &calibration),
+                  ERR_INPUT); // a terminal obeys U+009B
     EXPECT_STATUS(recording_begin_take(w, longest, &calibration), OK);
     sample_frames_add(w, 0, 1);
     EXPECT_STATUS(recording_end_take(w), OK);
@@ -544,7 +548,7 @@ static void test_handles_share_one_index(void **state)
     const double per_frame = (double)sizeof(struct take_entry);
     print_message("%.0f bytes a frame for all handles, %.1f MB an hour\n", per_frame, per_frame * HOUR_FRAMES / 1e6);
     EXPECT_AT_MOST((double)take_index_bytes(t[0]), 712.0 * FRAMES + 2700); // 2700: calibration, body, note
-    struct take_images first, second;                                     // of two handles: neither disturbs the other
+    struct take_images first, second;                                      // of two handles: neither disturbs the other
     EXPECT_STATUS(take_read(t[0], 0, TAKE_DEPTH, &first), OK);
     EXPECT_STATUS(take_read(t[1], FRAMES - 1, TAKE_DEPTH, &second), OK);
     EXPECT_TRUE(first.depth != second.depth);

@@ -1,5 +1,5 @@
 // What a recording survives: a killed writer, a full disk, truncation, wrong bytes.
-#include "tests/support/recording_sample.h"
+#include "tests/support/recording_hash.h"
 
 #include "capture/recording/recording_schema.h"
 #include "base/clock.h"
@@ -192,50 +192,6 @@ static void test_full_disk(void **state)
 }
 
 // ------------------------------------------------------------- damage
-
-// FNV-like hash over everything that a reader returns.
-static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
-{
-    for (const uint8_t *b = bytes; bytes && count--; b++)
-        hash = (hash ^ *b) * UINT64_C(0x100000001b3);
-    return hash ^ (bytes != NULL);
-}
-
-static uint64_t hash_of(const char *path)
-{
-    struct recording *r;
-    struct place place;
-    uint64_t hash = 0xcbf29ce484222325u;
-    EXPECT_STATUS(recording_open(&r, path), OK);
-    if (recording_read_place(r, &place) == OK) {
-        hash = mix(hash, place.tags, (size_t)place.tag_count * sizeof *place.tags);
-        hash = mix(hash, place.points, (size_t)place.point_count * sizeof *place.points);
-        for (int i = 0; i < place.view_count; i++)
-            hash = mix(hash, place.views[i].depth, WIDTH * HEIGHT * 2);
-        place_free(&place);
-    }
-    for (int i = 0; i < recording_take_count(r); i++) {
-        struct take *t;
-        hash = mix(hash, recording_take_name(r, i), strlen(recording_take_name(r, i)));
-        EXPECT_STATUS(take_open(&t, r, recording_take_name(r, i)), OK);
-        hash = mix(hash, take_body(t)->radius_rate, sizeof take_body(t)->radius_rate);
-        for (int64_t k = 0; k < take_frame_count(t); k++) {
-            struct take_images p;
-            const struct take_entry *e = take_entry(t, k);
-            EXPECT_STATUS(take_read(t, k, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &p), OK);
-            hash = mix(hash, &e->time_ns, sizeof e->time_ns);
-            hash = mix(hash, &e->world_from_camera, sizeof e->world_from_camera);
-            hash = mix(hash, e->skeleton.joint, sizeof e->skeleton.joint);
-            hash = mix(hash, e->skeleton.covariance, sizeof e->skeleton.covariance);
-            hash = mix(hash, p.color, COLOR_WIDTH * COLOR_HEIGHT * 3);
-            hash = mix(hash, p.depth, WIDTH * HEIGHT * 2);
-            hash = mix(hash, p.mask, WIDTH * HEIGHT);
-        }
-        take_close(&t);
-    }
-    recording_free(&r);
-    return hash;
-}
 
 // Opens, verifies and repairs a damaged file; returns the number of frames that repair saved, -1: it failed.
 static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetected)

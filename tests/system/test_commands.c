@@ -235,14 +235,16 @@ static void test_camera_maps_tags(void **state)
     EXPECT_NEAR(apart, 0.4, 0.002);
     place_free(&place);
     recording_free(&r);
-    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--force", "--out", scratch_file(&scratch, "wall.txt"));
+    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--force", "--out",
+                   scratch_file(&scratch, "wall.txt"));
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.out, "4 of 4"));
     // The same camera with an inaccurate focal length.
     scratch_text(&scratch, "wall/calibration.json",
                  "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 260, \"fy\": 260, "
                  "\"cx\": 159.5, \"cy\": 119.5, \"focal_sigma\": 0.15}}");
-    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--force", "--out", scratch_file(&scratch, "wall.txt"));
+    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--force", "--out",
+                   scratch_file(&scratch, "wall.txt"));
     EXPECT_INT(said.exit_code, 0);
     const char *learnt = strstr(said.out, "learnt from the place: ");
     assert_non_null(learnt);

@@ -260,10 +260,11 @@ void bvh_positions(const struct bvh *b, int frame, struct vec3 *positions)
         struct pose local = {{0, 0, 0, 1}, joint->offset};
         for (int c = 0; c < joint->channel_count; c++) {
             double v = values[joint->first_channel + c], angle = v * 3.14159265358979323846 / 180;
-            switch (joint->channel[c]) { // rotations apply from the last one named to the first
-            case X_POSITION: local.translation.x += v; break;
-            case Y_POSITION: local.translation.y += v; break;
-            case Z_POSITION: local.translation.z += v; break;
+            const bool root = joint->parent < 0; // moves from its offset; other joints' positions replace theirs
+            switch (joint->channel[c]) {         // rotations apply from the last one named to the first
+            case X_POSITION: local.translation.x = v + (root ? joint->offset.x : 0); break;
+            case Y_POSITION: local.translation.y = v + (root ? joint->offset.y : 0); break;
+            case Z_POSITION: local.translation.z = v + (root ? joint->offset.z : 0); break;
             case X_ROTATION:
                 local.rotation = quat_multiply(local.rotation, quat_from_rotation_vector(v3(angle, 0, 0)));
                 break;

@@ -1,0 +1,13 @@
+// Any bytes as a joints-csv file.
+#include "tests/fuzz/fuzz.h"
+
+#include "compare/movement.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct movement m;
+    struct movement_source source;
+    if (fuzz_said(movement_read(fuzz_file("joints.csv", data, size), NULL, &m, &source)) == OK)
+        movement_free(&m);
+    return 0;
+}

@@ -1,0 +1,16 @@
+// Any bytes as a JPEG.
+#include "tests/fuzz/fuzz.h"
+
+#include "platform/jpeg.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    int width, height;
+    if (fuzz_said(jpeg_size(data, size, &width, &height)) != OK || (int64_t)width * height > 1 << 20)
+        return 0;
+    uint8_t *rgb = malloc((size_t)width * (size_t)height * 3);
+    FUZZ_CHECK(rgb);
+    fuzz_said(jpeg_decode(data, size, rgb, width, height));
+    free(rgb);
+    return 0;
+}

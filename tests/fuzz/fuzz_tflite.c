@@ -1,0 +1,12 @@
+// Any bytes as a network.
+#include "tests/fuzz/fuzz.h"
+
+#include "platform/tflite.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct tflite_model model;
+    if (fuzz_said(tflite_read(&model, "input", data, size)) == OK)
+        tflite_free(&model);
+    return 0;
+}

@@ -1,0 +1,186 @@
+// Takes are renamed, annotated, deleted, trimmed and copied.
+#include "tests/support/recording_hash.h"
+
+static struct recording *recording;
+static struct take *take;
+
+static void open_take(const char *path, const char *name)
+{
+    EXPECT_STATUS(recording_open(&recording, path), OK);
+    EXPECT_STATUS(take_open(&take, recording, name), OK);
+}
+
+static void close_take(void)
+{
+    take_close(&take);
+    recording_free(&recording);
+}
+
+static void expect_sound(const char *path, int takes, int64_t frames)
+{
+    struct recording_report report;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, takes);
+    EXPECT_INT(report.frames, frames);
+}
+
+static const char *fresh(const char *name)
+{
+    unlink(sample_path(name));
+    sample_recording_write(sample_path(name));
+    return sample_path(name);
+}
+
+// How often the JPEG of sample frame `index` lies in the file.
+static int jpegs_in(const char *path, int index)
+{
+    static struct sample_frame m;
+    uint8_t *bytes, *at;
+    size_t count;
+    int found = 0;
+    sample_frame_make(&m, index);
+    EXPECT_STATUS(file_read(path, &bytes, &count), OK);
+    // 200 bytes: what of it lies in one page, whatever the pages' borders
+    for (at = bytes; (at = memmem(at, count - (size_t)(at - bytes), m.jpeg + 700, 200)); at++)
+        found++;
+    free(bytes);
+    free(m.jpeg);
+    return found;
+}
+
+static void test_rename_and_notes(void **state)
+{
+    (void)state;
+    char path[128];
+    snprintf(path, sizeof path, "%s", fresh("rename"));
+    EXPECT_STATUS(recording_rename_take(path, "nope", "x"), ERR_MISSING);
+    EXPECT_STATUS(recording_rename_take(path, "höher", "second"), ERR_EXISTS);
+    EXPECT_STATUS(recording_rename_take(path, "höher", "a\nb"), ERR_INPUT);
+    EXPECT_STATUS(recording_rename_take(path, "höher", "high"), OK);
+    EXPECT_STATUS(recording_annotate_take(path, "high", "left knee bandaged", "dancer 7"), OK);
+    EXPECT_STATUS(recording_annotate_take(path, "high", NULL, "dancer 8"), OK);
+    EXPECT_STATUS(recording_annotate_take(path, "high", "\x1b[2J", NULL), ERR_INPUT);
+    open_take(path, "high");
+    assert_string_equal(take_note(take), "left knee bandaged");
+    assert_string_equal(take_alias(take), "dancer 8");
+    EXPECT_INT(take_body(take)->representative_frame, 17);
+    EXPECT_TRUE(take_is_complete(take));
+    close_take();
+    expect_sound(path, 2, FRAMES + 3);
+}
+
+static void test_delete_overwrites(void **state)
+{
+    (void)state;
+    char path[128];
+    int64_t freed;
+    snprintf(path, sizeof path, "%s", fresh("delete"));
+    EXPECT_AT_LEAST(jpegs_in(path, 11), 1);
+    EXPECT_AT_LEAST(jpegs_in(path, 1), 2); // in both takes
+    EXPECT_STATUS(recording_delete_take(path, "höher", &freed), OK);
+    EXPECT_AT_LEAST((double)freed, 65536);
+    EXPECT_INT(jpegs_in(path, 11), 0);
+    EXPECT_INT(jpegs_in(path, 1), 1); // of the other take
+    EXPECT_TRUE(!file_exists(sample_path("delete-wal")) && !file_exists(sample_path("delete-journal")));
+    expect_sound(path, 1, 3);
+    EXPECT_STATUS(recording_delete_take(path, "höher", &freed), ERR_MISSING);
+    // Its name and place are free again.
+    const struct calibration calibration = sample_calibration();
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
+    sample_frames_add(w, 0, 2);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    expect_sound(path, 2, 5);
+}
+
+static void test_trim(void **state)
+{
+    (void)state;
+    enum { FROM = 10, TO = 29 };
+    char path[128];
+    int64_t freed, times[TO - FROM + 1];
+    snprintf(path, sizeof path, "%s", fresh("trim"));
+    open_take(path, "höher");
+    const int64_t first_ns = take_entry(take, 0)->time_ns;
+    for (int i = FROM; i <= TO; i++)
+        times[i - FROM] = take_entry(take, i)->time_ns;
+    close_take();
+    EXPECT_STATUS(recording_trim_take(path, "höher", INT64_C(90000000000), INT64_MAX, &freed), ERR_INPUT);
+    EXPECT_STATUS(recording_trim_take(path, "höher", times[0] - first_ns, times[TO - FROM] - first_ns, &freed), OK);
+    print_message("%.0f KB were freed\n", (double)freed / 1e3);
+    expect_sound(path, 2, TO - FROM + 1 + 3);
+    open_take(path, "höher");
+    EXPECT_INT(take_frame_count(take), TO - FROM + 1);
+    EXPECT_INT(take_body(take)->representative_frame, 17 - FROM);
+    EXPECT_INT(take_lost(take), 0);
+    for (int i = 0; i <= TO - FROM; i++) {
+        static struct sample_frame m;
+        struct take_images images;
+        sample_frame_make(&m, FROM + i);
+        EXPECT_INT(take_entry(take, i)->time_ns, times[i]);
+        EXPECT_STATUS(take_read(take, i, TAKE_DEPTH, &images), OK);
+        EXPECT_TRUE(!m.frame.depth || !memcmp(images.depth, m.depth, sizeof m.depth));
+        if (m.frame.has_skeleton)
+            EXPECT_TRUE(!memcmp(take_entry(take, i)->skeleton.covariance, m.frame.skeleton.covariance,
+                                sizeof m.frame.skeleton.covariance));
+        free(m.jpeg);
+    }
+    close_take();
+    EXPECT_INT(jpegs_in(path, 35), 0);
+    EXPECT_INT(jpegs_in(path, 8), 0);
+    EXPECT_INT(jpegs_in(path, 12), 1);
+}
+
+static void test_copy(void **state)
+{
+    (void)state;
+    char path[128], other[128];
+    bool differs;
+    snprintf(path, sizeof path, "%s", fresh("copy"));
+    snprintf(other, sizeof other, "%s", sample_path("copy-new"));
+    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &differs), OK);
+    EXPECT_TRUE(!differs);
+    expect_sound(path, 3, 2 * FRAMES + 3);
+    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &differs), ERR_EXISTS);
+    EXPECT_STATUS(recording_copy_take(path, "nope", other, "x", &differs), ERR_MISSING);
+    EXPECT_TRUE(!file_exists(other));
+    EXPECT_STATUS(recording_copy_take(path, "höher", other, "höher", &differs), OK); // made, with the place
+    expect_sound(other, 1, FRAMES);
+    open_take(other, "höher");
+    struct place place;
+    EXPECT_STATUS(recording_read_place(recording, &place), OK);
+    EXPECT_INT(place.view_count, 3);
+    place_free(&place);
+    EXPECT_TRUE(take_entry(take, 3)->located && take_is_complete(take));
+    EXPECT_INT(take_body(take)->representative_frame, 17);
+    close_take();
+
+    char elsewhere[128]; // with another place
+    snprintf(elsewhere, sizeof elsewhere, "%s", sample_path("elsewhere"));
+    struct rng rng = {7};
+    struct place another = sample_place(&rng);
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_create(&w, elsewhere), OK);
+    EXPECT_STATUS(recording_put_place(w, &another), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    place_free(&another);
+    EXPECT_STATUS(recording_copy_take(path, "höher", elsewhere, "höher", &differs), OK);
+    EXPECT_TRUE(differs);
+    open_take(elsewhere, "höher");
+    EXPECT_TRUE(!take_entry(take, 3)->located);
+    close_take();
+}
+
+int main(void)
+{
+    printf("seed %d\n", SAMPLE_SEED);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rename_and_notes),
+        cmocka_unit_test(test_delete_overwrites),
+        cmocka_unit_test(test_trim),
+        cmocka_unit_test(test_copy),
+    };
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
+}

@@ -1,0 +1,12 @@
+// Changes a recording behind the reader's back.
+#pragma once
+#include "platform/database.h"
+#include "tests/support/test.h"
+
+static inline void run_sql(const char *path, const char *sql)
+{
+    struct database *db;
+    EXPECT_STATUS(database_open(&db, path, DATABASE_WRITE), OK);
+    EXPECT_STATUS(database_run(db, sql), OK);
+    database_close(&db);
+}

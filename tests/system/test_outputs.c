@@ -1,0 +1,228 @@
+// What the commands write: never over a recording, over nothing without --force, checked before long work. And the
+// commands that look after a recording.
+#include "tests/support/test.h"
+
+#include "capture/recording/recording.h"
+#include "platform/file.h"
+#include "tests/support/process.h"
+#include "tests/support/scratch.h"
+#include "tests/support/sql.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define CAPTURE PROGRAM_DIR "/reenact-capture"
+#define REENACT PROGRAM_DIR "/reenact"
+
+static struct scratch scratch;
+static char file[512];
+
+static const char *path_of(const char *name)
+{
+    static char ring[8][512];
+    static int next;
+    char *path = ring[next++ % 8];
+    snprintf(path, sizeof ring[0], "%s", scratch_file(&scratch, name));
+    return path;
+}
+
+static void expect_refused(struct process_result said, const char *words, int line)
+{
+    if (said.exit_code != 1 || !strstr(said.err, words)) {
+        print_error("line %d: exit code %d, '%s' does not say '%s'\n", line, said.exit_code, said.err, words);
+        fail_test();
+    }
+}
+#define EXPECT_REFUSED(said, words) expect_refused(said, words, __LINE__)
+
+#define EXPORT(out, ...)                                                                                               \
+    PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "joints-csv", "--out", out __VA_OPT__(, ) __VA_ARGS__)
+
+static void test_a_recording_is_never_overwritten(void **state)
+{
+    (void)state;
+    uint8_t *before, *after;
+    size_t count, count_after;
+    char other_path[600];
+    EXPECT_STATUS(file_read(file, &before, &count), OK);
+    EXPECT_INT(symlink(file, path_of("link")), 0);
+    EXPECT_INT(link(file, path_of("hard")), 0);
+    snprintf(other_path, sizeof other_path, "%s/../%s/old.reenact", scratch.path, strrchr(scratch.path, '/') + 1);
+    const char *const names[] = {file, path_of("link"), path_of("hard"), other_path};
+    for (size_t i = 0; i < COUNT_OF(names); i++) {
+        EXPECT_REFUSED(EXPORT(names[i]), "recording");
+        EXPECT_REFUSED(EXPORT(names[i], "--force"), "recording");
+        EXPECT_REFUSED(PROCESS(REENACT, "locate", file, "--camera", "folder:nowhere", "--force", "--out", names[i]),
+                       "recording");
+        EXPECT_REFUSED(PROCESS(REENACT, "compare", file, "--with", file, "--force", "--html", names[i]), "compared");
+        EXPECT_REFUSED(PROCESS(CAPTURE, "library", scratch.path, "--force", "--html", names[i]), "recording");
+        EXPECT_REFUSED(PROCESS(CAPTURE, "repair", file, "--out", names[i]), "recording");
+        EXPECT_REFUSED(PROCESS(CAPTURE, "map", "--sensor", "folder:nowhere", "--out", names[i]), "recording");
+        EXPECT_REFUSED(PROCESS(CAPTURE, "record", "--sensor", "folder:nowhere", "--take", "x", "--out", names[i]),
+                       "recording");
+        EXPECT_STATUS(file_write(names[i], "x", 1), ERR_EXISTS); // the last guard
+    }
+    EXPECT_STATUS(file_read(file, &after, &count_after), OK);
+    EXPECT_TRUE(count == count_after && !memcmp(before, after, count));
+    free(before);
+    free(after);
+}
+
+static void test_nothing_is_overwritten_without_force(void **state)
+{
+    (void)state;
+    const char *out = path_of("joints.csv");
+    scratch_text(&scratch, "joints.csv", "mine");
+    EXPECT_REFUSED(EXPORT(out), "--force");
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(out, &bytes, &count), OK);
+    EXPECT_INT(count, 4);
+    free(bytes);
+    EXPECT_INT(EXPORT(out, "--force").exit_code, 0);
+    EXPECT_INT(EXPORT("/dev/null").exit_code, 0); // a device is no file to lose
+    scratch_text(&scratch, "pictures/mine.txt", "mine");
+    EXPECT_REFUSED(
+        PROCESS(REENACT, "render", file, "--take", "one", "--camera", "folder:nowhere", "--out", path_of("pictures")),
+        "not empty");
+}
+
+// Before long work, and before the inputs are even looked at.
+static void test_outputs_are_checked_first(void **state)
+{
+    (void)state;
+    const char *nowhere = path_of("no/such/folder/x");
+    EXPECT_REFUSED(EXPORT(nowhere), "folder");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "map", "--sensor", "folder:nowhere", "--out", nowhere), "no/such");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "record", "--sensor", "folder:nowhere", "--take", "x", "--out", nowhere),
+                   "no/such");
+    EXPECT_REFUSED(
+        PROCESS(REENACT, "render", file, "--take", "one", "--camera", "folder:nowhere", "--out", path_of("joints.csv")),
+        "is a file");
+}
+
+// A name planted beside the output is not written through, and a link at the output itself is replaced, not followed.
+static void test_links_are_not_followed(void **state)
+{
+    (void)state;
+    scratch_text(&scratch, "victim", "precious");
+    EXPECT_INT(symlink(path_of("victim"), path_of("out.csv.part")), 0);
+    EXPECT_INT(symlink(path_of("victim"), path_of("linked.csv")), 0);
+    EXPECT_INT(EXPORT(path_of("out.csv")).exit_code, 0);
+    EXPECT_INT(EXPORT(path_of("linked.csv"), "--force").exit_code, 0);
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("victim"), &bytes, &count), OK);
+    EXPECT_TRUE(count == 8 && !memcmp(bytes, "precious", 8));
+    free(bytes);
+}
+
+static void test_full_output_is_no_success(void **state)
+{
+    (void)state;
+    char command[1200];
+    snprintf(command, sizeof command, "%s info %s > /dev/full 2> %s", CAPTURE, file, path_of("said"));
+    EXPECT_INT(WEXITSTATUS(system(command)), 1);
+    snprintf(command, sizeof command, "%s verify --json %s > /dev/full 2> %s", CAPTURE, file, path_of("said"));
+    EXPECT_INT(WEXITSTATUS(system(command)), 1);
+}
+
+static void test_watching_says_what_is_wrong(void **state)
+{
+    (void)state;
+    EXPECT_REFUSED(PROCESS(REENACT, path_of("nope.reenact")), "nope.reenact");
+    scratch_text(&scratch, "text", "no recording");
+    EXPECT_REFUSED(PROCESS(REENACT, path_of("text")), "not a recording");
+    EXPECT_REFUSED(PROCESS(REENACT, file, "--take", "nope"), "nope");
+}
+
+static void test_verify_and_repair(void **state)
+{
+    (void)state;
+    const char *bad = path_of("bad.reenact");
+    uint8_t *bytes;
+    size_t count;
+    struct process_result said = PROCESS(CAPTURE, "repair", file);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "sound"));
+    EXPECT_STATUS(file_read(file, &bytes, &count), OK);
+    scratch_write(&scratch, "bad.reenact", bytes, count);
+    free(bytes);
+    run_sql(bad, "UPDATE take SET id = 33; DELETE FROM frame WHERE id % 4294967296 = 1");
+    said = PROCESS(CAPTURE, "verify", bad);
+    EXPECT_INT(said.exit_code, 1);
+    EXPECT_TRUE(strstr(said.err, "belong to no take") && strstr(said.out, "frames cannot be read"));
+    said = PROCESS(CAPTURE, "repair", bad);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "bad-repaired.reenact") && strstr(said.out, "lost: 1 frames"));
+    EXPECT_INT(PROCESS(CAPTURE, "verify", path_of("bad-repaired.reenact")).exit_code, 0);
+    said = PROCESS(CAPTURE, "info", path_of("bad-repaired.reenact"));
+    EXPECT_TRUE(strstr(said.out, "2 frames") && strstr(said.out, "1 lost to damage, interrupted"));
+    EXPECT_REFUSED(PROCESS(CAPTURE, "repair", bad), "already"); // not over the first one
+}
+
+static void test_takes_and_library(void **state)
+{
+    (void)state;
+    const char *copy = path_of("library/copy.reenact");
+    EXPECT_STATUS(folder_make(path_of("library")), OK);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "copy", file, "--take", "one", "--into", copy).exit_code, 0);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "rename", copy, "--take", "one", "--name", "two").exit_code, 0);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "copy", copy, "--take", "two", "--name", "three").exit_code, 0);
+    EXPECT_INT(
+        PROCESS(CAPTURE, "take", "note", copy, "--take", "two", "--note", "<slow>", "--alias", "dancer 7").exit_code,
+        0);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "trim", copy, "--take", "two", "--to", "0.04").exit_code, 0);
+    struct process_result said = PROCESS(CAPTURE, "library", path_of("library"), "--html", path_of("takes.html"));
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "two") && strstr(said.out, "dancer 7") && strstr(said.out, "shorter than a second"));
+    uint8_t *page;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("takes.html"), &page, &count), OK);
+    EXPECT_TRUE(strstr((char *)page, "&lt;slow&gt;") && strstr((char *)page, "data:image/jpeg;base64,/9j/"));
+    free(page);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "delete", copy, "--take", "two").exit_code, 0);
+    EXPECT_REFUSED(PROCESS(CAPTURE, "take", "delete", copy, "--take", "two"), "no take 'two'");
+    EXPECT_INT(PROCESS(CAPTURE, "take", "rename", copy, "--take", "three").exit_code, 2);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "burn", copy, "--take", "three").exit_code, 2);
+    said = PROCESS(CAPTURE, "library", path_of("library"), "--json");
+    EXPECT_TRUE(strstr(said.out, "\"three\"") && !strstr(said.out, "\"two\""));
+    EXPECT_INT(PROCESS(CAPTURE, "verify", copy).exit_code, 0);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    uint8_t *bytes;
+    size_t count;
+    scratch = scratch_make();
+    EXPECT_STATUS(file_read(SOURCE_DIR "/tests/recording/data/joint_error.reenact", &bytes, &count), OK);
+    scratch_write(&scratch, "old.reenact", bytes, count);
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "old.reenact"));
+    free(bytes);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    scratch_remove(&scratch);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_recording_is_never_overwritten),
+        cmocka_unit_test(test_nothing_is_overwritten_without_force),
+        cmocka_unit_test(test_outputs_are_checked_first),
+        cmocka_unit_test(test_links_are_not_followed),
+        cmocka_unit_test(test_full_output_is_no_success),
+        cmocka_unit_test(test_watching_says_what_is_wrong),
+        cmocka_unit_test(test_verify_and_repair),
+        cmocka_unit_test(test_takes_and_library),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
