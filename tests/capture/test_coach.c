@@ -172,6 +172,13 @@ static void test_faults_are_named_within_a_second(void **state)
             }
         }
         printf("%s: raised at %.2f s, '%s'\n", cases[k].what, coach.fault[cases[k].fault].first_s, coach_text(&coach));
+        struct coach_verdict verdict;
+        coach_verdict(&coach, &verdict);
+        EXPECT_TRUE(!verdict.good);
+        if (cases[k].fault == FAULT_FEET_OUTSIDE)
+            EXPECT_TRUE(!strncmp(verdict.line[0], "feet missing from 1.0 s", 23));
+        if (cases[k].fault == FAULT_SENSOR_PUSHED)
+            EXPECT_TRUE(!strncmp(verdict.line[0], "the sensor was pushed at 1.", 27));
         EXPECT_AT_LEAST(coach.fault[cases[k].fault].first_s, 0.9);
         EXPECT_AT_MOST(coach.fault[cases[k].fault].first_s, 2);
         stage_close(&s);

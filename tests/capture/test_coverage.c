@@ -3,6 +3,7 @@
 #include "capture/coaching/coverage.h"
 
 #include "tests/support/test.h"
+#include "tests/support/tracked_film.h"
 #include "tests/world/world_internal.h"
 
 #include <stdio.h>
@@ -138,8 +139,53 @@ static void test_share_of_the_surface(void **state)
     EXPECT_AT_MOST(worst, 0.05);
 }
 
+// With the skeleton and mask of the tracker, from depth alone, at 30 Hz.
+static void test_share_as_tracked(void **state)
+{
+    (void)state;
+    static const struct film_case tracked[] = {{"man", "still", 1}, {"woman", "pirouette", 1}, {"man", "kata", 0.5}};
+    static struct coverage coverage;
+    for (size_t i = 0; i < COUNT_OF(tracked); i++) {
+        struct tracked_film f;
+        struct truth t = {0};
+        tracked_film_open(&f, tracked[i].figure, tracked[i].motion);
+        const struct lens *lens = &f.calibration.depth;
+        uint16_t *exact = malloc(f.pixels * sizeof *exact);
+        const struct pose camera = world_sensor_pose(f.world);
+        t.world = f.world;
+        t.vertices = f.world->figure.mesh.vertex_count;
+        t.seen = calloc((size_t)t.vertices, sizeof *t.seen);
+        t.at = malloc((size_t)t.vertices * sizeof *t.at);
+        t.normal = malloc((size_t)t.vertices * sizeof *t.normal);
+        coverage_reset(&coverage);
+        for (int k = 0; k / 30.0 < tracked[i].share * world_seconds(f.world); k++) {
+            struct skeleton s;
+            tracked_film_shoot(&f, camera, k / 30.0, (uint64_t)k + 1);
+            enum status status = tracker_next(f.tracker, nanoseconds(k / 30.0), f.depth, &s, f.mask);
+            EXPECT_TRUE(status >= 0);
+            if (status == OK)
+                coverage_add(&coverage, &(struct coverage_view){&f.calibration, f.depth, f.mask, &s, 0});
+            if (k % 6)
+                continue;
+            const struct world_shot shot = {*lens, camera, k / 30.0, true};
+            EXPECT_STATUS(world_render(f.world, &shot, &(struct world_image){.depth = exact}), OK);
+            mark_seen(&t, lens, camera, k / 30.0, exact);
+        }
+        const double share = coverage_share(&coverage), truth = truth_share(&t);
+        printf("tracked %-6s %-9s: truth %5.1f %%, dial %5.1f %%, off %+5.1f\n", tracked[i].figure, tracked[i].motion,
+               truth * 100, share * 100, (share - truth) * 100);
+        EXPECT_NEAR(share, truth, 0.1);
+        free(exact);
+        free(t.seen);
+        free(t.at);
+        free(t.normal);
+        tracked_film_close(&f);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_share_of_the_surface)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_share_of_the_surface),
+                                       cmocka_unit_test(test_share_as_tracked)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

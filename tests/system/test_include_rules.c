@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MOST_USED = 16 };
+enum { MOST_USED = 24 };
 
 struct rule {
     const char *room;               // a file belongs to the longest room that its path begins with
