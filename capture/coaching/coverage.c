@@ -53,6 +53,13 @@ static void add_sample(struct coverage *c, const struct surface_pose *pose, stru
     cell->quality = fmaxf(cell->quality, (float)(cosine * fineness));
 }
 
+// Unknown, or so uncertain that the picture shows it: half of what is still called known. Chosen by hand.
+static bool is_guessed(const struct skeleton *s, enum joint j)
+{
+    const double sigma_m = joint_sigma_m(s, j);
+    return s->confidence[j] <= 0 || (s->confidence[j] < 1 && !(sigma_m <= 0.5 * KNOWN_SIGMA_MAX_M));
+}
+
 bool coverage_add(struct coverage *c, const struct coverage_view *view)
 {
     struct surface_pose pose;
@@ -81,7 +88,7 @@ bool coverage_add(struct coverage *c, const struct coverage_view *view)
             c->lengths[part]++;
         }
     for (int j = 0; j < JOINT_COUNT; j++)
-        c->guessed[j] += view->skeleton->confidence[j] < 1;
+        c->guessed[j] += is_guessed(view->skeleton, (enum joint)j);
     c->facing[sector(coverage_facing(&pose))]++;
     c->frames++;
     return true;

@@ -22,7 +22,7 @@ struct coverage {
     uint32_t lengths[SURFACE_PARTS];
     uint32_t facing[SURFACE_ANGLES]; // frames in which the camera was at this angle of the body, from its front
     uint32_t frames;                 // with a person
-    uint32_t guessed[JOINT_COUNT];   // of them, with the joint inferred or unknown
+    uint32_t guessed[JOINT_COUNT];   // of them, with the joint unknown or inferred to no better than 15 cm
 };
 
 struct coverage_view {
