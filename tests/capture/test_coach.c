@@ -139,6 +139,14 @@ static void inject(struct stage *s, const struct injected *in, int i)
     }
 }
 
+static bool says(const struct coach_verdict *v, const char *words)
+{
+    bool any = false;
+    for (int i = 0; i < v->count; i++)
+        any |= !strncmp(v->line[i], words, strlen(words));
+    return any;
+}
+
 static void test_faults_are_named_within_a_second(void **state)
 {
     (void)state;
@@ -176,9 +184,9 @@ static void test_faults_are_named_within_a_second(void **state)
         coach_verdict(&coach, &verdict);
         EXPECT_TRUE(!verdict.good);
         if (cases[k].fault == FAULT_FEET_OUTSIDE)
-            EXPECT_TRUE(!strncmp(verdict.line[0], "feet missing from 1.0 s", 23));
+            EXPECT_TRUE(says(&verdict, "feet missing from 1.0 s"));
         if (cases[k].fault == FAULT_SENSOR_PUSHED)
-            EXPECT_TRUE(!strncmp(verdict.line[0], "the sensor was pushed at 1.", 27));
+            EXPECT_TRUE(says(&verdict, "the sensor was pushed at 1."));
         EXPECT_AT_LEAST(coach.fault[cases[k].fault].first_s, 0.9);
         EXPECT_AT_MOST(coach.fault[cases[k].fault].first_s, 2);
         stage_close(&s);
