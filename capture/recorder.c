@@ -50,6 +50,7 @@ struct item {
 struct recorder {
     const struct calibration *calibration;
     const struct place *place; // may be NULL
+    const struct recorder_options *options;
     struct recording_writer *writer;
     struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
 
@@ -221,6 +222,20 @@ static enum status track_item(struct recorder *r, struct item *item)
     return OK;
 }
 
+static void show_item(const struct recorder *r, const struct item *item)
+{
+    if (!r->options->on_seen)
+        return;
+    const struct recorder_seen seen = {.time_ns = item->time_ns,
+                                       .color = item->color,
+                                       .depth = item->depth,
+                                       .mask = item->has_skeleton ? item->mask : NULL,
+                                       .skeleton = item->has_skeleton ? &item->skeleton : NULL,
+                                       .located = item->located,
+                                       .sensor_moves = r->moves_seen};
+    r->options->on_seen(r->options->context, &seen);
+}
+
 // Takes ownership of the item. located_before: sensor_pose has already seen it, as it has the first frames.
 static enum status process_item(struct recorder *r, struct item *item, bool located_before)
 {
@@ -235,6 +250,8 @@ static enum status process_item(struct recorder *r, struct item *item, bool loca
     if (status == OK && item->color && !item->jpeg)
         status = jpeg_encode(item->color, r->calibration->color.width, r->calibration->color.height, JPEG_QUALITY,
                              &item->jpeg, &item->jpeg_bytes);
+    if (status == OK)
+        show_item(r, item);
     double ms = (double)(clock_now_ns() - begun) / 1e6;
     r->busy_ms += ms;
     r->slowest_ms = fmax(r->slowest_ms, ms);
@@ -549,8 +566,11 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
                          struct recorder_result *result)
 {
     *result = (struct recorder_result){0};
-    struct recorder r = {
-        .calibration = source_calibration(source), .place = place, .writer = writer, .live = source_is_live(source)};
+    struct recorder r = {.calibration = source_calibration(source),
+                         .place = place,
+                         .options = options,
+                         .writer = writer,
+                         .live = source_is_live(source)};
     enum status status = recording_begin_take(writer, name, r.calibration);
     if (status == OK) {
         r.synced_before = recording_writer_count(writer).synced_frames;

@@ -19,6 +19,17 @@
 #include "capture/recording/recording.h"
 #include "platform/source.h"
 
+// A frame as it was seen, for coaching and preview. The images are borrowed until the callback returns.
+struct recorder_seen {
+    int64_t time_ns;
+    const uint8_t *color;            // RGB; NULL: none
+    const uint16_t *depth;           // millimetres; NULL: none
+    const uint8_t *mask;             // of the depth image; NULL: no person
+    const struct skeleton *skeleton; // online estimate, colour camera's axes; NULL: no person
+    bool located;                    // the sensor's pose in the place is known
+    int sensor_moves;                // so far
+};
+
 // How the recording goes, for those who watch it.
 struct recorder_state {
     int waiting;         // frames between the sensor and the file
@@ -27,13 +38,16 @@ struct recorder_state {
     double minutes_left; // that the disk has room for at that rate; negative: not known yet
 };
 
-// Zero-initialised: no callbacks, no limits. All callbacks run on the caller's thread.
+// Zero-initialised: no callbacks, no limits. All callbacks but on_seen run on the caller's thread.
 struct recorder_options {
     bool (*should_stop)(void); // asked before every frame read, and before every frame smoothed, where true keeps the
                                // online joints; NULL = never
-    void (*on_frame)(void *context);                                     // called for every frame read; may be NULL
-    void (*on_smoothing_begin)(void *context, int64_t frames);           // `frames` will now be smoothed; may be NULL
-    void (*on_smoothed)(void *context);                                  // called for each of them; may be NULL
+    void (*on_frame)(void *context);                           // called for every frame read; may be NULL
+    void (*on_smoothing_begin)(void *context, int64_t frames); // `frames` will now be smoothed; may be NULL
+    void (*on_smoothed)(void *context);                        // called for each of them; may be NULL
+    // For every frame tracked, on the recorder's processing thread, which it holds up: a millisecond at most. May be
+    // NULL.
+    void (*on_seen)(void *context, const struct recorder_seen *seen);
     void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
     bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)

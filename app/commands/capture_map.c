@@ -64,6 +64,23 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+// What to show the sensor next, in the status line.
+static void note_progress(const struct mapper *mapper, char *out, size_t capacity)
+{
+    struct mapper_progress p;
+    mapper_get_progress(mapper, &p);
+    if (!p.listed)
+        snprintf(out, capacity, "move slowly, come back to where you began");
+    else if (p.apart_a >= 0)
+        snprintf(out, capacity, "%d of %d tags · show tag %d together with tag %d, or with what is between them",
+                 (int)p.seen, (int)p.listed, (int)p.apart_a, (int)p.apart_b);
+    else if (p.first_unseen >= 0)
+        snprintf(out, capacity, "%d of %d tags · tag %d is still missing", (int)p.seen, (int)p.listed,
+                 (int)p.first_unseen);
+    else
+        snprintf(out, capacity, "all %d tags are seen", (int)p.listed);
+}
+
 // Feeds the mapper until the source ends. NOTHING: stopped before the end of a source that has one.
 static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
                                int64_t *damaged)
@@ -98,6 +115,8 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
         if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
             break;
         status = mapper_add(mapper, &frame);
+        if (bar.done % 10 == 0)
+            note_progress(mapper, bar.note, sizeof bar.note);
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
@@ -162,6 +181,12 @@ static void print_json(const char *path, const struct place *before, const struc
     json_add_number(root, "rms_px", place->rms_px);
     json_add_number(root, "rms_m", place->rms_m);
     json_add_bool(root, "floor_seen", r->floor_from_depth);
+    json_add_number(root, "tags_wrong_side", r->tags_wrong_side);
+    if (r->tags_wrong_side) {
+        json_add_number(root, "wrong_side_tag", r->first_wrong);
+        json_add_number(root, "wrong_side_listed_m", r->listed_side_m);
+        json_add_number(root, "wrong_side_measured_m", r->measured_m);
+    }
     struct json *tags = json_add_array(root, "tags");
     for (int32_t i = 0; i < place->tag_count; i++) {
         const struct place_tag *t = &place->tags[i];
@@ -207,6 +232,22 @@ static const struct place_tag *rarely_observed(const struct place *place)
     return NULL;
 }
 
+static void warn_side(const char *program, const struct mapper_report *r)
+{
+    if (r->all_wrong_side)
+        fprintf(stderr,
+                "%s: warning: by the sensor's depth most tags are not as wide as the list says: tag %d looks "
+                "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
+                "again, else the place may have the wrong scale\n",
+                program, (int)r->first_wrong, r->measured_m, r->listed_side_m);
+    else
+        fprintf(stderr,
+                "%s: warning: tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
+                "correct the list and map again\n",
+                program, (int)r->first_wrong, r->measured_m, r->listed_side_m,
+                r->tags_wrong_side > 1 ? "it and others like it are" : "it is");
+}
+
 static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
 {
     const struct place_tag *seldom = rarely_observed(place);
@@ -234,6 +275,8 @@ static void warn(const char *program, const struct place *place, const struct ma
                 "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
                 "have this number; hang it firmly and film again\n",
                 program, (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
+    if (r->tags_wrong_side)
+        warn_side(program, r);
     if (r->tags_moved)
         fprintf(stderr,
                 "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "

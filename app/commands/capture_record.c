@@ -1,6 +1,7 @@
 // reenact-capture record: records a take of the actor.
 #include "app/commands/commands.h"
 
+#include "app/commands/coaching_line.h"
 #include "app/commands/place_input.h"
 #include "capture/recorder.h"
 #include "platform/file.h"
@@ -34,25 +35,65 @@ static error_t parse(int key, char *value, struct argp_state *state)
     return ARGP_ERR_UNKNOWN;
 }
 
-static void step(void *context) { progress_bar_step(context); }
+// What the recorder's callbacks share.
+struct record_work {
+    struct progress_bar progress;
+    struct coaching_line coaching;
+    struct recorder_state state;
+    bool filming;
+};
 
-static void show_state(void *context, const struct recorder_state *s)
+static const double SHORT_MINUTES = 10; // from here on the disk's room is worth the line
+
+static void step(void *context)
 {
-    struct progress_bar *bar = context;
-    int used = snprintf(bar->note, sizeof bar->note, "%d waiting, %lld dropped", s->waiting, (long long)s->dropped);
-    if (s->minutes_left >= 0)
-        snprintf(bar->note + used, sizeof bar->note - (size_t)used, ", %.1f MB/s, %.0f min left on the disk",
-                 s->mb_per_s, s->minutes_left);
+    struct record_work *w = context;
+    char *note = w->progress.note;
+    const size_t capacity = sizeof w->progress.note;
+    if (w->filming) {
+        int used = 0;
+        if (w->state.dropped)
+            used = snprintf(note, capacity, "%lld dropped · ", (long long)w->state.dropped);
+        if (w->state.minutes_left >= 0 && w->state.minutes_left < SHORT_MINUTES)
+            used += snprintf(note + used, capacity - (size_t)used, "%.0f min left · ", w->state.minutes_left);
+        coaching_line_text(&w->coaching, note + used, capacity - (size_t)used);
+    }
+    progress_bar_step(&w->progress);
 }
+
+static void see(void *context, const struct recorder_seen *seen)
+{
+    coaching_line_see(&((struct record_work *)context)->coaching, seen);
+}
+
+static void keep_state(void *context, const struct recorder_state *s) { ((struct record_work *)context)->state = *s; }
 
 static void start_smoothing(void *context, int64_t frames)
 {
+    struct record_work *w = context;
     command_catch_signals(); // forget the one that ended the filming
-    progress_bar_end(context);
-    progress_bar_start(context, "smoothing", frames);
+    w->filming = false;
+    progress_bar_end(&w->progress);
+    progress_bar_start(&w->progress, "smoothing", frames);
 }
 
-static void report(const struct record_arguments *given, const struct recorder_result *r)
+static void report_verdict(const struct coach_verdict *v)
+{
+    for (int i = 0; i < v->count; i++)
+        printf("%s%s\n", i ? "         " : "verdict: ", v->line[i]);
+}
+
+static void add_verdict(struct json *root, const struct coach_verdict *v)
+{
+    struct json *verdict = json_add_object(root, "verdict");
+    json_add_bool(verdict, "good", v->good);
+    struct json *lines = json_add_array(verdict, "lines");
+    for (int i = 0; i < v->count; i++)
+        json_add_string(lines, NULL, v->line[i]);
+}
+
+static void report(const struct record_arguments *given, const struct recorder_result *r,
+                   const struct coach_verdict *verdict)
 {
     if (given->json) {
         struct json *root = json_new_object();
@@ -71,6 +112,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "waiting_most", r->waiting_most);
         json_add_number(root, "handover_ms", r->handover_ms);
         json_add_number(root, "mb_per_s", r->mb_per_s);
+        add_verdict(root, verdict);
         (void)!command_print_json(&root);
         return;
     }
@@ -88,6 +130,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
                r->smoothing_out_of_memory ? " for lack of memory" : "");
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
+    report_verdict(verdict);
 }
 
 // What did not go well but is no reason to fail.
@@ -107,11 +150,12 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
         fprintf(stderr, "%s: no person was found in any frame\n", program);
 }
 
-static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result)
+static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result,
+                          struct coach_verdict *verdict)
 {
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
-    struct progress_bar progress;
+    static struct record_work work; // a coach is too large for the stack
     enum status status = given->into ? place_input_read(given->into, place) : file_check_output(given->out, false);
     if (status == ERR_CORRUPT) { // a take can be filmed without it
         fprintf(stderr, "reenact-capture record: warning: %s\n", status_message());
@@ -126,15 +170,20 @@ static enum status record(const struct record_arguments *given, struct place *pl
     if (status == OK) {
         struct recorder_options options = {.should_stop = command_stopped,
                                            .on_frame = step,
-                                           .on_state = show_state,
+                                           .on_state = keep_state,
                                            .on_smoothing_begin = start_smoothing,
                                            .on_smoothed = step,
-                                           .context = &progress,
+                                           .on_seen = see,
+                                           .context = &work,
                                            .body_points = !given->no_body_points};
         command_catch_signals();
-        progress_bar_start(&progress, "filming", source_remaining(source));
+        progress_bar_start(&work.progress, "filming", source_remaining(source));
+        coaching_line_start(&work.coaching, source_calibration(source));
+        work.filming = true;
         status = recorder_run(source, writer, given->take, place, &options, result);
-        progress_bar_end(&progress);
+        progress_bar_end(&work.progress);
+        coach_verdict(&work.coaching.coach, verdict);
+        coaching_line_end(&work.coaching);
     }
     const bool made = writer && given->out;
     if (status == OK && !source_is_live(source))
@@ -170,11 +219,12 @@ int capture_record(int argc, char **argv)
     command_parse(&argp, argc, argv, &given);
     struct place place = {0};
     struct recorder_result result = {0};
-    enum status status = record(&given, &place, &result);
+    struct coach_verdict verdict = {0};
+    enum status status = record(&given, &place, &result, &verdict);
     bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
     if (result.frames)
-        report(&given, &result);
+        report(&given, &result, &verdict);
     if (status == OK && !result.frames)
         status = fail(ERR_INPUT, "nothing was filmed, so no take was kept%s%s", result.damaged ? ": " : "",
                       result.first_damage);

@@ -9,11 +9,15 @@ int capture_info(int argc, char **argv);
 int capture_verify(int argc, char **argv);
 int capture_repair(int argc, char **argv);
 int capture_export(int argc, char **argv);
-int capture_calibrate(int argc, char **argv);
-int capture_calibrate_stereo(int argc, char **argv);
-int capture_objects(int argc, char **argv);
+int capture_tags(int argc, char **argv);
+int capture_studio(int argc, char **argv);
 int capture_take(int argc, char **argv);
 int capture_library(int argc, char **argv);
+int capture_calibrate(int argc, char **argv);
+int capture_calibrate_board(int argc, char **argv);
+int capture_calibrate_camera(int argc, char **argv);
+int capture_calibrate_stereo(int argc, char **argv);
+int capture_objects(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);
 int reenact_compare(int argc, char **argv);

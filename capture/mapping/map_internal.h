@@ -51,10 +51,12 @@ struct map_tag {
     int32_t id;
     double side_m;
     struct tag_pattern pattern;
-    bool mapped;  // world_from_tag is known
-    bool fixed;   // a constant of the adjustment: fixes the gauge
-    bool outlier; // seen in two positions in this sweep, and left out
-    bool moved;   // was at another position in an earlier sweep
+    bool mapped;            // world_from_tag is known
+    bool fixed;             // a constant of the adjustment: fixes the gauge
+    bool outlier;           // seen in two positions in this sweep, and left out
+    bool moved;             // was at another position in an earlier sweep
+    bool wrong;             // the depth shows another side than the list names, and it is left out
+    double measured_side_m; // by the depth; 0: not enough of it
     struct pose world_from_tag;
     double rms_px;
     int32_t observations;
@@ -74,6 +76,7 @@ struct map {
     int32_t fixed_frame; // the frame that fixes the gauge; -1: tags or held landmarks do
     bool has_prior;      // the sweep adds to a place, whose tags and landmarks are constant
     bool has_depth;      // at least one frame has
+    bool list_is_wrong;  // most tags' sides are, by the depth
     double depth_scale;  // true depth = the sensor's depth times this
     double rms_px, rms_m;
 };
@@ -98,6 +101,11 @@ int32_t map_most_observed_tag(const struct map *m, bool mapped);
 // by landmarks alone.
 // use_points: landmarks decide between the two planar poses of a frame.
 MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
+
+// ---- map_tag_sides.c
+// Before map_bootstrap: measures the side of every new tag by its depth, and leaves out those whose listed side is
+// wrong, unless most are.
+void map_check_tag_sides(struct map *m);
 
 // ---- map_outlier_tags.c
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.

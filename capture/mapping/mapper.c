@@ -199,6 +199,35 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
 }
 
+void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
+{
+    const struct map *map = &m->map;
+    int32_t group[MAPPER_MAX_TAGS], first = -1;
+    *out = (struct mapper_progress){.listed = map->tag_count, .first_unseen = -1, .apart_a = -1, .apart_b = -1};
+    for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++)
+        group[t] = t;
+    // Tags of one frame are one group, by the lowest index.
+    for (int32_t i = 0; i < map->frame_count; i++)
+        for (int32_t k = 1; k < map->frames[i].seen_count; k++) {
+            const int32_t a = group[map->frames[i].tag_index[0]], b = group[map->frames[i].tag_index[k]];
+            for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS && a != b; t++)
+                group[t] = group[t] == (a > b ? a : b) ? (a < b ? a : b) : group[t];
+        }
+    for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++) {
+        if (!m->frames_with_tag[map->tags[t].id]) {
+            out->first_unseen = out->first_unseen < 0 ? map->tags[t].id : out->first_unseen;
+            continue;
+        }
+        out->seen++;
+        if (first < 0)
+            first = t;
+        else if (group[t] != group[first] && out->apart_b < 0) {
+            out->apart_a = map->tags[first].id;
+            out->apart_b = map->tags[t].id;
+        }
+    }
+}
+
 static void report_longest_gap(const struct map *m, struct mapper_report *r)
 {
     int64_t longest = 0;
@@ -220,7 +249,8 @@ static void report_longest_gap(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = -1;
+    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = r->first_wrong =
+        -1;
     for (int32_t id = 0; id < TAG_ID_COUNT; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
@@ -230,15 +260,21 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
             r->first_moved = id;
         if (tag && tag->outlier && r->tags_outlier++ == 0)
             r->first_outlier = id;
+        if (tag && tag->wrong && r->tags_wrong_side++ == 0) {
+            r->first_wrong = id;
+            r->listed_side_m = tag->side_m;
+            r->measured_m = tag->measured_side_m;
+        }
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->frames_with_tag[id] && r->tags_unseen++ == 0)
             r->first_unseen = id;
-        else if (tag && m->frames_with_tag[id] && !tag->outlier && r->tags_disconnected++ == 0)
+        else if (tag && m->frames_with_tag[id] && !tag->outlier && !tag->wrong && r->tags_disconnected++ == 0)
             r->first_disconnected = id;
         else if (!tag && m->frames_with_tag[id] > 1 && r->tags_unlisted++ == 0)
             r->first_unlisted = id;
     }
+    r->all_wrong_side = m->map.list_is_wrong;
     r->frames_seen = m->frames_seen;
     r->frames = m->map.frame_count;
     for (int32_t i = 0; i < m->map.frame_count; i++)
@@ -337,6 +373,7 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *prior = m->options.prior;
+    map_check_tag_sides(&m->map);
     status = prior ? map_release_moved_tags(&m->map) : OK;
     if (status == OK)
         status = map_bootstrap(&m->map, m->options.most_points > 0);

@@ -56,6 +56,14 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
 // ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's: it and this frame are left out, the mapper stays usable.
 MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
 
+// What a sweep has shown so far, for whoever carries the sensor. Of the images that were examined already.
+struct mapper_progress {
+    int32_t listed, seen;     // tags
+    int32_t first_unseen;     // the lowest id of those still missing; -1: none
+    int32_t apart_a, apart_b; // two tags that no chain of common images connects yet; -1: none
+};
+void mapper_get_progress(const struct mapper *m, struct mapper_progress *out);
+
 struct mapper_report {
     int32_t frames; // used, of frames_seen
     int32_t frames_seen;
@@ -72,6 +80,12 @@ struct mapper_report {
     int32_t first_outlier;
     int32_t tags_moved; // of `prior`, now at another position: estimated again, or left out if that is not possible
     int32_t first_moved;
+    // Of wrong side: the depth shows another side than the list names. They are left out, unless most are wrong.
+    int32_t tags_wrong_side;
+    int32_t first_wrong;              // the lowest id of them
+    double listed_side_m, measured_m; // of that one
+    bool all_wrong_side; // most are, often by one factor, as when the printer scaled them: nothing of the list is left
+                         // out
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest landmark. With `prior`: true
 };
 

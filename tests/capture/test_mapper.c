@@ -275,6 +275,7 @@ static void test_room_is_mapped(void **state)
     EXPECT_AT_LEAST(report->tags_unlisted, 1);
     EXPECT_INT(report->first_unlisted, unlisted);
     EXPECT_TRUE(report->floor_from_depth);
+    EXPECT_INT(report->tags_wrong_side, 0);
     EXPECT_AT_MOST(error, 0.002);
     EXPECT_AT_LEAST(place->rms_px, 0.001);
     EXPECT_AT_MOST(place->rms_px, 0.03);
@@ -318,6 +319,40 @@ static void test_tags_correct_depth(void **state)
     EXPECT_AT_LEAST(m.place.tag_count, r.tag_count - 1);
     EXPECT_AT_MOST(m.tags_off_m, 0.003);
     check_viewer(&r, &m.place, m.world_from_place, 0.012, 0.12);
+    place_free(&m.place);
+}
+
+// A wrong number in the list: named with its likely value, and the others make the map.
+static void test_wrong_sides_are_named(void **state)
+{
+    (void)state;
+    struct mapped_room r = the_room;
+    const int32_t wrong = 3, id = r.tags[wrong].id;
+    const double side_m = r.tags[wrong].side_m;
+    const double shares[] = {0.5, 0.85, 1.15};
+    for (size_t i = 0; i < COUNT_OF(shares); i++) {
+        r.tags[wrong].side_m = shares[i] * side_m;
+        struct mapping_result m = map_room(&r, r.tag_count, 1, 1.01);
+        printf("tag %d listed as %.3f m: %d wrong, it looks %.4f m wide, in truth %.3f m; %d tags within %.2f mm\n",
+               (int)id, r.tags[wrong].side_m, (int)m.report.tags_wrong_side, m.report.measured_m, side_m,
+               (int)m.place.tag_count, m.tags_off_m * 1e3);
+        EXPECT_INT(m.report.tags_wrong_side, 1);
+        EXPECT_INT(m.report.first_wrong, id);
+        EXPECT_TRUE(!m.report.all_wrong_side);
+        EXPECT_NEAR(m.report.measured_m, side_m, 0.03 * side_m);
+        EXPECT_INT(m.report.tags_disconnected, 0);
+        EXPECT_AT_LEAST(m.place.tag_count, r.tag_count - 2);
+        EXPECT_AT_MOST(m.tags_off_m, 0.003);
+        place_free(&m.place);
+    }
+    r.tags[wrong].side_m = side_m;
+    for (int32_t i = 0; i < r.tag_count; i++) // a printer that fitted the page
+        r.tags[i].side_m *= 0.9;
+    struct mapping_result m = map_room(&r, r.tag_count, 1, 1);
+    printf("all listed too small: %d wrong, %d tags mapped, looks %.4f m, listed %.4f m\n",
+           (int)m.report.tags_wrong_side, (int)m.place.tag_count, m.report.measured_m, m.report.listed_side_m);
+    EXPECT_TRUE(m.report.all_wrong_side);
+    EXPECT_NEAR(m.report.measured_m / m.report.listed_side_m, 1 / 0.9, 0.03);
     place_free(&m.place);
 }
 
@@ -474,6 +509,7 @@ int main(void)
         cmocka_unit_test(test_room_is_mapped),
         cmocka_unit_test(test_tags_give_scale_without_depth),
         cmocka_unit_test(test_tags_correct_depth),
+        cmocka_unit_test(test_wrong_sides_are_named),
         cmocka_unit_test(test_depth_gives_scale_without_tags),
         cmocka_unit_test(test_few_tags),
         cmocka_unit_test(test_missing_tags_are_reported),

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MOST_USED = 32 };
+enum { MOST_USED = 40 };
 
 struct rule {
     const char *room;               // a file belongs to the longest room that its path begins with
@@ -30,11 +30,12 @@ static const struct rule rules[] = {
     {"capture/body/", {"capture/segmentation/", RECORDING}},
     {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
     {"capture/mapping/", {"locate/", RECORDING}},
-    {"capture/calibration/", {RECORDING}},
+    {"capture/calibration/", {"locate/", RECORDING}},
     {"capture/objects/", {"capture/calibration/", RECORDING}},
+    {"capture/coaching/", {RECORDING}},
     {"capture/",
-     {"capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/", "capture/body/",
-      "capture/segmentation/", "locate/", RECORDING}},
+     {"capture/coaching/", "capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/",
+      "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
     {"reenact/skeleton/", {RECORDING}},
     {"reenact/observation/", {SKELETON}},
     {"reenact/retrieval/", {SKELETON}},
@@ -59,9 +60,12 @@ static const struct rule rules[] = {
       "capture/segmentation/", "locate/", RECORDING}},
     {"app/ui/", {"app/view/", "app/state/", "compare/", RECORDING}},
     {"app/", {"app/ui/", "app/live/", "app/camera/", "app/view/", "app/state/", "compare/", "locate/", RENDER}},
+    {"app/studio/",
+     {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/tracking/", RENDER}},
     {"app/commands/",
-     {"app/", "compare/", "capture/", "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/",
-      "reenact/export/", RENDER, "reenact/surround/drive/", "reenact/surround/", SURROUND}},
+     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/objects/", "capture/calibration/",
+      "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/drive/", "reenact/surround/",
+      SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

@@ -1,0 +1,74 @@
+// reenact-capture calibrate --board: what calibration needs on paper.
+#include "app/commands/commands.h"
+
+#include "capture/calibration/color_depth.h"
+#include "capture/calibration/printed_board.h"
+#include "platform/file.h"
+
+#include <stdio.h>
+
+struct board_arguments {
+    const char *out;
+    int paper;
+    bool discs, force;
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct board_arguments *a = state->input;
+    switch (key) {
+    case COMMAND_KEY: a->out = value; return 0;
+    case COMMAND_KEY + 1: a->discs = true; return 0;
+    case COMMAND_KEY + 2:
+        a->paper = command_parse_choice(state, "--paper", value, paper_names, COUNT_OF(paper_names));
+        return 0;
+    case COMMAND_KEY + 3: a->force = true; return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+int capture_calibrate_board(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"board", COMMAND_KEY, "FILE.pdf", 0, "the page to make: a board of circles, for --lens", 0},
+        {"discs", COMMAND_KEY + 1, NULL, 0, "instead the black discs for --color-depth, to be cut out", 0},
+        {"paper", COMMAND_KEY + 2, "SIZE", 0, "a4 (default) or letter", 0},
+        {"force", COMMAND_KEY + 3, NULL, 0, "write over FILE.pdf", 0},
+        {0},
+    };
+    static const struct argp argp = {options,
+                                     parse,
+                                     NULL,
+                                     "Boards to print for calibration.\vThe discs are glued on blocks 5 cm high, and "
+                                     "these on a white board, 4 across and "
+                                     "3 down, 12 cm from middle to middle.",
+                                     NULL,
+                                     NULL,
+                                     NULL};
+    struct board_arguments a = {0};
+    struct page *page;
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    const enum paper paper = (enum paper)a.paper;
+    const struct paper_size size = paper_size(paper);
+    const struct disc_board discs = disc_board_default();
+    enum status status = file_check_output(a.out, a.force);
+    if (status == OK)
+        status = page_open(&page, a.out, size.width_mm, size.height_mm, 0);
+    if (status == OK) {
+        if (a.discs)
+            printed_discs_draw(paper, discs.columns * discs.rows, discs.radius_m, page);
+        else
+            printed_board_draw(paper, page);
+        status = page_finish(&page);
+    }
+    if (status != OK)
+        return command_failed(argv[0]);
+    const struct stereo_board board = printed_board(paper);
+    if (a.discs)
+        printf("%s: %d discs of %g mm across\n", a.out, discs.columns * discs.rows, discs.radius_m * 2e3);
+    else
+        printf("%s: %d x %d circles, %g mm apart; calibrate --lens with --circles %dx%d\n", a.out, board.columns,
+               board.rows, board.pitch_m * 1e3, board.columns, board.rows);
+    return 0;
+}

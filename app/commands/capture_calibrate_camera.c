@@ -1,0 +1,345 @@
+// reenact-capture calibrate --lens, --color-depth, --rolling-shutter: one camera or sensor, from what is held before
+// it.
+#include "app/commands/commands.h"
+
+#include "capture/calibration/color_depth.h"
+#include "capture/calibration/lens_calibration.h"
+#include "capture/calibration/printed_board.h"
+#include "capture/calibration/readout.h"
+#include "locate/tag_corners.h"
+#include "platform/file.h"
+#include "platform/json.h"
+#include "platform/source.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct camera_arguments {
+    const char *lens, *color_depth, *rolling_shutter, *out;
+    struct stereo_board board;
+    int views;
+    bool json, force;
+};
+
+enum {
+    KEY_LENS = COMMAND_KEY,
+    KEY_COLOR_DEPTH,
+    KEY_ROLLING,
+    KEY_OUT,
+    KEY_CIRCLES,
+    KEY_PITCH,
+    KEY_VIEWS,
+    KEY_FORCE,
+    KEY_JSON
+};
+
+static const struct argp_option options[] = {
+    {"lens", KEY_LENS, "URI", 0, "the camera's lens, from the board of calibrate --board held before it", 0},
+    {"color-depth", KEY_COLOR_DEPTH, "URI", 0,
+     "the sensor's colour against its depth, from discs that stand off a board", 0},
+    {"rolling-shutter", KEY_ROLLING, "URI", 0, "the camera's read-out time: swing it left and right before a tag", 0},
+    {"out", KEY_OUT, "FILE", 0, "the calibration.json to make (default: print it)", 0},
+    {"circles", KEY_CIRCLES, "CxR", 0, "circles of the board (default: the A4 board's)", 0},
+    {"pitch", KEY_PITCH, "MM", 0, "between their middles (default 20)", 0},
+    {"views", KEY_VIEWS, "N", 0, "stop after so many views of the board (default 20)", 0},
+    {"force", KEY_FORCE, NULL, 0, "write over FILE", 0},
+    COMMAND_OPTION_JSON(KEY_JSON),
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct camera_arguments *a = state->input;
+    switch (key) {
+    case KEY_LENS: a->lens = value; return 0;
+    case KEY_COLOR_DEPTH: a->color_depth = value; return 0;
+    case KEY_ROLLING: a->rolling_shutter = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_FORCE: a->force = true; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_PITCH: a->board.pitch_m = 1e-3 * command_parse_number(state, "--pitch", value, 1, 1000); return 0;
+    case KEY_VIEWS:
+        a->views = (int)command_parse_number(state, "--views", value, LENS_LEAST_VIEWS, LENS_MOST_VIEWS);
+        return 0;
+    case KEY_CIRCLES:
+        if (sscanf(value, "%dx%d", &a->board.columns, &a->board.rows) != 2 || a->board.columns < 4 ||
+            a->board.rows < 4 || a->board.columns * a->board.rows > STEREO_MOST_CIRCLES)
+            argp_error(state, "--circles takes a size like 12x9, not '%s'", value);
+        return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// What one kind does with a frame, and what it found.
+struct calibration_run {
+    const struct camera_arguments *a;
+    struct progress_bar bar;
+    struct calibration calibration; // the source's; the result changes it
+    struct lens_calibration lens;
+    struct color_depth color_depth;
+    struct tag_detector *detector;
+    uint8_t *gray;
+    struct readout readout;
+    bool enough;
+};
+
+static enum status add_lens(struct calibration_run *r, const struct frame *f)
+{
+    bool used = false;
+    enum status status = f->color ? lens_calibration_add(&r->lens, f->color, &used) : OK;
+    snprintf(r->bar.note, sizeof r->bar.note, "%d of %d views · %s", r->lens.views, r->a->views,
+             used ? "now tilt it another way" : "show the board tilted, in every corner of the picture");
+    r->enough = r->lens.views >= r->a->views;
+    return status;
+}
+
+static enum status add_color_depth(struct calibration_run *r, const struct frame *f)
+{
+    static const char *const words[] = {"seen", "not the whole board in colour", "not in depth",
+                                        "too far: come nearer"};
+    enum color_depth_seen seen = DISCS_NOT_IN_COLOR;
+    enum status status = f->color && f->depth ? color_depth_add(&r->color_depth, f->color, f->depth, &seen) : OK;
+    snprintf(r->bar.note, sizeof r->bar.note, "%d of %d views · %s", r->color_depth.views, r->a->views, words[seen]);
+    r->enough = r->color_depth.views >= r->a->views;
+    return status;
+}
+
+static enum status add_rolling(struct calibration_run *r, const struct frame *f)
+{
+    const struct lens *l = &r->calibration.color;
+    struct tag_detection seen[16];
+    int count = 0, largest = -1;
+    double most = 0;
+    if (!f->color)
+        return OK;
+    gray_from_rgb(f->color, (size_t)l->width * (size_t)l->height, r->gray);
+    enum status status =
+        tag_detector_detect(r->detector, &(struct gray_image){r->gray, l->width, l->height}, seen, 16, &count);
+    for (int i = 0; i < count; i++) {
+        const double side = fabs(seen[i].corner[2].y - seen[i].corner[1].y);
+        const bool same = r->readout.count && r->readout.frames[0].id == seen[i].id;
+        if (same || (!r->readout.count && side > most)) {
+            most = side;
+            largest = i;
+        }
+    }
+    if (largest >= 0)
+        readout_add(&r->readout, (double)f->time_ns * 1e-9, seen[largest].id, seen[largest].corner);
+    snprintf(r->bar.note, sizeof r->bar.note,
+             "tag %s · swing left and right, a turn of the wrist each way every second",
+             largest >= 0 ? "seen" : "not seen");
+    r->enough = r->readout.count >= 150; // 5 s
+    return status;
+}
+
+static enum status feed(struct calibration_run *r, struct source *source,
+                        enum status (*add)(struct calibration_run *, const struct frame *))
+{
+    enum status status = OK;
+    command_catch_signals();
+    progress_bar_start(&r->bar, "calibrating", source_remaining(source));
+    while (status == OK && !command_stopped() && !r->enough) {
+        struct frame frame;
+        status = source_next(source, &frame);
+        if (status == ERR_INPUT) { // one damaged picture
+            status = OK;
+            continue;
+        }
+        if (status == OK)
+            status = add(r, &frame);
+        progress_bar_step(&r->bar);
+    }
+    progress_bar_end(&r->bar);
+    return status == NOTHING ? OK : status;
+}
+
+// ---------------------------------------------------------------- results
+
+static void add_lens_json(struct json *root, const char *name, const struct lens *l)
+{
+    struct json *lens = json_add_object(root, name);
+    const struct {
+        const char *name;
+        double value;
+    } numbers[] = {{"width", l->width},
+                   {"height", l->height},
+                   {"fx", l->fx},
+                   {"fy", l->fy},
+                   {"cx", l->cx},
+                   {"cy", l->cy},
+                   {"readout_ms", l->readout_s * 1e3}};
+    for (size_t i = 0; i < COUNT_OF(numbers); i++)
+        json_add_number(lens, numbers[i].name, numbers[i].value);
+    struct json *distortion = json_add_array(lens, "distortion");
+    const double k[] = {l->k1, l->k2, l->p1, l->p2, l->k3};
+    for (size_t i = 0; i < COUNT_OF(k); i++)
+        json_push_number(distortion, k[i]);
+}
+
+static char *calibration_text(const struct calibration *c)
+{
+    struct json *root = json_new_object();
+    if (c->color.width)
+        add_lens_json(root, "color", &c->color);
+    if (c->depth.width)
+        add_lens_json(root, "depth", &c->depth);
+    if (c->color.width && c->depth.width)
+        json_add_bool(root, "registered", c->registered);
+    if (c->color.width && c->depth.width && !c->registered) {
+        struct json *pose = json_add_object(root, "color_from_depth");
+        struct json *t = json_add_array(pose, "translation_m"), *q = json_add_array(pose, "rotation");
+        const double at[] = {c->color_from_depth.translation.x, c->color_from_depth.translation.y,
+                             c->color_from_depth.translation.z},
+                     turn[] = {c->color_from_depth.rotation.x, c->color_from_depth.rotation.y,
+                               c->color_from_depth.rotation.z, c->color_from_depth.rotation.w};
+        for (int i = 0; i < 3; i++)
+            json_push_number(t, at[i]);
+        for (int i = 0; i < 4; i++)
+            json_push_number(q, turn[i]);
+    }
+    char *text = json_print(root);
+    json_free(&root);
+    return text;
+}
+
+// A camera's lens goes to where the camera is looked up, where there is such a place and no --out.
+static enum status keep(struct calibration_run *r, struct source *source)
+{
+    char *text = calibration_text(&r->calibration);
+    enum status status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
+    if (status == OK && r->a->out)
+        status = file_write(r->a->out, text, strlen(text));
+    else if (status == OK && !r->a->color_depth && source_save_lens(source, &r->calibration.color) == OK)
+        printf("kept for this camera\n");
+    else if (status == OK && !r->a->json)
+        printf("%s", text);
+    free(text);
+    return status;
+}
+
+static void say(const struct camera_arguments *a, const char *const names[], const double *values, int count)
+{
+    if (a->json) {
+        struct json *root = json_new_object();
+        for (int i = 0; i < count; i++)
+            json_add_number(root, names[i], values[i]);
+        (void)!command_print_json(&root);
+        return;
+    }
+    for (int i = 0; i < count; i++)
+        printf("%s%s %.4g", i ? ", " : "", names[i], values[i]);
+    printf("\n");
+}
+
+static enum status solve_lens(struct calibration_run *r)
+{
+    struct lens_report report;
+    struct lens lens;
+    enum status status = lens_calibration_solve(&r->lens, &lens, &report);
+    if (status != OK)
+        return status;
+    lens.readout_s = r->calibration.color.readout_s;
+    r->calibration.color = lens;
+    static const char *const names[] = {"views", "circles", "rms_px", "max_px", "focal_sigma_percent", "mm_per_m"};
+    const double values[] = {report.views,  report.circles,           report.rms_px,
+                             report.max_px, report.focal_sigma * 100, report.sigma_mm_per_m};
+    say(r->a, names, values, COUNT_OF(values));
+    return OK;
+}
+
+static enum status solve_color_depth(struct calibration_run *r)
+{
+    struct color_depth_report report;
+    enum status status = color_depth_solve(&r->color_depth, &r->calibration.color_from_depth, &report);
+    if (status != OK)
+        return status;
+    r->calibration.registered = false;
+    static const char *const names[] = {"views",    "discs",     "rms_px",   "rms_mm",
+                                        "sigma_mm", "sigma_deg", "shift_mm", "turn_deg"};
+    const double values[] = {report.views,    report.points,    report.rms_px,   report.rms_mm,
+                             report.sigma_mm, report.sigma_deg, report.shift_mm, report.turn_deg};
+    say(r->a, names, values, COUNT_OF(values));
+    return OK;
+}
+
+static enum status solve_rolling(struct calibration_run *r)
+{
+    struct readout_report report;
+    double readout_s;
+    enum status status = readout_solve(&r->readout, &readout_s, &report);
+    if (status != OK)
+        return status;
+    r->calibration.color.readout_s = readout_s;
+    static const char *const names[] = {"readout_ms", "sigma_ms", "frames", "rms_px", "shear_px"};
+    const double values[] = {readout_s * 1e3, report.sigma_s * 1e3, report.frames, report.rms_px, report.bend_px};
+    say(r->a, names, values, COUNT_OF(values));
+    return OK;
+}
+
+static enum status prepare(struct calibration_run *r)
+{
+    const struct lens *color = &r->calibration.color;
+    const struct disc_board discs = disc_board_default();
+    if (!color->width)
+        return fail(ERR_INPUT, "this sensor has no colour camera");
+    lens_calibration_start(&r->lens, &r->a->board, color->width, color->height);
+    r->readout.lens = *color;
+    r->readout.lens.readout_s = 0;
+    r->gray = malloc((size_t)color->width * (size_t)color->height);
+    if (!r->gray)
+        return fail(ERR_MEMORY, "no memory to calibrate");
+    if (r->a->color_depth)
+        return color_depth_start(&r->color_depth, &r->calibration, &discs);
+    return tag_detector_open(&r->detector, 1);
+}
+
+static enum status calibrate(struct calibration_run *r)
+{
+    const struct camera_arguments *a = r->a;
+    struct source *source = NULL;
+    enum status status = a->out ? file_check_output(a->out, a->force) : OK;
+    if (status == OK)
+        status = source_open(&source,
+                             a->lens          ? a->lens
+                             : a->color_depth ? a->color_depth
+                                              : a->rolling_shutter,
+                             a->color_depth ? SOURCE_SENSOR : SOURCE_CAMERA);
+    if (status == OK) {
+        r->calibration = *source_calibration(source);
+        status = prepare(r);
+    }
+    if (status == OK)
+        status = feed(r, source, a->lens ? add_lens : a->color_depth ? add_color_depth : add_rolling);
+    if (status == OK)
+        status = a->lens ? solve_lens(r) : a->color_depth ? solve_color_depth(r) : solve_rolling(r);
+    if (status == OK)
+        status = keep(r, source);
+    lens_calibration_free(&r->lens);
+    color_depth_free(&r->color_depth);
+    tag_detector_close(&r->detector);
+    free(r->gray);
+    source_close(&source);
+    return status;
+}
+
+int capture_calibrate_camera(int argc, char **argv)
+{
+    static const struct argp argp = {options,
+                                     parse,
+                                     NULL,
+                                     "Calibrates a camera or a sensor from what is held before it.\vA folder's "
+                                     "pictures, or a live camera until enough was "
+                                     "seen or Ctrl-C. The answer is in pixels and millimetres; where it fails, the "
+                                     "reason. --out makes a calibration.json, "
+                                     "as folders of pictures have it; without it a tablet's camera keeps its lens.",
+                                     NULL,
+                                     NULL,
+                                     NULL};
+    static struct calibration_run run;
+    struct camera_arguments a = {.board = printed_board(PAPER_A4), .views = 20};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    run = (struct calibration_run){.a = &a};
+    return calibrate(&run) == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,136 @@
+// reenact-capture studio: filming in a window, with coaching.
+#include "app/commands/commands.h"
+
+#include "app/studio/studio.h"
+#include "base/clock.h"
+#include "platform/window.h"
+
+#include <stdio.h>
+
+struct studio_arguments {
+    const char *file, *sensor;
+    bool fullscreen, light;
+    int width, height;
+    double dpi, seconds;
+};
+
+enum { KEY_SENSOR = COMMAND_KEY, KEY_FULLSCREEN, KEY_LIGHT, KEY_SIZE, KEY_DPI, KEY_SECONDS };
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct studio_arguments *a = state->input;
+    switch (key) {
+    case KEY_SENSOR: a->sensor = value; return 0;
+    case KEY_FULLSCREEN: a->fullscreen = true; return 0;
+    case KEY_LIGHT: a->light = true; return 0;
+    case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
+    case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_SIZE:
+        if (sscanf(value, "%dx%d", &a->width, &a->height) != 2 || a->width < 320 || a->height < 320 ||
+            a->width > 8192 || a->height > 8192)
+            argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
+        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
+    case ARGP_KEY_END: return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+struct studio_run {
+    struct window *window;
+    struct gpu *gpu;
+    struct studio studio;
+};
+
+static void wake(void *self) { window_wake(((struct studio_run *)self)->window); }
+
+static enum status draw(struct studio_run *r, double px_per_dp, int64_t now_ns)
+{
+    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(r->window), .px_per_dp = px_per_dp};
+    window_size(r->window, &surface.width, &surface.height);
+    enum status status = studio_draw(&r->studio, &surface, now_ns);
+    if (status != OK)
+        return status;
+    window_present(r->window);
+    if (r->studio.playing)
+        viewer_presented(&r->studio.viewer, clock_now_ns());
+    return OK;
+}
+
+static enum status loop(struct studio_run *r, int64_t until_ns)
+{
+    int64_t due_ns = 0;
+    while (!studio_finished(&r->studio)) {
+        const double px_per_dp = viewer_px_per_dp(window_dpi(r->window));
+        int64_t wait_ns = due_ns - clock_now_ns();
+        for (;;) {
+            const int wait_ms = wait_ns > 100000000 ? 100 : wait_ns > 0 ? (int)(wait_ns / 1000000) : 0;
+            const struct window_event event = window_wait(r->window, wait_ms);
+            wait_ns = 0;
+            if (event.kind == WINDOW_NO_EVENT || studio_event(&r->studio, &event, px_per_dp, clock_now_ns()))
+                break;
+        }
+        const int64_t now_ns = clock_now_ns();
+        if ((until_ns && now_ns >= until_ns) || command_stopped())
+            studio_do(&r->studio.state, STUDIO_QUIT, now_ns);
+        due_ns = studio_update(&r->studio, now_ns);
+        if (!studio_changed(&r->studio))
+            continue;
+        enum status status = draw(r, px_per_dp, now_ns);
+        if (status != OK)
+            return status;
+        if (r->studio.playing)
+            due_ns = now_ns + 16000000;
+    }
+    return OK;
+}
+
+int capture_studio(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"sensor", KEY_SENSOR, "URI", 0, "openni, openni:N, oni:FILE or folder:DIR (default: choose in the window)", 0},
+        {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
+        {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+        {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
+        {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
+        {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+        {0},
+    };
+    static const struct argp argp = {options,
+                                     parse,
+                                     "[FILE]",
+                                     "Films in a window, alone: what the sensor sees, what of you has been seen, what "
+                                     "to do next, and after each take how "
+                                     "it went.\vTakes go into FILE (default: film.reenact), whose place, if any, the "
+                                     "sensor is located in. A hand held "
+                                     "above the head starts and stops.\n\nKeys: space start and stop, K keep, X "
+                                     "discard, A once more, P play, N rename, D "
+                                     "dark or light, Escape back, Q leave.",
+                                     NULL,
+                                     NULL,
+                                     NULL};
+    static struct studio_run run; // snapshots are too large for the stack
+    struct studio_arguments given = {.width = 1280, .height = 800};
+    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    const struct window_options window = {"Reenact studio", given.width, given.height, given.fullscreen, 0, given.dpi};
+    enum status status = window_open(&run.window, &window);
+    if (status == OK)
+        status = gpu_adopt(&run.gpu);
+    if (status == OK) {
+        const struct studio_options how = {.file = given.file ? given.file : "film.reenact",
+                                           .sensor = given.sensor,
+                                           .light = given.light,
+                                           .body_points = true,
+                                           .refresh_hz = window_refresh_hz(run.window),
+                                           .wake = wake,
+                                           .wake_self = &run};
+        command_catch_signals();
+        status = studio_open(&run.studio, run.gpu, &how);
+    }
+    if (status == OK)
+        status = loop(&run, given.seconds > 0 ? clock_now_ns() + (int64_t)(given.seconds * 1e9) : 0);
+    studio_close(&run.studio);
+    gpu_close(&run.gpu);
+    window_close(&run.window);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,329 @@
+#include "app/studio/studio.h"
+
+#include "base/clock.h"
+#include "reenact/render/shaders.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- opening
+
+static enum status open_ui(struct studio *s)
+{
+    const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
+    return ui_open(&s->ui, s->gpu, &shaders, theme_faces(), FACE_COUNT);
+}
+
+static void list_devices(struct studio *s, int64_t now_ns)
+{
+    struct source_device all[STUDIO_DEVICES];
+    int count = 0;
+    s->device_count = 0;
+    if (source_devices(all, STUDIO_DEVICES, &count) != OK)
+        count = 0;
+    // Tablets' cameras are listed beside the sensors, and have no depth.
+    for (int i = 0; i < count && i < STUDIO_DEVICES; i++)
+        if (strncmp(all[i].uri, "libcamera", 9) != 0)
+            s->devices[s->device_count++] = all[i];
+    studio_set_sensors(&s->state, s->device_count, now_ns);
+}
+
+static int take_number(const char *file)
+{
+    struct recording *recording = NULL;
+    int most = 0, number;
+    if (recording_open(&recording, file) != OK)
+        return 1;
+    for (int i = 0; i < recording_take_count(recording); i++)
+        if (sscanf(recording_take_name(recording, i), "take-%d", &number) == 1 && number > most)
+            most = number;
+    recording_free(&recording);
+    return most + 1;
+}
+
+enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options)
+{
+    *s = (struct studio){.options = *options, .gpu = gpu};
+    const int64_t now_ns = clock_now_ns();
+    s->state = studio_start(!options->light);
+    s->state.number = take_number(options->file);
+    enum status status = open_ui(s);
+    if (status == OK && sound_open(&s->sound) < 0)
+        status = ERR_MEMORY;
+    if (status != OK)
+        return status;
+    if (options->sensor) {
+        snprintf(s->devices[0].uri, sizeof s->devices[0].uri, "%s", options->sensor);
+        snprintf(s->devices[0].name, sizeof s->devices[0].name, "%s", options->sensor);
+        s->device_count = 1;
+        studio_set_sensors(&s->state, 1, now_ns);
+        studio_choose_sensor(&s->state, 0, now_ns);
+    } else {
+        list_devices(s, now_ns);
+    }
+    return OK;
+}
+
+void studio_close(struct studio *s)
+{
+    studio_session_close(&s->session);
+    if (s->playing)
+        viewer_close(&s->viewer);
+    gpu_texture_close(&s->color);
+    gpu_texture_close(&s->depth);
+    ui_close(&s->ui);
+    studio_snapshot_free(&s->shown);
+    sound_close(&s->sound);
+    free(s->depth_rgb);
+    *s = (struct studio){0};
+}
+
+// ---------------------------------------------------------------- commands
+
+static void open_sensor(struct studio *s, int64_t now_ns)
+{
+    const struct studio_session_options how = {.sensor = s->devices[s->state.sensor].uri,
+                                               .file = s->options.file,
+                                               .wake = s->options.wake,
+                                               .wake_self = s->options.wake_self,
+                                               .body_points = s->options.body_points};
+    studio_session_close(&s->session);
+    studio_snapshot_free(&s->shown);
+    s->gestures = s->takes_ready = 0;
+    if (studio_session_open(&s->session, &how) != OK)
+        studio_fail(&s->state, status_message(), now_ns);
+}
+
+// The viewer has a ui of its own, and there is one in a process.
+static enum status open_playback(struct studio *s, int64_t now_ns)
+{
+    const struct viewer_options how = {.file = s->options.file,
+                                       .take = s->state.take,
+                                       .light = !s->state.dark,
+                                       .refresh_hz = s->options.refresh_hz,
+                                       .wake = s->options.wake,
+                                       .wake_self = s->options.wake_self};
+    ui_close(&s->ui);
+    s->playing = true;
+    enum status status = viewer_open(&s->viewer, s->gpu, &how);
+    if (status == OK)
+        return OK;
+    studio_do(&s->state, STUDIO_BACK, now_ns);
+    return status;
+}
+
+static enum status close_playback(struct studio *s)
+{
+    if (!s->playing)
+        return OK;
+    viewer_close(&s->viewer);
+    s->playing = false;
+    return open_ui(s);
+}
+
+static void delete_take(struct studio *s, int64_t now_ns)
+{
+    int64_t freed;
+    if (recording_delete_take(s->options.file, s->state.take, &freed) != OK)
+        studio_say(&s->state, status_message(), now_ns);
+    else
+        studio_say(&s->state, "The take was discarded", now_ns);
+}
+
+static void rename_take(struct studio *s, int64_t now_ns)
+{
+    const bool done = recording_rename_take(s->options.file, s->state.take, s->state.name) == OK;
+    if (!done)
+        studio_say(&s->state, status_message(), now_ns);
+    studio_renamed(&s->state, done, now_ns);
+}
+
+static enum status run_command(struct studio *s, enum studio_command command, int64_t now_ns)
+{
+    switch (command) {
+    case STUDIO_OPEN_SENSOR: open_sensor(s, now_ns); break;
+    case STUDIO_LIST_SENSORS:
+        studio_session_close(&s->session);
+        list_devices(s, now_ns);
+        break;
+    case STUDIO_BEGIN_TAKE: studio_session_begin(s->session, s->state.take); break;
+    case STUDIO_END_TAKE: studio_session_end(s->session); break;
+    case STUDIO_DELETE_TAKE: delete_take(s, now_ns); break;
+    case STUDIO_RENAME_TAKE: rename_take(s, now_ns); break;
+    case STUDIO_OPEN_PLAYBACK: return open_playback(s, now_ns);
+    case STUDIO_CLOSE_PLAYBACK: return close_playback(s);
+    case STUDIO_TONE: sound_tone(s->sound, 660, 0.12); break;
+    case STUDIO_TONE_BEGIN: sound_tone(s->sound, 990, 0.5); break;
+    case STUDIO_TONE_END: sound_tone(s->sound, 440, 0.4); break;
+    }
+    return OK;
+}
+
+// ---------------------------------------------------------------- the session's news
+
+static void take_news(struct studio *s, int64_t now_ns)
+{
+    struct studio_state *state = &s->state;
+    if (!s->session || !studio_session_read(s->session, &s->shown))
+        return;
+    state->changed = true;
+    if (s->shown.number > 0)
+        studio_sensor_ready(state, now_ns);
+    if (s->shown.gestures != s->gestures) {
+        s->gestures = s->shown.gestures;
+        if (state->page == STUDIO_LIVE || state->page == STUDIO_RECORDING)
+            studio_do(state, STUDIO_START, now_ns);
+    }
+    if (s->shown.doing == STUDIO_DOING_SMOOTH)
+        studio_take_finishing(state, now_ns);
+    if (s->shown.takes_ready != s->takes_ready) {
+        s->takes_ready = s->shown.takes_ready;
+        studio_take_ready(state, now_ns);
+    }
+}
+
+// A sensor that failed: said at once, but for a take that is still to be kept or discarded, after that.
+static void check_sensor(struct studio *s, int64_t now_ns)
+{
+    switch (s->state.page) {
+    case STUDIO_OPENING:
+    case STUDIO_LIVE:
+    case STUDIO_COUNTDOWN:
+    case STUDIO_RECORDING:
+    case STUDIO_FINISHING:
+        if (s->session && s->shown.doing == STUDIO_DOING_FAILED)
+            studio_fail(&s->state, s->shown.failure, now_ns);
+        break;
+    default: break;
+    }
+}
+
+int64_t studio_update(struct studio *s, int64_t now_ns)
+{
+    enum studio_command command;
+    take_news(s, now_ns);
+    check_sensor(s, now_ns);
+    int64_t next_ns = studio_tick(&s->state, now_ns);
+    while (studio_take_command(&s->state, &command))
+        if (run_command(s, command, now_ns) != OK)
+            studio_say(&s->state, status_message(), now_ns);
+    if (!s->playing)
+        return next_ns;
+    const int64_t viewer_ns = viewer_update(&s->viewer, now_ns);
+    if (s->viewer.state.quit || s->viewer.state.page == PAGE_TAKES) {
+        studio_do(&s->state, STUDIO_BACK, now_ns);
+        return now_ns;
+    }
+    return viewer_ns < next_ns ? viewer_ns : next_ns;
+}
+
+bool studio_changed(const struct studio *s) { return s->state.changed || (s->playing && s->viewer.state.changed); }
+
+bool studio_finished(const struct studio *s)
+{
+    return s->state.quit && s->state.page != STUDIO_RECORDING && s->state.page != STUDIO_FINISHING;
+}
+
+// ---------------------------------------------------------------- events
+
+static bool handle_key(struct studio *s, const struct window_event *event, int64_t now_ns)
+{
+    struct studio_state *state = &s->state;
+    if (state->page == STUDIO_RENAME && event->key != WINDOW_KEY_ESCAPE) {
+        studio_type(state, event->key, now_ns);
+        return true;
+    }
+    switch (event->key) {
+    case WINDOW_KEY_SPACE:
+    case WINDOW_KEY_ENTER: studio_do(state, state->page == STUDIO_REVIEW ? STUDIO_KEEP : STUDIO_START, now_ns); break;
+    case WINDOW_KEY_ESCAPE:
+    case WINDOW_KEY_BACK: studio_do(state, STUDIO_BACK, now_ns); break;
+    case 'k': studio_do(state, STUDIO_KEEP, now_ns); break;
+    case 'x': studio_do(state, STUDIO_DISCARD, now_ns); break;
+    case 'a': studio_do(state, STUDIO_RETAKE, now_ns); break;
+    case 'p': studio_do(state, STUDIO_PLAY, now_ns); break;
+    case 'n': studio_do(state, STUDIO_EDIT_NAME, now_ns); break;
+    case 'd': studio_do(state, STUDIO_THEME, now_ns); break;
+    case 'q': studio_do(state, STUDIO_QUIT, now_ns); break;
+    default: break;
+    }
+    return true;
+}
+
+bool studio_event(struct studio *s, const struct window_event *event, double px_per_dp, int64_t now_ns)
+{
+    if (event->kind == WINDOW_QUIT) {
+        studio_do(&s->state, STUDIO_QUIT, now_ns);
+        return true;
+    }
+    if (s->playing)
+        return input_map_event(&s->viewer.input, &s->viewer.state, event, px_per_dp, now_ns);
+    if (event->kind == WINDOW_KEY)
+        return handle_key(s, event, now_ns);
+    if (event->kind == WINDOW_RESIZED || event->kind == WINDOW_SHOWN || event->kind == WINDOW_POINTER_MOVE)
+        s->state.changed = true;
+    const bool pressed = input_map_event(&s->input, &s->ignored, event, px_per_dp, now_ns);
+    s->state.changed |= pressed;
+    return pressed;
+}
+
+// ---------------------------------------------------------------- drawing
+
+static enum status write_texture(struct studio *s, struct gpu_texture **texture, int *width, const struct lens *lens,
+                                 const uint8_t *pixels)
+{
+    enum status status = OK;
+    if (*width != lens->width) {
+        gpu_texture_close(texture);
+        status = gpu_texture_open(
+            texture, s->gpu, &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR}, pixels);
+        *width = status == OK ? lens->width : 0;
+    } else {
+        gpu_texture_write(*texture, pixels);
+    }
+    return status;
+}
+
+static enum status write_textures(struct studio *s)
+{
+    const struct studio_snapshot *shown = &s->shown;
+    const struct lens *depth = &shown->calibration.depth;
+    enum status status = OK;
+    if (shown->has_color)
+        status = write_texture(s, &s->color, &s->color_width, &shown->calibration.color, shown->color);
+    if (status != OK || !shown->has_depth)
+        return status;
+    if (s->depth_width != depth->width) {
+        free(s->depth_rgb);
+        s->depth_rgb = malloc(3 * shown->depth_pixels + 1);
+        if (!s->depth_rgb)
+            return fail(ERR_MEMORY, "no memory for the depth picture");
+    }
+    studio_depth_colors(shown->depth, depth->width, depth->height, s->depth_rgb);
+    return write_texture(s, &s->depth, &s->depth_width, depth, s->depth_rgb);
+}
+
+enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)
+{
+    s->state.changed = false;
+    if (s->playing)
+        return viewer_draw(&s->viewer, surface, now_ns);
+    enum status status = write_textures(s);
+    if (status != OK)
+        return status;
+    const struct ui_input input = {
+        surface->width,     surface->height,    surface->px_per_dp,    now_ns,
+        s->input.pointer_x, s->input.pointer_y, s->input.pointer_down, s->input.pointer_there};
+    status = ui_begin(s->ui, &input);
+    if (status != OK)
+        return status;
+    const struct brush brush = {s->ui, theme_of(s->state.dark)};
+    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown, s->color, s->depth};
+    studio_screen_draw(&brush, &s->state, &view, now_ns);
+    ui_end(s->ui);
+    status = ui_draw(s->ui, surface->target, surface->quarter_turns);
+    s->state.changed |= s->input.leaving;
+    input_map_frame_done(&s->input);
+    return status;
+}

@@ -1,0 +1,56 @@
+// The studio: all of it but its window, so that it runs the same on a screen and, in tests, into memory. One thread,
+// the GPU's; the session has threads of its own.
+#pragma once
+#include "app/studio/studio_screen.h"
+#include "app/viewer.h"
+#include "platform/sound.h"
+
+enum { STUDIO_DEVICES = 16 };
+
+struct studio_options {
+    const char *file;
+    const char *sensor; // URI; NULL: the user chooses
+    bool light;
+    bool body_points;
+    double refresh_hz;
+    void (*wake)(void *self); // called on other threads; may be NULL
+    void *wake_self;
+};
+
+struct studio {
+    struct studio_options options;
+    struct gpu *gpu;
+    struct ui *ui; // NULL while the viewer plays a take back: one ui in a process
+    struct studio_state state;
+    struct input_map input;
+    struct view_state ignored; // input_map's, of which only the pointer is used
+    struct source_device devices[STUDIO_DEVICES];
+    int device_count;
+    struct studio_session *session;
+    struct studio_snapshot shown;
+    struct gpu_texture *color, *depth;
+    int color_width, depth_width; // of the textures
+    uint8_t *depth_rgb;
+    int gestures, takes_ready; // of the snapshot, handled
+    struct viewer viewer;      // page PLAYBACK
+    bool playing;
+    struct sound *sound; // NULL: silent
+};
+
+// ERR_DEVICE, ERR_MEMORY: call studio_close. A sensor that does not open is shown, no error.
+MUST_CHECK enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options);
+void studio_close(struct studio *s); // ends a take that is being made in good order; zeroed is fine
+
+// An event of the window. True: draw a frame before passing the next one.
+bool studio_event(struct studio *s, const struct window_event *event, double px_per_dp, int64_t now_ns);
+
+// Takes the session's news, runs commands. Returns when to call it again at the latest; state.changed, or the viewer's,
+// says whether to draw.
+int64_t studio_update(struct studio *s, int64_t now_ns);
+bool studio_changed(const struct studio *s);
+
+// ERR_DEVICE: the GPU context is lost.
+MUST_CHECK enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns);
+
+// Whether the program may end: asked to, and no take is being written.
+bool studio_finished(const struct studio *s);

@@ -1,0 +1,323 @@
+#include "app/studio/studio_screen.h"
+
+#include "app/studio/coverage_figure.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static const double SIDE = 380, FOOT = 92, ROW = 64;
+
+void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *out)
+{
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const int mm = depth[y * width + x];
+            uint8_t *rgb = out + 3 * (y * width + x);
+            if (!mm) { // no reading: hatched, so that it is not taken for near or far
+                const uint8_t grey = (x + y) / 4 % 3 ? 22 : 70;
+                rgb[0] = rgb[1] = rgb[2] = grey;
+                continue;
+            }
+            const double near = fmin(fmax((5000 - mm) / 4400.0, 0), 1); // 0.6 m to 5 m
+            rgb[0] = (uint8_t)(40 + 205 * near);
+            rgb[1] = (uint8_t)(70 + 120 * (1 - fabs(2 * near - 1)));
+            rgb[2] = (uint8_t)(215 - 180 * near);
+        }
+}
+
+// ---------------------------------------------------------------- pieces
+
+// Draws the image as large as fits, mirrored as a mirror would show it. Returns where it is.
+static struct ui_box draw_picture(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
+                                  struct ui_box box)
+{
+    ui_fill(b->ui, box, ROUND, 0x000000ff);
+    if (!image || lens->width <= 0)
+        return box;
+    const double aspect = (double)lens->width / lens->height;
+    const double w = fmin(box.w, box.h * aspect), h = w / aspect;
+    const struct ui_box at = {box.x + (box.w - w) / 2, box.y + (box.h - h) / 2, w, h};
+    ui_image(b->ui, image, at, (struct ui_uv_rect){1, 0, 0, 1}, ROUND * 0.6, 0xffffffff);
+    return at;
+}
+
+static void draw_skeleton(const struct brush *b, const struct studio_snapshot *shown, struct ui_box at)
+{
+    static const struct part_ends across[] = {{JOINT_LEFT_SHOULDER, JOINT_NECK},
+                                              {JOINT_RIGHT_SHOULDER, JOINT_NECK},
+                                              {JOINT_LEFT_HIP, JOINT_WAIST},
+                                              {JOINT_RIGHT_HIP, JOINT_WAIST}};
+    const struct lens *lens = &shown->calibration.color;
+    struct ui_point points[JOINT_COUNT];
+    bool there[JOINT_COUNT];
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        there[j] = shown->skeleton.confidence[j] > 0 && shown->skeleton.joint[j].z > 0.1;
+        if (!there[j])
+            continue;
+        const struct pixel px = lens_project(lens, shown->skeleton.joint[j]);
+        points[j] = (struct ui_point){at.x + at.w * (1 - px.x / lens->width), at.y + at.h * px.y / lens->height};
+    }
+    ui_clip(b->ui, at);
+    for (int pass = 0; pass < 2; pass++) {
+        const uint32_t color = pass ? b->theme->accent : 0x000000a0;
+        for (size_t i = 0; i < PART_COUNT + COUNT_OF(across); i++) {
+            const struct part_ends e = i < PART_COUNT ? part_ends[i] : across[i - PART_COUNT];
+            if (there[e.from] && there[e.to])
+                ui_line(b->ui, points[e.from], points[e.to], pass ? 3 : 6, color);
+        }
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if (there[j])
+                ui_disc(b->ui, points[j], pass ? 5 : 7,
+                        pass && shown->skeleton.confidence[j] < 1 ? b->theme->warn : color);
+    }
+    ui_unclip(b->ui);
+}
+
+static void draw_counters(const struct brush *b, const struct studio_snapshot *shown, struct ui_box box)
+{
+    const struct studio_counters *c = &shown->counters;
+    char text[200];
+    int used = c->frames_per_s > 0 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
+                                   : snprintf(text, sizeof text, "measuring");
+    if (c->dropped)
+        used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
+    if (c->mb_per_s > 0)
+        used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f MB/s", c->mb_per_s);
+    if (c->mb_per_s > 0 && c->minutes_left >= 0)
+        used += snprintf(text + used, sizeof text - (size_t)used, " · %.0f min left", c->minutes_left);
+    if (shown->distance_m > 0)
+        used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f m away", shown->distance_m);
+    snprintf(text + used, sizeof text - (size_t)used, "%s",
+             !shown->has_place ? " · no place in the file"
+             : shown->located  ? " · the place is known"
+                               : " · the place is not recognised yet");
+    label(b, FACE_SMALL, box, b->theme->quiet, text);
+}
+
+// What to do now, over the picture's lower edge: readable from four metres.
+static void draw_hint(const struct brush *b, const struct studio_snapshot *shown, struct ui_box picture)
+{
+    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 84, picture.w - 32, 68};
+    ui_fill(b->ui, box, ROUND, b->theme->glass);
+    ui_border(b->ui, box, ROUND, 2, shown->fault ? b->theme->warn : b->theme->hairline);
+    struct ui_box text = inner(box, 12);
+    icon_draw(b->ui,
+              shown->fault                                         ? ICON_WARNING
+              : shown->advice == ADVICE_ENOUGH && shown->share > 0 ? ICON_CHECK
+                                                                   : ICON_BONES,
+              middle(cut_left(&text, 36)), 30, shown->fault ? b->theme->warn : b->theme->accent);
+    if (ui_text_width(b->ui, FACE_HEAD, shown->text) <= text.w)
+        label(b, FACE_HEAD, text, b->theme->text, shown->text);
+    else
+        ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){text.x, text.y + 1}, text.w, b->theme->text, shown->text);
+}
+
+// ---------------------------------------------------------------- live, countdown, recording
+
+static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
+{
+    struct ui_box depth = upright ? cut_left(&box, box.w * 0.42) : cut_top(&box, box.w * 0.75);
+    draw_picture(b, v->depth, &v->shown->calibration.depth, depth);
+    panel(b, box, false);
+    struct ui_box in = inner(box, 12);
+    struct ui_box dial = upright ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
+    coverage_dial_draw(b, v->shown->share, v->shown->advice, dial);
+    coverage_figure_draw(b, &v->shown->coverage, in);
+}
+
+static void draw_countdown(const struct brush *b, const struct studio_state *s, struct ui_box picture)
+{
+    char text[8];
+    snprintf(text, sizeof text, "%d", s->left_s);
+    const struct ui_point m = middle(picture);
+    ui_disc(b->ui, m, 74, b->theme->glass);
+    ui_ring(b->ui, m, 74, 6, b->theme->accent);
+    label_centred(b, FACE_TITLE, (struct ui_box){m.x - 60, m.y - 30, 120, 60}, b->theme->text, text);
+}
+
+static void draw_recording_mark(const struct brush *b, const struct studio_snapshot *shown, struct ui_box picture)
+{
+    const struct ui_box box = {picture.x + 16, picture.y + 16, 132, 40};
+    ui_fill(b->ui, box, 20, b->theme->glass);
+    ui_disc(b->ui, (struct ui_point){box.x + 22, box.y + 20}, 9, 0xef4444ff);
+    label_time(b, (struct ui_point){box.x + 42, box.y + 9}, b->theme->text, (int64_t)(shown->counters.take_s * 1e9));
+}
+
+static const char *main_button(const struct studio_state *s)
+{
+    switch (s->page) {
+    case STUDIO_COUNTDOWN: return "Wait";
+    case STUDIO_RECORDING: return "Stop";
+    case STUDIO_FINISHING: return "One moment ...";
+    case STUDIO_OPENING: return "Starting ...";
+    default: return "Film";
+    }
+}
+
+static void draw_live(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
+                      int64_t now_ns)
+{
+    const bool upright = in.h > in.w;
+    struct ui_box foot = cut_bottom(&in, FOOT);
+    struct ui_box side = upright ? cut_bottom(&in, fmin(in.h * 0.36, 300)) : cut_right(&in, fmin(SIDE, in.w * 0.32));
+    const struct ui_box at = draw_picture(b, v->color, &v->shown->calibration.color, in);
+    if (v->shown->has_skeleton && v->color)
+        draw_skeleton(b, v->shown, at);
+    if (s->page == STUDIO_RECORDING)
+        draw_recording_mark(b, v->shown, in);
+    if (v->shown->number)
+        draw_hint(b, v->shown, in);
+    if (s->page == STUDIO_COUNTDOWN)
+        draw_countdown(b, s, in);
+    draw_side(b, v, side, upright);
+    struct ui_box button = cut_right(&foot, 220);
+    button = (struct ui_box){button.x, button.y + 12, button.w, 64};
+    if (text_button(b, "studio-main", main_button(s), s->page == STUDIO_RECORDING ? BUTTON_ON : BUTTON_MAIN, button))
+        studio_do(s, STUDIO_START, now_ns);
+    draw_counters(b, v->shown, (struct ui_box){foot.x, foot.y + 10, foot.w, 26});
+    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 40, foot.w, 26}, b->theme->quiet,
+          s->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
+                                      : "Raise a hand above your head to start");
+}
+
+// ---------------------------------------------------------------- sensors, review, trouble
+
+static void draw_sensors(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
+                         int64_t now_ns)
+{
+    char name[32], text[400];
+    if (!v->device_count)
+        ui_text_lines(
+            b->ui, FACE_BODY, (struct ui_point){in.x, in.y}, in.w, b->theme->text,
+            "No depth sensor was found. Plug one in (a Kinect also needs its own power supply), then look again. "
+            "A sensor that is plugged in and not found may need a udev rule; docs/sensors.md says which.");
+    for (int i = 0; i < v->device_count; i++) {
+        struct ui_box row = {in.x, in.y + i * (ROW + GAP), fmin(in.w, 640), ROW};
+        snprintf(name, sizeof name, "sensor-%d", i);
+        snprintf(text, sizeof text, "%.120s · %.200s", v->devices[i].name, v->devices[i].uri);
+        if (text_button(b, name, text, BUTTON_RAISED, row))
+            studio_choose_sensor(s, i, now_ns);
+    }
+    const struct ui_box again = {in.x, in.y + (v->device_count ? v->device_count * (ROW + GAP) + 16 : 120), 240,
+                                 TARGET};
+    if (text_button(b, "studio-again", "Look again", BUTTON_PLAIN, again))
+        studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
+}
+
+static void draw_verdict(const struct brush *b, const struct studio_view *v, struct ui_box box)
+{
+    const struct coach_verdict *verdict = &v->shown->verdict;
+    const bool good = verdict->good && !*v->shown->failure;
+    panel(b, box, false);
+    struct ui_box in = inner(box, 20), head = cut_top(&in, 44);
+    icon_draw(b->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
+              good ? b->theme->accent : b->theme->warn);
+    label(b, FACE_HEAD, head, b->theme->text, good ? "A good take" : "Better once more");
+    double y = in.y + 6;
+    const char *failure = v->shown->failure;
+    for (int i = *failure ? -1 : 0; i < verdict->count && y < in.y + in.h - 26; i++) {
+        const char *line = i < 0 ? failure : verdict->line[i];
+        ui_disc(b->ui, (struct ui_point){in.x + 8, y + 13}, 3, b->theme->quiet);
+        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x + 24, y}, in.w - 24, b->theme->text, line);
+        y += ui_text_height(b->ui, FACE_BODY, line, in.w - 24) + 8;
+    }
+}
+
+static void draw_name(const struct brush *b, const struct studio_state *s, struct ui_box box)
+{
+    char text[STUDIO_NAME + 40];
+    if (s->page == STUDIO_RENAME) {
+        ui_border(b->ui, box, 12, 2, b->theme->accent);
+        snprintf(text, sizeof text, "%s|", s->name);
+        label(b, FACE_HEAD, inner(box, 12), b->theme->text, text);
+    } else {
+        label(b, FACE_HEAD, box, b->theme->text, s->take);
+    }
+}
+
+static void draw_review(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
+                        int64_t now_ns)
+{
+    static const struct {
+        const char *text;
+        enum studio_action action;
+    } choices[] = {{"Keep", STUDIO_KEEP},
+                   {"Play", STUDIO_PLAY},
+                   {"Once more", STUDIO_RETAKE},
+                   {"Discard", STUDIO_DISCARD},
+                   {"Rename", STUDIO_EDIT_NAME}};
+    const bool upright = in.h > in.w;
+    char text[120];
+    struct ui_box name = cut_top(&in, 52), buttons = cut_bottom(&in, upright ? 2 * (TARGET + GAP) + TARGET : TARGET);
+    draw_name(b, s, (struct ui_box){name.x, name.y, fmin(name.w, 520), name.h});
+    struct ui_box figure = upright ? cut_bottom(&in, fmin(in.h * 0.45, 380)) : cut_right(&in, in.w * 0.45);
+    draw_verdict(b, v, in);
+    panel(b, figure, false);
+    figure = inner(figure, 18);
+    struct ui_box dial = cut_top(&figure, fmin(170, figure.h * 0.4));
+    coverage_dial_draw(b, coverage_share(&v->shown->verdict_coverage), ADVICE_ENOUGH, dial);
+    snprintf(text, sizeof text, "%lld pictures", (long long)v->shown->take_frames);
+    label(b, FACE_SMALL, cut_bottom(&figure, 24), b->theme->quiet, text);
+    coverage_figure_draw(b, &v->shown->verdict_coverage, figure);
+    if (s->page == STUDIO_RENAME) {
+        label(b, FACE_SMALL, buttons, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");
+        return;
+    }
+    const int columns = upright ? 2 : (int)COUNT_OF(choices);
+    const double w = (buttons.w - (columns - 1) * GAP) / columns;
+    for (int i = 0; i < (int)COUNT_OF(choices); i++) {
+        const struct ui_box at = {buttons.x + i % columns * (w + GAP), buttons.y + i / columns * (TARGET + GAP), w,
+                                  TARGET};
+        if (text_button(b, choices[i].text, choices[i].text, i ? BUTTON_RAISED : BUTTON_MAIN, at))
+            studio_do(s, choices[i].action, now_ns);
+    }
+}
+
+static void draw_trouble(const struct brush *b, struct studio_state *s, struct ui_box in, int64_t now_ns)
+{
+    icon_draw(b->ui, ICON_WARNING, (struct ui_point){in.x + 24, in.y + 24}, 40, b->theme->warn);
+    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y + 64}, in.w, b->theme->text, s->trouble);
+    if (text_button(b, "studio-retry", "Choose a sensor", BUTTON_MAIN, (struct ui_box){in.x, in.y + 200, 280, TARGET}))
+        studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
+}
+
+static const char *title(const struct studio_state *s)
+{
+    switch (s->page) {
+    case STUDIO_SENSORS: return "Which sensor?";
+    case STUDIO_REVIEW:
+    case STUDIO_RENAME: return "How it went";
+    case STUDIO_TROUBLE: return "The sensor does not work";
+    default: return "Studio";
+    }
+}
+
+void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns)
+{
+    char text[300];
+    struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, in = inner(all, 20);
+    ui_fill(b->ui, all, 0, b->theme->ground);
+    struct ui_box head = cut_top(&in, TARGET);
+    if (icon_button(b, "studio-close", ICON_CLOSE, BUTTON_RAISED, cut_right(&head, TARGET)))
+        studio_do(s, STUDIO_QUIT, now_ns);
+    if (icon_button(b, "studio-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
+        studio_do(s, STUDIO_THEME, now_ns);
+    label(b, FACE_HEAD, (struct ui_box){head.x, head.y, head.w, 30}, b->theme->text, title(s));
+    if (*s->notice)
+        snprintf(text, sizeof text, "%s", s->notice);
+    else if (s->kept == 1)
+        snprintf(text, sizeof text, "%.250s · one take kept", v->file);
+    else
+        snprintf(text, sizeof text, "%.250s · %d takes kept", v->file, s->kept);
+    label(b, FACE_SMALL, (struct ui_box){head.x, head.y + 32, head.w, 24},
+          *s->notice ? b->theme->accent : b->theme->quiet, text);
+    switch (s->page) {
+    case STUDIO_SENSORS: draw_sensors(b, s, v, in, now_ns); break;
+    case STUDIO_REVIEW:
+    case STUDIO_RENAME:
+    case STUDIO_PLAYBACK: draw_review(b, s, v, in, now_ns); break;
+    case STUDIO_TROUBLE: draw_trouble(b, s, in, now_ns); break;
+    default: draw_live(b, s, v, in, now_ns); break;
+    }
+}

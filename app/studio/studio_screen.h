@@ -1,0 +1,19 @@
+// The studio's pages, drawn between ui_begin and ui_end; touched controls go to the state.
+#pragma once
+#include "app/studio/studio_session.h"
+#include "app/studio/studio_state.h"
+#include "app/ui/widgets.h"
+#include "platform/source.h"
+
+struct studio_view {
+    const char *file;
+    const struct source_device *devices;
+    int device_count;
+    const struct studio_snapshot *shown;
+    const struct gpu_texture *color, *depth; // of the snapshot; NULL: none yet
+};
+
+void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns);
+
+// Colours for a depth image, RGB: near warm, far cold; no reading hatched. out: 3 * width * height bytes.
+void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *out);

@@ -1,0 +1,431 @@
+#include "app/studio/studio_session.h"
+
+#include "base/clock.h"
+#include "capture/coaching/raised_hand.h"
+#include "capture/recorder.h"
+#include "capture/sensor_pose.h"
+#include "capture/tracking/tracker.h"
+#include "platform/file.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct studio_session {
+    struct studio_session_options options;
+    char sensor[512], file[1024];
+    pthread_t thread;
+    atomic_bool stop, end_take;
+
+    pthread_mutex_t lock;
+    struct studio_snapshot shown; // guarded by lock
+    char wanted_take[256];        // guarded by lock; "": none
+
+    // of the session's thread
+    struct source *source;
+    struct place place;
+    bool has_place;
+    struct tracker *tracker;
+    struct sensor_pose *sensor_pose; // until the sensor is located
+    bool located;
+    uint8_t *mask;
+    // of whichever thread sees the frames: the session's in the preview, the recorder's in a take
+    struct coach coach;
+    struct raised_hand hand;
+    bool taking;
+    int64_t take_first_ns, take_frames, rate_ns, rate_frames;
+    double rate_hz;
+};
+
+// ---------------------------------------------------------------- snapshots
+
+void studio_snapshot_free(struct studio_snapshot *s)
+{
+    free(s->color);
+    free(s->mask);
+    free(s->depth);
+    *s = (struct studio_snapshot){0};
+}
+
+static bool make_buffers(struct studio_snapshot *s, const struct calibration *c)
+{
+    const size_t color = 3 * (size_t)c->color.width * (size_t)c->color.height,
+                 depth = (size_t)c->depth.width * (size_t)c->depth.height;
+    if (s->color_bytes == color && s->depth_pixels == depth)
+        return true;
+    free(s->color);
+    free(s->mask);
+    free(s->depth);
+    s->color = malloc(color + 1);
+    s->mask = calloc(depth + 1, 1);
+    s->depth = calloc(depth + 1, sizeof *s->depth);
+    s->color_bytes = color;
+    s->depth_pixels = depth;
+    if (s->color && s->mask && s->depth)
+        return true;
+    s->color_bytes = s->depth_pixels = 0;
+    return false;
+}
+
+bool studio_session_read(struct studio_session *s, struct studio_snapshot *out)
+{
+    pthread_mutex_lock(&s->lock);
+    const struct studio_snapshot *from = &s->shown;
+    bool fresh = from->number != out->number || from->doing != out->doing || from->takes_ready != out->takes_ready;
+    fresh = fresh && make_buffers(out, &from->calibration);
+    if (fresh) {
+        struct studio_snapshot kept = *out;
+        *out = *from;
+        out->color = kept.color;
+        out->mask = kept.mask;
+        out->depth = kept.depth;
+        out->color_bytes = kept.color_bytes;
+        out->depth_pixels = kept.depth_pixels;
+        if (from->has_color)
+            memcpy(out->color, from->color, from->color_bytes);
+        if (from->has_depth) {
+            memcpy(out->depth, from->depth, from->depth_pixels * sizeof *out->depth);
+            memcpy(out->mask, from->mask, from->depth_pixels);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return fresh;
+}
+
+static void wake(const struct studio_session *s)
+{
+    if (s->options.wake)
+        s->options.wake(s->options.wake_self);
+}
+
+static void set_doing(struct studio_session *s, enum studio_doing doing, const char *failure)
+{
+    pthread_mutex_lock(&s->lock);
+    s->shown.doing = doing;
+    if (failure)
+        snprintf(s->shown.failure, sizeof s->shown.failure, "%s", failure);
+    pthread_mutex_unlock(&s->lock);
+    wake(s);
+}
+
+static void count_frame(struct studio_session *s, const struct recorder_seen *seen, struct studio_counters *c)
+{
+    const int64_t now_ns = clock_now_ns();
+    s->rate_frames++;
+    if (now_ns - s->rate_ns > 1000000000) {
+        s->rate_hz = (double)s->rate_frames / ((double)(now_ns - s->rate_ns) * 1e-9);
+        s->rate_ns = now_ns;
+        s->rate_frames = 0;
+    }
+    *c = (struct studio_counters){
+        .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->source)};
+    if (!s->taking)
+        return;
+    s->take_first_ns = s->take_frames ? s->take_first_ns : seen->time_ns;
+    c->frames = ++s->take_frames;
+    c->take_s = (double)(seen->time_ns - s->take_first_ns) * 1e-9;
+}
+
+// One frame, as the preview or the recorder saw it: coach, gesture, snapshot.
+static void show(struct studio_session *s, const struct recorder_seen *seen)
+{
+    const struct coach_frame frame = {.time_ns = seen->time_ns,
+                                      .color = seen->color,
+                                      .depth = seen->depth,
+                                      .mask = seen->mask,
+                                      .skeleton = seen->skeleton,
+                                      .sensor_moves = seen->sensor_moves};
+    struct studio_counters counters;
+    coach_next(&s->coach, &frame);
+    const bool gesture = raised_hand_next(&s->hand, seen->time_ns, seen->skeleton);
+    count_frame(s, seen, &counters);
+    pthread_mutex_lock(&s->lock);
+    struct studio_snapshot *out = &s->shown;
+    if (make_buffers(out, &out->calibration)) {
+        out->has_color = seen->color != NULL;
+        out->has_depth = seen->depth != NULL;
+        if (seen->color)
+            memcpy(out->color, seen->color, out->color_bytes);
+        if (seen->depth)
+            memcpy(out->depth, seen->depth, out->depth_pixels * sizeof *out->depth);
+        if (seen->mask)
+            memcpy(out->mask, seen->mask, out->depth_pixels);
+        else
+            memset(out->mask, 0, out->depth_pixels);
+    }
+    out->number++;
+    out->has_skeleton = seen->skeleton != NULL;
+    if (seen->skeleton)
+        out->skeleton = *seen->skeleton;
+    out->located = seen->located;
+    const struct studio_counters before = out->counters;
+    out->counters = counters;
+    if (s->taking) { // on_state's
+        out->counters.dropped = before.dropped;
+        out->counters.mb_per_s = before.mb_per_s;
+        out->counters.minutes_left = before.minutes_left;
+    }
+    out->gestures += gesture;
+    snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
+    out->fault = coach_any_fault(&s->coach);
+    out->share = s->coach.share;
+    out->advice = s->coach.advice;
+    out->coverage = s->coach.coverage;
+    out->distance_m = s->coach.distance_m;
+    pthread_mutex_unlock(&s->lock);
+    wake(s);
+}
+
+static void on_state(void *context, const struct recorder_state *state)
+{
+    struct studio_session *s = context;
+    pthread_mutex_lock(&s->lock);
+    s->shown.counters.dropped = state->dropped;
+    s->shown.counters.mb_per_s = state->mb_per_s;
+    s->shown.counters.minutes_left = state->minutes_left;
+    pthread_mutex_unlock(&s->lock);
+}
+
+static void on_seen(void *context, const struct recorder_seen *seen) { show(context, seen); }
+
+// ---------------------------------------------------------------- the sensor
+
+static enum status read_place(struct studio_session *s)
+{
+    struct recording *recording = NULL;
+    if (!file_exists(s->file))
+        return OK;
+    enum status status = recording_open(&recording, s->file);
+    if (status == OK)
+        status = recording_read_place(recording, &s->place);
+    recording_free(&recording);
+    s->has_place = status == OK && s->place.tag_count + s->place.point_count > 0;
+    return status == NOTHING ? OK : status;
+}
+
+static enum status open_sensor(struct studio_session *s)
+{
+    enum status status = source_open(&s->source, s->sensor, SOURCE_SENSOR);
+    if (status != OK)
+        return status;
+    const struct calibration *c = source_calibration(s->source);
+    pthread_mutex_lock(&s->lock);
+    s->shown.calibration = *c;
+    s->shown.has_place = s->has_place;
+    pthread_mutex_unlock(&s->lock);
+    coach_start(&s->coach, c);
+    status = tracker_open(&s->tracker, c, NULL);
+    if (status == OK && s->has_place && c->color.width > 0)
+        status = sensor_pose_open(&s->sensor_pose, &s->place, c);
+    s->located = false;
+    free(s->mask);
+    s->mask = calloc((size_t)c->depth.width * (size_t)c->depth.height + 1, 1);
+    return status == OK && !s->mask ? fail(ERR_MEMORY, "no memory for the preview") : status;
+}
+
+static void close_sensor(struct studio_session *s)
+{
+    tracker_close(&s->tracker);
+    sensor_pose_close(&s->sensor_pose);
+    source_close(&s->source);
+}
+
+static enum status preview_frame(struct studio_session *s, const struct frame *frame)
+{
+    struct skeleton skeleton;
+    enum status status = NOTHING;
+    if (s->sensor_pose && frame->color && !s->located) {
+        struct pose pose;
+        status = sensor_pose_update(s->sensor_pose, frame->color, frame->depth);
+        if (status < 0)
+            return status;
+        s->located = sensor_pose_get(s->sensor_pose, &pose);
+    }
+    status = frame->depth ? tracker_next(s->tracker, frame->time_ns, frame->depth, &skeleton, s->mask) : NOTHING;
+    if (status < 0)
+        return status;
+    const bool person = status == OK;
+    const struct recorder_seen seen = {.time_ns = frame->time_ns,
+                                       .color = frame->color,
+                                       .depth = frame->depth,
+                                       .mask = person ? s->mask : NULL,
+                                       .skeleton = person ? &skeleton : NULL,
+                                       .located = s->located};
+    show(s, &seen);
+    return OK;
+}
+
+static bool take_is_wanted(struct studio_session *s)
+{
+    pthread_mutex_lock(&s->lock);
+    const bool wanted = *s->wanted_take != 0;
+    pthread_mutex_unlock(&s->lock);
+    return wanted || atomic_load(&s->stop);
+}
+
+// Until a take is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
+static enum status preview(struct studio_session *s)
+{
+    const bool live = source_is_live(s->source);
+    int64_t first_ns = 0, begun_ns = 0;
+    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
+    while (!take_is_wanted(s)) {
+        struct frame frame;
+        enum status status = source_next(s->source, &frame);
+        if (status == ERR_INPUT)
+            continue;
+        if (status != OK)
+            return status;
+        if (!begun_ns) {
+            begun_ns = clock_now_ns();
+            first_ns = frame.time_ns;
+        }
+        if (!live)
+            clock_sleep_until_ns(begun_ns + frame.time_ns - first_ns);
+        status = preview_frame(s, &frame);
+        if (status != OK)
+            return status;
+    }
+    return OK;
+}
+
+// ---------------------------------------------------------------- takes
+
+// recorder_options.should_stop has no context; there is one studio in a process.
+static struct studio_session *the_session;
+static bool take_should_stop(void) { return atomic_load(&the_session->end_take) || atomic_load(&the_session->stop); }
+
+static void on_smoothing(void *context, int64_t frames)
+{
+    struct studio_session *s = context;
+    (void)frames;
+    atomic_store(&s->end_take, false); // that ended the filming; another one would leave the online joints
+    set_doing(s, STUDIO_DOING_SMOOTH, NULL);
+}
+
+static enum status record(struct studio_session *s, const char *name, struct recorder_result *result)
+{
+    struct recording_writer *writer = NULL;
+    enum status status = file_exists(s->file) ? recording_append(&writer, s->file) : recording_create(&writer, s->file);
+    if (status != OK)
+        return status;
+    const struct recorder_options options = {.should_stop = take_should_stop,
+                                             .on_smoothing_begin = on_smoothing,
+                                             .on_seen = on_seen,
+                                             .on_state = on_state,
+                                             .context = s,
+                                             .body_points = s->options.body_points};
+    status = recorder_run(s->source, writer, name, s->has_place ? &s->place : NULL, &options, result);
+    struct failure first;
+    failure_keep(&first, status);
+    enum status closed = recording_close(&writer);
+    return status != OK ? failure_restore(&first) : closed;
+}
+
+// A film from its beginning again.
+static enum status rewind_source(struct studio_session *s)
+{
+    close_sensor(s);
+    return open_sensor(s);
+}
+
+static enum status run_take(struct studio_session *s)
+{
+    char name[256];
+    struct recorder_result result = {0};
+    enum status status = source_is_live(s->source) ? OK : rewind_source(s);
+    if (status != OK)
+        return status;
+    pthread_mutex_lock(&s->lock);
+    snprintf(name, sizeof name, "%s", s->wanted_take);
+    s->wanted_take[0] = 0;
+    pthread_mutex_unlock(&s->lock);
+    if (!*name)
+        return OK;
+    atomic_store(&s->end_take, false);
+    the_session = s;
+    s->taking = true;
+    s->take_frames = 0;
+    coach_start(&s->coach, source_calibration(s->source));
+    set_doing(s, STUDIO_DOING_TAKE, NULL);
+    status = record(s, name, &result);
+    s->taking = false;
+    pthread_mutex_lock(&s->lock);
+    coach_verdict(&s->coach, &s->shown.verdict);
+    s->shown.verdict_coverage = s->coach.coverage;
+    s->shown.take_frames = result.frames;
+    s->shown.takes_ready++;
+    snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());
+    pthread_mutex_unlock(&s->lock);
+    coach_start(&s->coach, source_calibration(s->source));
+    tracker_reset(s->tracker);
+    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
+    return status;
+}
+
+static void *run(void *context)
+{
+    struct studio_session *s = context;
+    enum status status = read_place(s);
+    if (status == OK)
+        status = open_sensor(s);
+    while (status == OK && !atomic_load(&s->stop)) {
+        status = preview(s);
+        if (status == OK && !atomic_load(&s->stop))
+            status = run_take(s);
+        const bool over = s->source && !source_is_live(s->source) && !source_remaining(s->source);
+        if (status == NOTHING || (status == OK && over && !atomic_load(&s->stop)))
+            status = rewind_source(s);
+    }
+    if (status < 0)
+        set_doing(s, STUDIO_DOING_FAILED, status_message());
+    close_sensor(s);
+    return NULL;
+}
+
+// ---------------------------------------------------------------- the window's side
+
+enum status studio_session_open(struct studio_session **out, const struct studio_session_options *options)
+{
+    *out = NULL;
+    struct studio_session *s = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "no memory for the studio");
+    s->options = *options;
+    snprintf(s->sensor, sizeof s->sensor, "%s", options->sensor);
+    snprintf(s->file, sizeof s->file, "%s", options->file);
+    pthread_mutex_init(&s->lock, NULL);
+    if (pthread_create(&s->thread, NULL, run, s)) {
+        pthread_mutex_destroy(&s->lock);
+        free(s);
+        return fail(ERR_MEMORY, "no thread for the sensor");
+    }
+    *out = s;
+    return OK;
+}
+
+void studio_session_begin(struct studio_session *s, const char *take)
+{
+    pthread_mutex_lock(&s->lock);
+    snprintf(s->wanted_take, sizeof s->wanted_take, "%s", take);
+    pthread_mutex_unlock(&s->lock);
+}
+
+void studio_session_end(struct studio_session *s) { atomic_store(&s->end_take, true); }
+
+void studio_session_close(struct studio_session **out)
+{
+    struct studio_session *s = *out;
+    if (!s)
+        return;
+    atomic_store(&s->stop, true);
+    pthread_join(s->thread, NULL);
+    pthread_mutex_destroy(&s->lock);
+    studio_snapshot_free(&s->shown);
+    place_free(&s->place);
+    free(s->mask);
+    free(s);
+    *out = NULL;
+}

@@ -1,0 +1,218 @@
+#include "app/studio/studio_state.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const int64_t SECOND_NS = 1000000000, NOTICE_NS = 4 * 1000000000LL;
+
+struct studio_state studio_start(bool dark)
+{
+    return (struct studio_state){.dark = dark, .changed = true, .number = 1, .sensor = -1};
+}
+
+static void command(struct studio_state *s, enum studio_command c)
+{
+    if (s->queued < STUDIO_COMMANDS)
+        s->queue[s->queued++] = c;
+}
+
+bool studio_take_command(struct studio_state *s, enum studio_command *out)
+{
+    if (!s->queued)
+        return false;
+    *out = s->queue[0];
+    memmove(s->queue, s->queue + 1, (size_t)--s->queued * sizeof *s->queue);
+    return true;
+}
+
+static void go(struct studio_state *s, enum studio_page page, int64_t now_ns)
+{
+    s->page = page;
+    s->page_ns = now_ns;
+    s->changed = true;
+}
+
+void studio_set_sensors(struct studio_state *s, int count, int64_t now_ns)
+{
+    s->sensor_count = count;
+    s->changed = true;
+    (void)now_ns;
+}
+
+void studio_choose_sensor(struct studio_state *s, int sensor, int64_t now_ns)
+{
+    if (s->page != STUDIO_SENSORS || sensor < 0 || sensor >= s->sensor_count)
+        return;
+    s->sensor = sensor;
+    command(s, STUDIO_OPEN_SENSOR);
+    go(s, STUDIO_OPENING, now_ns);
+}
+
+void studio_sensor_ready(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_OPENING)
+        go(s, STUDIO_LIVE, now_ns);
+}
+
+static void begin_countdown(struct studio_state *s, int64_t now_ns)
+{
+    s->left_s = STUDIO_COUNTDOWN_S;
+    command(s, STUDIO_TONE);
+    go(s, STUDIO_COUNTDOWN, now_ns);
+}
+
+static void start_or_stop(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_LIVE) {
+        begin_countdown(s, now_ns);
+    } else if (s->page == STUDIO_COUNTDOWN) { // taken back
+        go(s, STUDIO_LIVE, now_ns);
+    } else if (s->page == STUDIO_RECORDING) {
+        command(s, STUDIO_END_TAKE);
+        command(s, STUDIO_TONE_END);
+        go(s, STUDIO_FINISHING, now_ns);
+    }
+}
+
+static void leave_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
+{
+    if (action == STUDIO_KEEP)
+        s->kept++;
+    else
+        command(s, STUDIO_DELETE_TAKE);
+    s->number += action == STUDIO_KEEP;
+    if (action == STUDIO_RETAKE)
+        begin_countdown(s, now_ns);
+    else
+        go(s, STUDIO_LIVE, now_ns);
+}
+
+static void do_in_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
+{
+    switch (action) {
+    case STUDIO_KEEP:
+    case STUDIO_DISCARD:
+    case STUDIO_RETAKE: leave_review(s, action, now_ns); break;
+    case STUDIO_PLAY:
+        command(s, STUDIO_OPEN_PLAYBACK);
+        go(s, STUDIO_PLAYBACK, now_ns);
+        break;
+    case STUDIO_EDIT_NAME:
+        snprintf(s->name, sizeof s->name, "%s", s->take);
+        go(s, STUDIO_RENAME, now_ns);
+        break;
+    default: break;
+    }
+}
+
+static void go_back(struct studio_state *s, int64_t now_ns)
+{
+    switch (s->page) {
+    case STUDIO_PLAYBACK:
+        command(s, STUDIO_CLOSE_PLAYBACK);
+        go(s, STUDIO_REVIEW, now_ns);
+        break;
+    case STUDIO_RENAME: go(s, STUDIO_REVIEW, now_ns); break;
+    case STUDIO_COUNTDOWN: go(s, STUDIO_LIVE, now_ns); break;
+    case STUDIO_TROUBLE: go(s, STUDIO_SENSORS, now_ns); break;
+    default: break; // a take is never lost by a key
+    }
+}
+
+void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns)
+{
+    s->changed = true;
+    switch (action) {
+    case STUDIO_THEME: s->dark = !s->dark; return;
+    case STUDIO_QUIT:
+        // A take that is being made is ended first and kept; leaving waits for it.
+        if (s->page == STUDIO_RECORDING)
+            start_or_stop(s, now_ns);
+        s->quit = true;
+        return;
+    case STUDIO_START: start_or_stop(s, now_ns); return;
+    case STUDIO_BACK: go_back(s, now_ns); return;
+    case STUDIO_SENSORS_AGAIN:
+        command(s, STUDIO_LIST_SENSORS);
+        if (s->page == STUDIO_TROUBLE)
+            go(s, STUDIO_SENSORS, now_ns);
+        return;
+    default: break;
+    }
+    if (s->page == STUDIO_REVIEW)
+        do_in_review(s, action, now_ns);
+}
+
+void studio_type(struct studio_state *s, int key, int64_t now_ns)
+{
+    const size_t length = strlen(s->name);
+    if (s->page != STUDIO_RENAME)
+        return;
+    s->changed = true;
+    if (key == 13) {
+        if (length && strcmp(s->name, s->take))
+            command(s, STUDIO_RENAME_TAKE);
+        else
+            go(s, STUDIO_REVIEW, now_ns);
+    } else if (key == 8) {
+        s->name[length ? length - 1 : 0] = 0;
+    } else if (key >= 32 && key < 127 && length + 1 < sizeof s->name) {
+        s->name[length] = (char)key;
+        s->name[length + 1] = 0;
+    }
+}
+
+void studio_renamed(struct studio_state *s, bool done, int64_t now_ns)
+{
+    if (done)
+        memcpy(s->take, s->name, sizeof s->take);
+    go(s, STUDIO_REVIEW, now_ns);
+}
+
+void studio_take_finishing(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_RECORDING) // a film ended by itself
+        go(s, STUDIO_FINISHING, now_ns);
+    s->changed = true;
+}
+
+void studio_take_ready(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_RECORDING || s->page == STUDIO_FINISHING)
+        go(s, STUDIO_REVIEW, now_ns);
+}
+
+void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns)
+{
+    snprintf(s->trouble, sizeof s->trouble, "%s", sentence);
+    go(s, STUDIO_TROUBLE, now_ns);
+}
+
+void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns)
+{
+    snprintf(s->notice, sizeof s->notice, "%s", sentence);
+    s->notice_ns = now_ns;
+    s->changed = true;
+}
+
+int64_t studio_tick(struct studio_state *s, int64_t now_ns)
+{
+    if (*s->notice && now_ns - s->notice_ns > NOTICE_NS) {
+        *s->notice = 0;
+        s->changed = true;
+    }
+    if (s->page != STUDIO_COUNTDOWN)
+        return now_ns + SECOND_NS / 10;
+    const int left = STUDIO_COUNTDOWN_S - (int)((now_ns - s->page_ns) / SECOND_NS);
+    if (left <= 0) {
+        snprintf(s->take, sizeof s->take, "take-%d", s->number);
+        command(s, STUDIO_BEGIN_TAKE);
+        command(s, STUDIO_TONE_BEGIN);
+        go(s, STUDIO_RECORDING, now_ns);
+    } else if (left != s->left_s) {
+        s->left_s = left;
+        s->changed = true;
+        command(s, STUDIO_TONE);
+    }
+    return now_ns + SECOND_NS / 20;
+}

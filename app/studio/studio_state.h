@@ -1,0 +1,89 @@
+// What the studio's window shows and does next: a state machine from "which sensor" to "kept". Pure: no clock, no
+// window, no file; actions come in, commands go out, and whoever runs them reports back.
+//
+//   SENSORS -> LIVE -> COUNTDOWN -> RECORDING -> FINISHING -> REVIEW -> LIVE ...        REVIEW <-> PLAYBACK, RENAME
+//
+// A raised hand starts from LIVE and stops a RECORDING; so do space and the button.
+#pragma once
+#include "base/status.h"
+
+enum studio_page {
+    STUDIO_SENSORS,
+    STUDIO_OPENING, // the sensor is being started
+    STUDIO_LIVE,
+    STUDIO_COUNTDOWN,
+    STUDIO_RECORDING,
+    STUDIO_FINISHING, // the last frames are written, the joints smoothed
+    STUDIO_REVIEW,
+    STUDIO_RENAME,
+    STUDIO_PLAYBACK,
+    STUDIO_TROUBLE,
+};
+
+enum studio_action {
+    STUDIO_START, // the main button, space, or a raised hand: start, or stop
+    STUDIO_KEEP,
+    STUDIO_DISCARD,
+    STUDIO_RETAKE, // discard, and start again at once
+    STUDIO_PLAY,
+    STUDIO_EDIT_NAME,
+    STUDIO_BACK,
+    STUDIO_THEME,
+    STUDIO_SENSORS_AGAIN, // look for sensors once more
+    STUDIO_QUIT,
+};
+
+// For whoever drives devices and files.
+enum studio_command {
+    STUDIO_OPEN_SENSOR = 1, // number `sensor`
+    STUDIO_LIST_SENSORS,
+    STUDIO_BEGIN_TAKE, // named `take`
+    STUDIO_END_TAKE,
+    STUDIO_DELETE_TAKE,
+    STUDIO_RENAME_TAKE, // from `take` to `name`
+    STUDIO_OPEN_PLAYBACK,
+    STUDIO_CLOSE_PLAYBACK,
+    STUDIO_TONE,       // of the countdown
+    STUDIO_TONE_BEGIN, // the take begins
+    STUDIO_TONE_END,
+};
+
+enum { STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5 };
+
+struct studio_state {
+    enum studio_page page;
+    bool dark, quit, changed;
+    int sensor_count, sensor; // chosen
+    int number;               // of the next take
+    int kept;
+    int left_s;             // of the countdown
+    int64_t page_ns;        // when the page began
+    char take[STUDIO_NAME]; // the take being made or reviewed
+    char name[STUDIO_NAME]; // as it is being typed
+    char trouble[300];
+    char notice[160];
+    int64_t notice_ns;
+    enum studio_command queue[STUDIO_COMMANDS];
+    int queued;
+};
+
+struct studio_state studio_start(bool dark);
+
+void studio_set_sensors(struct studio_state *s, int count, int64_t now_ns); // the list was read
+void studio_choose_sensor(struct studio_state *s, int sensor, int64_t now_ns);
+void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns);
+void studio_type(struct studio_state *s, int key, int64_t now_ns); // page RENAME; a character, 8: back, 13: done
+
+// ---- what happened
+void studio_sensor_ready(struct studio_state *s, int64_t now_ns);
+void studio_take_finishing(struct studio_state *s, int64_t now_ns); // filming is over, smoothing goes on
+void studio_take_ready(struct studio_state *s, int64_t now_ns);     // it can be reviewed
+void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
+void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
+void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);
+
+// Advances the countdown. Returns when to call it again at the latest.
+int64_t studio_tick(struct studio_state *s, int64_t now_ns);
+
+// Takes the oldest command. False: none.
+bool studio_take_command(struct studio_state *s, enum studio_command *out);

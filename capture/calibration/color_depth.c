@@ -1,0 +1,349 @@
+#include "capture/calibration/color_depth.h"
+
+#include "base/depth_noise.h"
+#include "base/linear_algebra.h"
+#include "capture/calibration/stereo_circles.h"
+#include "platform/image_file.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double PI = 3.14159265358979323846;
+
+// All chosen by hand.
+static const double LEAST_RADIUS_PX = 6; // a smaller disc's edge is most of it
+static const double HUBER_PX = 0.5;
+static const double FOREIGN_PX = 2;       // residuals beyond: colour and depth do not show the same board
+static const double MOST_SIGMA_M = 0.003; // a pose less certain than this is of no use
+enum { ROUNDS = 30 };
+
+struct disc_board disc_board_default(void) { return (struct disc_board){4, 3, 0.04, 0.05}; }
+
+enum status color_depth_start(struct color_depth *c, const struct calibration *calibration,
+                              const struct disc_board *board)
+{
+    *c = (struct color_depth){.calibration = *calibration, .board = *board, .nearest_m = INFINITY};
+    if (calibration->color.width <= 0 || calibration->depth.width <= 0)
+        return fail(ERR_INPUT, "colour to depth is calibrated with a sensor that has both; this one has only %s",
+                    calibration->color.width > 0 ? "colour" : "depth");
+    return OK;
+}
+
+void color_depth_free(struct color_depth *c)
+{
+    free(c->points);
+    *c = (struct color_depth){.count = 0};
+}
+
+// ---------------------------------------------------------------- discs in both images
+
+// The whole lattice in reading order: columns to the right. False: circles are missing, or there are others.
+static bool in_reading_order(const struct disc_board *board, const struct circle *found, int count, struct circle *out)
+{
+    struct pixel along[2] = {{0, 0}, {0, 0}}; // mean steps of the lattice's own column and row
+    int most[2] = {0, 0};
+    if (count != board->columns * board->rows)
+        return false;
+    for (int i = 0; i < count; i++) {
+        most[0] = found[i].column > most[0] ? found[i].column : most[0];
+        most[1] = found[i].row > most[1] ? found[i].row : most[1];
+    }
+    for (int i = 0; i < count; i++) {
+        const double c = found[i].column - 0.5 * most[0], r = found[i].row - 0.5 * most[1];
+        along[0].x += c * found[i].at.x, along[0].y += c * found[i].at.y;
+        along[1].x += r * found[i].at.x, along[1].y += r * found[i].at.y;
+    }
+    // The axis that lies more along the image's rows is the columns'; the board is held upright.
+    const bool exchanged = fabs(along[0].x) * fabs(along[1].y) < fabs(along[0].y) * fabs(along[1].x);
+    const int columns = most[exchanged] + 1, rows = most[!exchanged] + 1;
+    const double x = along[exchanged].x, y = along[!exchanged].y;
+    if (columns != board->columns || rows != board->rows)
+        return false;
+    memset(out, 0, (size_t)count * sizeof *out);
+    for (int i = 0; i < count; i++) {
+        int c = exchanged ? found[i].row : found[i].column, r = exchanged ? found[i].column : found[i].row;
+        c = x < 0 ? columns - 1 - c : c;
+        r = y < 0 ? rows - 1 - r : r;
+        out[r * columns + c] = found[i];
+    }
+    for (int i = 0; i < count; i++)
+        if (out[i].area_px <= 0) // two circles in one place
+            return false;
+    return true;
+}
+
+// The board's plane 1 / z = a x + b y + c within a box of the depth image, by iteratively reweighted least squares: the
+// discs and what lies behind are outliers. False: too little depth.
+struct depth_box {
+    int left, top, right, bottom;
+};
+static bool fit_board(const struct lens *l, const uint16_t *depth, struct depth_box box, double plane[3])
+{
+    double scale = 0.15;
+    for (int round = 0; round < 12; round++) {
+        double n[9] = {0}, g[3] = {0};
+        int count = 0;
+        for (int y = box.top; y < box.bottom; y += 2)
+            for (int x = box.left; x < box.right; x += 2) {
+                const double z = depth[y * l->width + x] * 1e-3;
+                if (z <= 0)
+                    continue;
+                const double q[3] = {(x - l->cx) / l->fx, (y - l->cy) / l->fy, 1};
+                const double off = round ? z - 1 / (plane[0] * q[0] + plane[1] * q[1] + plane[2]) : 0;
+                const double weight = 1 / ((1 + off * off / (scale * scale)) * (1 + off * off / (scale * scale)));
+                count++;
+                for (int k = 0; k < 3; k++) {
+                    g[k] += weight * q[k] / z;
+                    for (int m = 0; m < 3; m++)
+                        n[k * 3 + m] += weight * q[k] * q[m];
+                }
+            }
+        if (count < 500 || !cholesky_factor(n, 3))
+            return false;
+        cholesky_solve(n, 3, g);
+        memcpy(plane, g, sizeof g);
+        scale = fmax(scale * 0.7, 0.008);
+    }
+    return true;
+}
+
+static double plane_depth(const double plane[3], const struct lens *l, double x, double y)
+{
+    return 1 / (plane[0] * (x - l->cx) / l->fx + plane[1] * (y - l->cy) / l->fy + plane[2]);
+}
+
+// A picture of what stands off the board: 0 on the discs, 255 elsewhere.
+static void draw_discs(const struct color_depth *c, const uint16_t *depth, struct depth_box box, const double plane[3],
+                       uint8_t *gray)
+{
+    const struct lens *l = &c->calibration.depth;
+    memset(gray, 255, (size_t)l->width * (size_t)l->height);
+    for (int y = box.top; y < box.bottom; y++)
+        for (int x = box.left; x < box.right; x++) {
+            const double z = depth[y * l->width + x] * 1e-3, off = plane_depth(plane, l, x, y) - z;
+            if (z > 0 && off > 0.5 * c->board.standoff_m && off < 2 * c->board.standoff_m)
+                gray[y * l->width + x] = 0;
+        }
+}
+
+// The disc's centre in depth axes: its centroid's ray, at the mean of how far its inner part stands off the board.
+static bool disc_point(const struct color_depth *c, const uint16_t *depth, const double plane[3],
+                       const struct circle *disc, struct vec3 *out)
+{
+    const struct lens *l = &c->calibration.depth;
+    const double radius = 0.8 * sqrt(disc->area_px / PI);
+    double sum = 0, count = 0;
+    for (int y = (int)(disc->at.y - radius); y <= disc->at.y + radius; y++)
+        for (int x = (int)(disc->at.x - radius); x <= disc->at.x + radius; x++) {
+            const double dx = x - disc->at.x, dy = y - disc->at.y;
+            if (x < 0 || y < 0 || x >= l->width || y >= l->height || dx * dx + dy * dy > radius * radius)
+                continue;
+            const double z = depth[y * l->width + x] * 1e-3, board = plane_depth(plane, l, x, y), off = board - z;
+            if (z > 0 && off > 0.5 * c->board.standoff_m && off < 2 * c->board.standoff_m) {
+                sum += z / board;
+                count++;
+            }
+        }
+    if (count < 20)
+        return false;
+    *out = v3_scale(lens_ray(l, disc->at), sum / count * plane_depth(plane, l, disc->at.x, disc->at.y));
+    return true;
+}
+
+// Where the discs of the colour image should be in the depth image, with a margin of two radii.
+static struct depth_box box_of(const struct color_depth *c, const struct circle *discs, int count)
+{
+    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY, radius = 0;
+    for (int i = 0; i < count; i++) {
+        const struct pixel px = lens_project(l, lens_ray(color, discs[i].at));
+        left = fmin(left, px.x), right = fmax(right, px.x);
+        top = fmin(top, px.y), bottom = fmax(bottom, px.y);
+        radius = fmax(radius, sqrt(discs[i].area_px / PI) * l->fx / color->fx);
+    }
+    const double margin = 2 * radius;
+    const struct depth_box box = {(int)fmax(left - margin, 0), (int)fmax(top - margin, 0),
+                                  (int)fmin(right + margin, l->width), (int)fmin(bottom + margin, l->height)};
+    return box;
+}
+
+static enum status keep_points(struct color_depth *c, const struct circle *color, const struct vec3 *points, int count)
+{
+    if (c->count + count > c->capacity) {
+        const int capacity = 2 * c->capacity + 64 * count;
+        struct color_depth_point *more = realloc(c->points, (size_t)capacity * sizeof *more);
+        if (!more)
+            return fail(ERR_MEMORY, "no memory for the calibration's points");
+        c->points = more;
+        c->capacity = capacity;
+    }
+    for (int i = 0; i < count; i++) {
+        c->points[c->count++] = (struct color_depth_point){points[i], color[i].at};
+        c->nearest_m = fmin(c->nearest_m, points[i].z);
+        c->farthest_m = fmax(c->farthest_m, points[i].z);
+    }
+    c->views++;
+    return OK;
+}
+
+struct disc_scratch {
+    struct circle found[STEREO_MOST_CIRCLES], color[STEREO_MOST_CIRCLES], depth[STEREO_MOST_CIRCLES];
+    struct vec3 points[STEREO_MOST_CIRCLES];
+    uint8_t *gray;
+};
+
+static enum status find_discs(struct color_depth *c, struct disc_scratch *s, const uint8_t *rgb, const uint16_t *depth,
+                              enum color_depth_seen *seen)
+{
+    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    int count;
+    double plane[3];
+    image_gray(rgb, (size_t)color->width * (size_t)color->height, s->gray);
+    enum status status = stereo_circles_find(s->gray, color->width, color->height, s->found, &count);
+    *seen = DISCS_NOT_IN_COLOR;
+    if (status != OK || !in_reading_order(&c->board, s->found, count, s->color))
+        return status;
+    *seen = DISCS_TOO_FAR;
+    for (int i = 0; i < count; i++)
+        if (s->color[i].area_px < PI * LEAST_RADIUS_PX * LEAST_RADIUS_PX)
+            return OK;
+    *seen = DISCS_NOT_IN_DEPTH;
+    const struct depth_box box = box_of(c, s->color, count);
+    if (!fit_board(l, depth, box, plane))
+        return OK;
+    draw_discs(c, depth, box, plane, s->gray);
+    status = stereo_circles_find(s->gray, l->width, l->height, s->found, &count);
+    if (status != OK || !in_reading_order(&c->board, s->found, count, s->depth))
+        return status;
+    for (int i = 0; i < count; i++)
+        if (!disc_point(c, depth, plane, &s->depth[i], &s->points[i]))
+            return OK;
+    *seen = DISCS_BOTH;
+    return keep_points(c, s->color, s->points, count);
+}
+
+enum status color_depth_add(struct color_depth *c, const uint8_t *rgb, const uint16_t *depth,
+                            enum color_depth_seen *seen)
+{
+    const struct lens *color = &c->calibration.color, *l = &c->calibration.depth;
+    const size_t a = (size_t)color->width * (size_t)color->height, b = (size_t)l->width * (size_t)l->height;
+    struct disc_scratch *s = malloc(sizeof *s);
+    uint8_t *gray = malloc(a > b ? a : b);
+    enum status status = s && gray ? OK : fail(ERR_MEMORY, "no memory to look for discs");
+    if (status == OK) {
+        s->gray = gray;
+        status = find_discs(c, s, rgb, depth, seen);
+    }
+    free(gray);
+    free(s);
+    if (status != OK)
+        return status;
+    c->frames++;
+    c->no_color += *seen == DISCS_NOT_IN_COLOR;
+    c->no_depth += *seen == DISCS_NOT_IN_DEPTH;
+    c->too_far += *seen == DISCS_TOO_FAR;
+    return OK;
+}
+
+// ---------------------------------------------------------------- the pose
+
+// Normal equations of the reprojection; 6-vector: turn, then shift, on the left of the pose. Returns the sum of squared
+// residuals.
+static double accumulate(const struct color_depth *c, struct pose color_from_depth, double n[36], double g[6])
+{
+    const struct lens *l = &c->calibration.color;
+    double squares = 0;
+    memset(n, 0, 36 * sizeof *n);
+    memset(g, 0, 6 * sizeof *g);
+    for (int i = 0; i < c->count; i++) {
+        const struct vec3 p = pose_apply(color_from_depth, c->points[i].depth_axes);
+        if (p.z < 0.05)
+            continue;
+        const struct vec3 ray = lens_ray(l, c->points[i].color);
+        const double r[2] = {l->fx * (ray.x - p.x / p.z), l->fy * (ray.y - p.y / p.z)};
+        const double length = sqrt(r[0] * r[0] + r[1] * r[1]), weight = length > HUBER_PX ? HUBER_PX / length : 1;
+        const double d[2][3] = {{l->fx / p.z, 0, -l->fx * p.x / (p.z * p.z)},
+                                {0, l->fy / p.z, -l->fy * p.y / (p.z * p.z)}};
+        squares += length * length;
+        for (int k = 0; k < 2; k++) {
+            const struct vec3 row = v3(d[k][0], d[k][1], d[k][2]), turn = v3_cross(p, row);
+            const double j[6] = {turn.x, turn.y, turn.z, row.x, row.y, row.z};
+            for (int a = 0; a < 6; a++) {
+                g[a] += weight * j[a] * r[k];
+                for (int b = 0; b < 6; b++)
+                    n[6 * a + b] += weight * j[a] * j[b];
+            }
+        }
+    }
+    return squares;
+}
+
+static enum status why_so_few(const struct color_depth *c)
+{
+    if (c->too_far > c->views)
+        return fail(
+            ERR_INPUT,
+            "the board was too far away in %d of %d pictures: its discs are smaller than %.0f pixels; come nearer, "
+            "until the board fills half of the picture",
+            c->too_far, c->frames, 2 * LEAST_RADIUS_PX);
+    if (c->no_depth > c->views)
+        return fail(
+            ERR_INPUT,
+            "%d of %d pictures show the discs in colour but not in depth: colour and depth do not belong together, "
+            "or the discs do not stand %.0f mm off the board",
+            c->no_depth, c->frames, c->board.standoff_m * 1e3);
+    return fail(
+        ERR_INPUT,
+        "only %d of %d pictures show the whole board of %d by %d discs in colour and depth; %d are needed, from "
+        "different sides and distances",
+        c->views, c->frames, c->board.columns, c->board.rows, COLOR_DEPTH_LEAST_VIEWS);
+}
+
+enum status color_depth_solve(const struct color_depth *c, struct pose *color_from_depth,
+                              struct color_depth_report *report)
+{
+    double n[36], g[6], covariance[36], squares = 0, depth_sum = 0;
+    *report = (struct color_depth_report){.views = c->views, .points = c->count};
+    if (c->views < COLOR_DEPTH_LEAST_VIEWS)
+        return why_so_few(c);
+    const struct pose start = c->calibration.registered ? POSE_IDENTITY : c->calibration.color_from_depth;
+    struct pose pose = start;
+    for (int round = 0; round < ROUNDS; round++) {
+        accumulate(c, pose, n, g);
+        if (!cholesky_factor(n, 6))
+            return fail(ERR_SOLVER,
+                        "the views do not fix the pose between colour and depth; show the board tilted, from "
+                        "different sides and distances");
+        cholesky_solve(n, 6, g);
+        const struct pose step = {quat_from_rotation_vector(v3(g[0], g[1], g[2])), v3(g[3], g[4], g[5])};
+        pose = pose_multiply(step, pose);
+    }
+    squares = accumulate(c, pose, n, g);
+    for (int i = 0; i < c->count; i++)
+        depth_sum += c->points[i].depth_axes.z;
+    report->rms_px = sqrt(squares / c->count);
+    report->rms_mm = report->rms_px * depth_sum / c->count / c->calibration.color.fx * 1e3;
+    const struct pose change = pose_multiply(pose, pose_inverse(start));
+    report->shift_mm = v3_length(change.translation) * 1e3;
+    report->turn_deg = v3_length(quat_to_rotation_vector(change.rotation)) * 180 / PI;
+    if (!(report->rms_px <= FOREIGN_PX) || !pose_finite(pose))
+        return fail(
+            ERR_INPUT,
+            "colour and depth contradict each other by %.1f pixels: the pictures are swapped or mirrored, were not "
+            "taken at the same time, or a lens is wrong",
+            report->rms_px);
+    if (!invert_symmetric(n, 6, covariance))
+        return fail(ERR_SOLVER, "the views do not fix the pose between colour and depth");
+    const double variance = squares / (2 * c->count - 6);
+    for (int k = 0; k < 3; k++) {
+        report->sigma_deg = fmax(report->sigma_deg, sqrt(variance * covariance[7 * k]) * 180 / PI);
+        report->sigma_mm = fmax(report->sigma_mm, sqrt(variance * covariance[7 * (k + 3)]) * 1e3);
+    }
+    if (report->sigma_mm > MOST_SIGMA_M * 1e3)
+        return fail(ERR_INPUT,
+                    "the pose between colour and depth is certain to %.1f mm only; show the board from %.1f m and from "
+                    "twice as far, tilted, in the picture's corners too",
+                    report->sigma_mm, c->nearest_m);
+    *color_from_depth = pose;
+    return OK;
+}

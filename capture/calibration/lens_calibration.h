@@ -1,0 +1,31 @@
+// The lens of one camera from pictures of a printed board of circles: as stereo_calibration.h for a camera paired with
+// itself. Pure but for memory.
+#pragma once
+#include "capture/calibration/stereo_calibration.h"
+
+enum { LENS_LEAST_VIEWS = 6, LENS_MOST_VIEWS = 40 };
+
+struct lens_calibration {
+    struct stereo_board board;
+    int width, height;
+    struct circle *circles; // of all views, one after the other
+    int first[LENS_MOST_VIEWS + 1];
+    int views, frames;
+};
+
+void lens_calibration_start(struct lens_calibration *c, const struct stereo_board *board, int width, int height);
+void lens_calibration_free(struct lens_calibration *c);
+
+// One picture, RGB. *used: it shows the board, and differs from the last one used by a thirtieth of the picture's
+// width. ERR_MEMORY.
+MUST_CHECK enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb, bool *used);
+
+struct lens_report {
+    int views, circles;
+    double rms_px, max_px;
+    double focal_sigma;    // relative, of fx and fy
+    double sigma_mm_per_m; // what it does to a length of a metre, seen frontally
+};
+// ERR_INPUT with the reason; ERR_SOLVER, ERR_MEMORY. *lens: readout_s and focal_sigma 0, as of a measured lens.
+MUST_CHECK enum status lens_calibration_solve(const struct lens_calibration *c, struct lens *lens,
+                                              struct lens_report *report);

@@ -1,0 +1,52 @@
+// How well each side of each part of a person has been seen, over the frames of a take: the coverage that the dial
+// shows. Of every cell of the body's surface (body_surface.h) the best view is kept. Pure; no allocation;
+// deterministic.
+//
+// A view's quality is the cosine of its obliquity, times how finely it is sampled against what the picture shows, times
+// its sharpness: 1 is frontal, near and sharp. A cell is seen from a cosine of COVERAGE_COSINE on.
+#pragma once
+#include "base/lens.h"
+#include "capture/coaching/body_surface.h"
+
+#define COVERAGE_COSINE 0.3 // beyond 72 degrees a surface's texture is stretched threefold; chosen by hand
+
+struct coverage_cell {
+    float quality;  // of the best view; 0: never seen
+    float radius_m; // sum over samples
+    uint32_t samples, views;
+};
+
+struct coverage {
+    struct coverage_cell cell[SURFACE_PARTS][SURFACE_HEIGHTS][SURFACE_ANGLES];
+    double length_m[SURFACE_PARTS]; // sums over the frames in which the part was known
+    uint32_t lengths[SURFACE_PARTS];
+    uint32_t facing[SURFACE_ANGLES]; // frames in which the camera was at this angle of the body, from its front
+    uint32_t frames;                 // with a person
+    uint32_t guessed[JOINT_COUNT];   // of them, with the joint unknown or inferred to no better than 15 cm
+};
+
+struct coverage_view {
+    const struct calibration *calibration;
+    const uint16_t *depth;           // millimetres, of the calibration's depth lens
+    const uint8_t *mask;             // not 0: the actor
+    const struct skeleton *skeleton; // colour camera's axes
+    double blur_px;                  // of the colour image, in pixels; 0: sharp
+};
+
+void coverage_reset(struct coverage *c);
+// One frame. Up to 3000 depth samples are read, evenly over the image. False: its trunk is unknown, it is left out.
+bool coverage_add(struct coverage *c, const struct coverage_view *view);
+
+// Share of the surface that was seen, 0..1, weighted by area; cells inside another part do not count.
+double coverage_share(const struct coverage *c);
+
+// The same of one part; side: a quarter of the angles, or COVERAGE_ALL_SIDES.
+enum coverage_side { COVERAGE_FRONT, COVERAGE_LEFT, COVERAGE_BACK, COVERAGE_RIGHT, COVERAGE_ALL_SIDES };
+double coverage_part_share(const struct coverage *c, int part, enum coverage_side side);
+
+// Area of a cell, square metres; 0: it lies inside another part.
+double coverage_cell_area(const struct coverage *c, int part, int height, int angle);
+bool coverage_cell_seen(const struct coverage *c, int part, int height, int angle);
+
+// The camera's direction as an angle of the body, radians from its front towards its left.
+double coverage_facing(const struct surface_pose *pose);
