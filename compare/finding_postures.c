@@ -10,9 +10,9 @@
 
 static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 
-// By hand. A posture is found where it is off by 10 degrees and 2 standard deviations for 0.3 s in all, as long as it
+// By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
-static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 2, UPPER_SHARE = 0.67;
+static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
 enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 3, LEAST_LATE = 20 };
 
 struct series {

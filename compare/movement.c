@@ -87,7 +87,7 @@ static void in_frame(const struct upright *u, struct vec3 v, float out[3])
 
 // A part's direction errs less than its ends' standard deviations say: both ends err together, and a tracker's
 // covariances, which hold 95 % of all errors, the rare gross ones too, are wide for the ordinary one. With the
-// verdicts' level (difference.h) chosen on two motions (bending and lifting, a turn), each edited in 13 ways,
+// verdicts' level (difference.h) chosen on three motions (blows, bending and lifting, a turn), each edited in 13 ways,
 // filmed as another person and tracked from depth.
 static const double DIRECTION_SHARE = 0.15;
 
