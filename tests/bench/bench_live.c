@@ -134,7 +134,8 @@ static enum status add_screen(struct bench *b, const char *name, struct screen_t
         status = add_row(b, row, &t->latency);
     if (!bench_inputs(b)->json)
         printf(
-            "live: %s: frame to judged picture is %.2f times tracking plus drawing; %lld frames tracked, %lld not\n",
+            "live: %s: frame to judged picture is %.2f times tracking plus drawing; %lld frames tracked so far, %lld "
+            "not\n",
             name,
             bench_percentile(t->latency.ms, t->latency.count, 0.5) /
                 (bench_percentile(t->track.ms, t->track.count, 0.5) + bench_percentile(t->draw.ms, t->draw.count, 0.5)),
