@@ -142,7 +142,7 @@ static void test_unloadable_frame_does_not_block(void **state)
     prefetch_close(&a);
 }
 
-// Several damaged frames in a row: each is tried once, not repeatedly.
+// Several damaged frames in a row: each is tried once, not repeatedly, and is there without images.
 static void test_damaged_frame_is_skipped(void **state)
 {
     (void)state;
@@ -158,8 +158,12 @@ static void test_damaged_frame_is_skipped(void **state)
     const clock_t before = clock(); // processor time of all threads
     clock_sleep_until_ns(clock_now_ns() + 300000000);
     EXPECT_AT_MOST((double)(clock() - before) / CLOCKS_PER_SEC, 0.1);
-    for (int i = 0; i < 3; i++)
-        EXPECT_TRUE(!prefetch_take(a, wanted[i], &frame));
+    for (int i = 0; i < 3; i++) {
+        if (prefetch_take(a, wanted[i], &frame)) {
+            EXPECT_TRUE(!frame.has_images);
+            frame_layer_free(&frame);
+        }
+    }
     prefetch_close(&a);
 }
 
