@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 enum { RATE = 22050 };
-static const double LOUDNESS = 0.25, FADE_S = 0.01; // a tone that starts at once clicks
+static const double LOUDNESS = 0.25, FADE_S = 0.01; // a tone that starts abruptly clicks
 static const double PI = 3.14159265358979323846;
 
 struct sound {

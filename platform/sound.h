@@ -8,5 +8,5 @@ struct sound;
 MUST_CHECK enum status sound_open(struct sound **out);
 void sound_close(struct sound **s);
 
-// Queues a tone of that pitch and length behind those that still play, at most a second of them. Returns at once.
+// Queues a tone of that pitch and length behind those that still play, at most a second of them. Returns immediately.
 void sound_tone(struct sound *s, double hz, double seconds);

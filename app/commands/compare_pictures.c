@@ -40,7 +40,7 @@ static enum status open_take(struct compare_pictures *p, const char *path, const
     while (first < count && !usable(p, first))
         first++;
     if (first == count)
-        return fail(ERR_INPUT, "nobody was tracked in %s", path);
+        return fail(ERR_INPUT, "no person was tracked in %s", path);
     p->first_ns = take_entry(p->take, first)->time_ns;
     return OK;
 }

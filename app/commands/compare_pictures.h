@@ -10,6 +10,6 @@ MUST_CHECK enum status compare_pictures_open(struct compare_pictures **out, cons
 void compare_pictures_close(struct compare_pictures **p); // NULL is fine; sets *p = NULL
 
 // The person `time_s` after the take's first skeleton, seen from azimuth_rad as report_moment says; part: marked, -1:
-// none. NOTHING: nobody is tracked then; *out is zeroed. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO.
+// none. NOTHING: no person is tracked then; *out is zeroed. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO.
 MUST_CHECK enum status compare_pictures_draw(struct compare_pictures *p, double time_s, double azimuth_rad, int part,
                                              struct report_picture *out);

@@ -40,7 +40,7 @@ static const struct argp_option options[] = {
 static void take_attempt(struct argp_state *state, struct compare_arguments *a, const char *path)
 {
     if (a->attempts == MOST_ATTEMPTS)
-        argp_error(state, "at most %d attempts can be compared at once", MOST_ATTEMPTS);
+        argp_error(state, "at most %d attempts can be compared together", MOST_ATTEMPTS);
     a->with[a->attempts++].path = path;
 }
 

@@ -270,7 +270,7 @@ static bool pace_film(struct live_sensor *s, const struct frame *frame)
 {
     if (!s->first_ns)
         s->first_ns = frame->time_ns;
-    if (frame->time_ns == s->first_ns) // the first is shown at once
+    if (frame->time_ns == s->first_ns) // the first is shown immediately
         return false;
     for (struct live_wish wish = wish_now(s); s->at_start && !wish.run && !must_stop(s); wish = wish_now(s))
         wait_for(s, clock_now_ns() + RETRY_NS, &wish);

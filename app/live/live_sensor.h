@@ -42,7 +42,7 @@ struct live_frame {
 const struct live_frame *live_sensor_latest(struct live_sensor *s);
 
 struct live_wish {
-    int attempt; // a new number: the judge and a film start again, joints are collected anew
+    int attempt; // a new number: the judge and a film start again, joints are collected again
     bool run;    // an attempt is being made; else a film stands at its first frame
     struct live_shown shown;
 };

@@ -102,7 +102,7 @@ extern const double live_tempos[LIVE_TEMPOS];
 
 // Without a sensor all stays as it is: present is false, and nothing below is called.
 struct live_state live_state_start(bool has_camera);
-// A take was opened; the sitting begins anew.
+// A take was opened; a new sitting begins.
 void live_state_open_take(struct live_state *s, int64_t length_ns, const struct orbit *orbit, int64_t now_ns);
 
 void live_state_do(struct live_state *s, enum live_action action, int64_t now_ns);

@@ -183,7 +183,7 @@ static void take_news(struct studio *s, int64_t now_ns)
     }
 }
 
-// A sensor that failed: said at once, but for a take that is still to be kept or discarded, after that.
+// A sensor that failed: said immediately, but for a take that is still to be kept or discarded, after that.
 static void check_sensor(struct studio *s, int64_t now_ns)
 {
     switch (s->state.page) {

@@ -1,5 +1,5 @@
 // What the studio's window shows and does next: a state machine from "which sensor" to "kept". Pure: no clock, no
-// window, no file; actions come in, commands go out, and whoever runs them reports back.
+// window, no file; actions come in, commands go out, and the studio runs them and reports back.
 //
 //   SENSORS -> LIVE -> COUNTDOWN -> RECORDING -> FINISHING -> REVIEW -> LIVE ...        REVIEW <-> PLAYBACK, RENAME
 //
@@ -24,7 +24,7 @@ enum studio_action {
     STUDIO_START, // the main button, space, or a raised hand: start, or stop
     STUDIO_KEEP,
     STUDIO_DISCARD,
-    STUDIO_RETAKE, // discard, and start again at once
+    STUDIO_RETAKE, // discard, and start again immediately
     STUDIO_PLAY,
     STUDIO_EDIT_NAME,
     STUDIO_BACK,
@@ -33,7 +33,7 @@ enum studio_action {
     STUDIO_QUIT,
 };
 
-// For whoever drives devices and files.
+// For what drives devices and files.
 enum studio_command {
     STUDIO_OPEN_SENSOR = 1, // number `sensor`
     STUDIO_LIST_SENSORS,

@@ -150,7 +150,7 @@ static enum status calibrate_one(struct work *w, int camera)
     s->lens.fx = focal_length((const double(*)[9])w->homographies, s->boards, s->lens.cx, s->lens.cy);
     if (!(s->lens.fx > 0.2 * w->width && s->lens.fx < 20 * w->width))
         return fail(ERR_INPUT,
-                    "the %s camera's focal length cannot be told from these pictures; turn the board by 30 degrees to "
+                    "the %s camera's focal length cannot be found from these pictures; turn the board by 30 degrees to "
                     "each side in some of them",
                     which);
     s->lens.fy = s->lens.fx;

@@ -1,4 +1,4 @@
-// The coach: from what the sensor and the tracker deliver, what to say to whoever films: faults of sensor and picture,
+// The coach: from what the sensor and the tracker deliver, what to say to the person who films: faults of sensor and picture,
 // framing, and what of the body is still unseen; and after a take, a verdict in words. Pure; no allocation; a frame
 // costs about a millisecond.
 //

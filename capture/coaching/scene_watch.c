@@ -168,7 +168,7 @@ void scene_watch_next(struct scene_watch *w, const struct scene_view *view, stru
     out->no_depth = valid < MIN_DEPTH_SHARE * SCENE_CELLS;
     out->frozen = is_frozen(w, &g) && !out->no_depth;
     out->pushed = is_pushed(w, &g);
-    if (out->pushed) { // everything is learned anew
+    if (out->pushed) { // everything is learned again
         memset(w->background, 0, sizeof w->background);
         memset(w->still, 0, sizeof w->still);
         w->moved_frames = 0;

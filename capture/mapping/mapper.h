@@ -56,7 +56,7 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
 // ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's: it and this frame are left out, the mapper stays usable.
 MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
 
-// What a sweep has shown so far, for whoever carries the sensor. Of the images that were examined already.
+// What a sweep has shown so far, for the person who carries the sensor. Of the images that were examined already.
 struct mapper_progress {
     int32_t listed, seen;     // tags
     int32_t first_unseen;     // the lowest id of those still missing; -1: none

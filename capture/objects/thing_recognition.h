@@ -3,7 +3,7 @@
 // Method: SIFT features of the red and the blue channel (Lowe 2004); every match gives by itself a place, a size, a
 // turn and so, with the thing's true size, a pose (no vote is needed: a far can has one or two right matches). Each
 // hypothesis is checked by the picture itself (correlation of the thing's texture with the image); the best are aligned
-// in all views at once (thing_align.h), coarse to fine, flat and as a solid of revolution. What does not look right in
+// in all views together (thing_align.h), coarse to fine, flat and as a solid of revolution. What does not look right in
 // every view is not found.
 #pragma once
 #include "capture/objects/thing_align.h"
@@ -37,7 +37,7 @@ struct detection {
 MUST_CHECK enum status recognizer_find(const struct recognizer *r, const struct thing_view *views, int view_count,
                                        struct detection *out, int *count);
 
-// What many sightings have told of a thing. All 0: nothing yet.
+// What many sightings have shown of a thing. All 0: nothing yet.
 struct thing_traits {
     double turned_evidence; // sum of log probability ratios, turned against flat
     struct {

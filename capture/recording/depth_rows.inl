@@ -1,6 +1,6 @@
 // The neighbourhood of a depth image's pixels; LEVEL is the type of a level. The neighbours of a pixel: a left of it,
 // c b d above it from left to right (LOCO-I's names). A pixel has a level and a fill: the level or, for a hole, what
-// was predicted. Whole vectors of pixels are computed at once; rows are padded, so that the last vector may go beyond
+// was predicted. Whole vectors of pixels are computed together; rows are padded, so that the last vector may go beyond
 // them.
 #include "capture/recording/rans_coder.h"
 

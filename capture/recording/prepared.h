@@ -1,5 +1,5 @@
-// What a program has computed from a take and keeps beside it, so that the take opens at once the next time: the table
-// `prepared` (docs/format.md). It can be made again at any time, so nothing depends on it: where it is missing,
+// What a program has computed from a take and keeps beside it, so that the take opens immediately the next time: the
+// table `prepared` (docs/format.md). It can be made again at any time, so nothing depends on it: where it is missing,
 // damaged, of another version or made from frames that have changed since, it is not there.
 #pragma once
 #include "capture/recording/recording.h"

@@ -48,7 +48,7 @@ static enum status shrink(const char *path, int64_t before, int64_t *freed)
     struct database *db;
     int64_t exact = 0;
     enum status status = database_open(&db, path, DATABASE_WRITE);
-    // Where a damaged byte made a table's id a column like others, VACUUM would number its rows anew.
+    // Where a damaged byte made a table's id a column like others, VACUUM would renumber its rows.
     if (status == OK)
         status = database_number(db,
                                  "SELECT count(*) FROM sqlite_schema WHERE name IN ('place', 'place_view', 'take', "
@@ -182,6 +182,24 @@ static enum status delete_frames(struct database *db, int64_t first, int64_t las
     return status;
 }
 
+// Deletes what programs keep beside a take that is deleted or changed: it shows the person, too.
+static enum status delete_prepared(struct database *db, int64_t take)
+{
+    int64_t tables = 0;
+    enum status status = database_number(db, COUNT_TABLES("'prepared'"), &tables); // older files lack it
+    if (status != OK || !tables)
+        return status;
+    struct statement *s;
+    status = statement_open(&s, db, "DELETE FROM prepared WHERE rowid BETWEEN ? AND ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, frame_key(take, 0));
+        statement_bind_number(s, 2, frame_key(take, FRAME_NUMBER_MAX));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
 enum status recording_delete_take(const char *path, const char *name, int64_t *freed)
 {
     struct database *db;
@@ -194,6 +212,8 @@ enum status recording_delete_take(const char *path, const char *name, int64_t *f
         status = need(db, name, &take);
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, FRAME_NUMBER_MAX));
+    if (status == OK)
+        status = delete_prepared(db, take.id);
     if (status == OK)
         status = statement_open(&s, db, "DELETE FROM take WHERE rowid = ?");
     if (status == OK) {
@@ -296,6 +316,8 @@ enum status recording_trim_take(const char *path, const char *name, int64_t from
         status = delete_frames(db, frame_key(take.id, range[1]) + 1, frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, range[0]) - 1);
+    if (status == OK)
+        status = delete_prepared(db, take.id);
     if (status == OK)
         status = renumber(db, frame_key(take.id, range[0]), frame_key(take.id, range[1]), frame_key(take.id, 0));
     if (status == OK) {

@@ -16,7 +16,7 @@ MUST_CHECK enum status renderer_set_avatar(struct renderer *p, struct avatar *av
 // True: everything that was set is uploaded.
 bool renderer_upload_done(const struct renderer *p);
 
-// Uploads what is left of the avatar at once: where a hitch costs less than another look of the actor.
+// Uploads what is left of the avatar in one go: where a hitch costs less than another look of the actor.
 void renderer_finish_upload(struct renderer *p);
 
 // For prefetching frame layers on another thread (frame_layer.h): the avatar, owned by the renderer,

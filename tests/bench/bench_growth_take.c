@@ -19,7 +19,7 @@ static void add_point(struct bench_curve *c, double size, double value)
     }
 }
 
-// Skeletons without images: what grows with the length and is read at once.
+// Skeletons without images: what grows with the length and is read in one go.
 static enum status write_take(const char *path, int frames)
 {
     const struct calibration calibration = {

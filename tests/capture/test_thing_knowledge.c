@@ -1,5 +1,5 @@
 // What a knowledge base says of things: good and malicious JSON-LD; a server (nginx) that is good, slow, absent, wrong,
-// huge, redirecting, or has a certificate that nobody signed. Without nginx that half is skipped.
+// huge, redirecting, or has a certificate that no authority signed. Without nginx that half is skipped.
 #include "capture/objects/thing_knowledge.h"
 #include "base/clock.h"
 #include "platform/file.h"

@@ -273,13 +273,13 @@ static void test_what_repetitions_do_not_share_does_not_count(void **state)
     e.noise_m = 0.01;
     struct movement reference, attempt = make(&e);
     exercise_samples(&e, &rng, &s);
-    struct vec3 astray[4] = {0};
+    struct vec3 away[4] = {0};
     for (int64_t i = 0; i < s.count; i++) {
         static const enum joint legs[4] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
         for (int k = 0; k < 4; k++) {
             if (i % 23 == 0)
-                astray[k] = rng_normal3(&rng, 0.3);
-            s.at[i].skeleton.joint[legs[k]] = v3_add(s.at[i].skeleton.joint[legs[k]], astray[k]);
+                away[k] = rng_normal3(&rng, 0.3);
+            s.at[i].skeleton.joint[legs[k]] = v3_add(s.at[i].skeleton.joint[legs[k]], away[k]);
         }
     }
     movement_of(&s, &reference);

@@ -39,7 +39,7 @@ static int32_t count(const struct performance *p, struct rng *rng)
 {
     struct exercise e = exercise_default();
     struct joint_samples samples = {0};
-    struct vec3 astray[4] = {0};
+    struct vec3 away[4] = {0};
     e.noise_m = 0.01;
     for (int i = 0; i < seconds_of(p) * 15; i++) {
         struct joint_sample s = {.time_ns = (int64_t)(i / 15.0 * 1e9),
@@ -48,9 +48,9 @@ static int32_t count(const struct performance *p, struct rng *rng)
         // Knees and feet jump to wrong places, where they stay for a second or so.
         if (rng_uniform(rng) < 0.06)
             for (int k = 0; k < 4; k++)
-                astray[k] = rng_normal3(rng, 0.35);
+                away[k] = rng_normal3(rng, 0.35);
         for (int k = 0; k < 4 && p->legs_lost; k++)
-            s.skeleton.joint[legs[k]] = v3_add(s.skeleton.joint[legs[k]], astray[k]);
+            s.skeleton.joint[legs[k]] = v3_add(s.skeleton.joint[legs[k]], away[k]);
         for (int j = 0; j < JOINT_COUNT; j++)
             s.sigma_m[j] = default_sigma_m(1);
         EXPECT_STATUS(joint_samples_add(&samples, &s), OK);

@@ -1,6 +1,9 @@
 // Takes are renamed, annotated, deleted, trimmed and copied.
 #include "tests/support/recording_hash.h"
 
+#include "capture/recording/prepared.h"
+#include "tests/support/random.h"
+
 static struct recording *recording;
 static struct take *take;
 
@@ -48,6 +51,36 @@ static int jpegs_in(const char *path, int index)
     return found;
 }
 
+enum { KEPT_BYTES = 30000, SEED = 20261125 };
+
+// What a program keeps beside a take: numbers that do not compress.
+static void make_kept(uint8_t kept[KEPT_BYTES])
+{
+    struct rng rng = {SEED};
+    for (int i = 0; i < KEPT_BYTES; i++)
+        kept[i] = (uint8_t)(256 * rng_uniform(&rng));
+}
+
+static void keep_beside(const char *path, const char *name)
+{
+    uint8_t kept[KEPT_BYTES];
+    make_kept(kept);
+    open_take(path, name);
+    EXPECT_STATUS(prepared_write(path, take, PREPARED_AVATAR, 1, kept, sizeof kept), OK);
+    close_take();
+}
+
+static bool is_kept(const char *path)
+{
+    uint8_t kept[KEPT_BYTES], *bytes;
+    size_t count;
+    make_kept(kept);
+    EXPECT_STATUS(file_read(path, &bytes, &count), OK);
+    const bool found = memmem(bytes, count, kept + 1000, 200);
+    free(bytes);
+    return found;
+}
+
 static void test_rename_and_notes(void **state)
 {
     (void)state;
@@ -77,10 +110,13 @@ static void test_delete_overwrites(void **state)
     snprintf(path, sizeof path, "%s", fresh("delete"));
     EXPECT_AT_LEAST(jpegs_in(path, 11), 1);
     EXPECT_AT_LEAST(jpegs_in(path, 1), 2); // in both takes
+    keep_beside(path, "höher");
+    EXPECT_TRUE(is_kept(path));
     EXPECT_STATUS(recording_delete_take(path, "höher", &freed), OK);
     EXPECT_AT_LEAST((double)freed, 65536);
     EXPECT_INT(jpegs_in(path, 11), 0);
     EXPECT_INT(jpegs_in(path, 1), 1); // of the other take
+    EXPECT_TRUE(!is_kept(path));
     EXPECT_TRUE(!file_exists(sample_path("delete-wal")) && !file_exists(sample_path("delete-journal")));
     expect_sound(path, 1, 3);
     EXPECT_STATUS(recording_delete_take(path, "höher", &freed), ERR_MISSING);

@@ -88,7 +88,7 @@ static struct answer ask_there_and_back(const double *in)
     return vector(pose_apply(pose_inverse(world_from_camera), pose_apply(world_from_camera, p)));
 }
 
-// A thousand small rotations, one after the other, against all at once.
+// A thousand small rotations, one after the other, against all in one.
 static struct answer ask_thousand_turns(const double *in)
 {
     struct pose a = POSE_IDENTITY;

@@ -61,7 +61,7 @@ static void test_answers_are_the_stored_ones(void **state)
     EXPECT_TRUE(!fgets(stored, sizeof stored, file));
     fclose(file);
     EXPECT_INT(lines, stability_case_count());
-    EXPECT_INT(different, 0); // reenact-bench stability --answers tests/stability/answers.txt stores them anew
+    EXPECT_INT(different, 0); // reenact-bench stability --answers tests/stability/answers.txt stores them again
 }
 
 int main(void)

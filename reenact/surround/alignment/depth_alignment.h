@@ -15,7 +15,7 @@ struct alignment_options {
     double least_hits;           // share of a capture's points that must fit; below, the search is widened, 0.5
     double surface_m;            // side of the voxels that all points are averaged in, 0.02
     bool tilt;                   // six degrees of freedom
-    double move_m, turn, wait_s; // when to capture anew: moved 0.6 m, turned 20 degrees, or 200 s later
+    double move_m, turn, wait_s; // when to capture again: moved 0.6 m, turned 20 degrees, or 200 s later
 };
 struct alignment_options alignment_default_options(void);
 
