@@ -37,8 +37,8 @@ static void expect_refused(struct process_result said, const char *words, int li
 }
 #define EXPECT_REFUSED(said, words) expect_refused(said, words, __LINE__)
 
-#define EXPORT(out, ...)                                                                                               \
-    PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "joints-csv", "--out", out __VA_OPT__(, ) __VA_ARGS__)
+// `...`: the output, and options after it.
+#define EXPORT(...) PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "joints-csv", "--out", __VA_ARGS__)
 
 static void test_a_recording_is_never_overwritten(void **state)
 {
