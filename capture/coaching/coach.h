@@ -1,6 +1,6 @@
-// The coach: from what the sensor and the tracker deliver, what to say to the person who films: faults of sensor and picture,
-// framing, and what of the body is still unseen; and after a take, a verdict in words. Pure; no allocation; a frame
-// costs about a millisecond.
+// The coach: from what the sensor and the tracker deliver, what to say to the person who films: faults of sensor and
+// picture, framing, and what of the body is still unseen; and after a take, a verdict in words. Pure; no allocation; a
+// frame costs about a millisecond.
 //
 //     coach_start, coach_next for each frame of the take, coach_verdict
 //

@@ -315,8 +315,8 @@ static const struct stability_case cases[] = {
      solid_by_projection, .in = {0, 0.5}, .exact = {0.4, 1}, .exact_count = 2, .tolerance = 1e-12, .unit = "m"},
     {"distance of a point in a solid's very middle", "along the ray behind the middle", ANSWER_VALUE, ask_solid, NULL,
      solid_by_projection, .in = {0.3, 0}, .exact = {-0.1, 1}, .exact_count = 2, .tolerance = 1e-9, .unit = "m"},
-    {"filter of two fits at one instant", "gains in 0..1", ANSWER_VALUE, ask_filter, NULL, speed_times_time, .in = {0, 0.5},
-     .exact = {1}, .exact_count = 1},
+    {"filter of two fits at one instant", "gains in 0..1", ANSWER_VALUE, ask_filter, NULL, speed_times_time,
+     .in = {0, 0.5}, .exact = {1}, .exact_count = 1},
     {"a known joint whose error grows a million times", "a known joint stays known", ANSWER_VALUE, ask_growth, NULL,
      growth_as_it_comes, .in = {13.8, 0.05}, .exact = {1}, .exact_count = 1},
 };

@@ -1,5 +1,6 @@
 // A layer under SQLite (a VFS) that pretends to lose the power: what was written since a file's last sync is then lost,
-// torn into sectors or kept out of order, as a disk may do it. Creating and removing a file count as durable immediately.
+// torn into sectors or kept out of order, as a disk may do it. Creating and removing a file count as durable
+// immediately.
 #pragma once
 #include "base/status.h"
 
