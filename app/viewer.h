@@ -18,6 +18,7 @@ struct viewer_options {
     bool every_frame;   // a film as sensor leaves nothing out, however slow the machine
     const char *photos; // folder for screenshots; NULL: the user's pictures
     bool light;
+    bool offer_trim;       // the take's ends can be cut off: state.trim
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
