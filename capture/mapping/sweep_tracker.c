@@ -11,8 +11,8 @@
 static const double STEP_M = 0.15, STEP_RAD = 0.12; // from keyframe to keyframe
 static const double TAG_RMS_PX = 6;                 // of poses from tags that are roughly placed
 static const double PLAIN_COST = 100;               // of a tag's second planar pose, as the mapper has it
-static const double EXPOSURE_S = 1.0 / 60, BLUR_PX = 6, FAR_M = 2; // exposure indoors; what most of a room is away
-static const double FAST_S = 0.3;                                  // as long is it said
+static const double EXPOSURE_S = 1.0 / 60, BLUR_PX = 10, FAR_M = 2; // exposure indoors; what most of a room is away
+static const double FAST_S = 0.3;                                   // as long is it said
 enum {
     MIN_AGREE = 20,         // landmarks
     LOST_FRAMES = 6,        // until it is said
@@ -353,10 +353,10 @@ static enum sweep_hint hint_of(const struct sweep_tracker *t, const struct mappe
 {
     if (!t->has_last)
         return SWEEP_LOOKING;
-    if (t->too_fast)
-        return SWEEP_SLOWER;
     if (t->lost >= LOST_FRAMES)
         return SWEEP_LOST;
+    if (t->too_fast)
+        return SWEEP_SLOWER;
     if (progress->apart_a >= 0)
         return SWEEP_TOGETHER;
     if (progress->first_unseen >= 0)
