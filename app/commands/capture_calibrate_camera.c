@@ -19,7 +19,7 @@ struct camera_arguments {
     const char *lens, *color_depth, *rolling_shutter, *out;
     struct stereo_board board;
     int views;
-    bool json, force;
+    bool json, force, chequers;
 };
 
 enum {
@@ -28,6 +28,7 @@ enum {
     KEY_ROLLING,
     KEY_OUT,
     KEY_CIRCLES,
+    KEY_CHEQUERS,
     KEY_PITCH,
     KEY_VIEWS,
     KEY_FORCE,
@@ -41,7 +42,8 @@ static const struct argp_option options[] = {
     {"rolling-shutter", KEY_ROLLING, "URI", 0, "the camera's read-out time: swing it left and right before a tag", 0},
     {"out", KEY_OUT, "FILE", 0, "the calibration.json to make (default: print it)", 0},
     {"circles", KEY_CIRCLES, "CxR", 0, "circles of the board (default: the A4 board's)", 0},
-    {"pitch", KEY_PITCH, "MM", 0, "between their middles (default 20)", 0},
+    {"chequers", KEY_CHEQUERS, "CxR", 0, "a board of chequers instead, with so many inner corners", 0},
+    {"pitch", KEY_PITCH, "MM", 0, "from one to the next (default 20)", 0},
     {"views", KEY_VIEWS, "N", 0, "stop after so many views of the board (default 20)", 0},
     {"force", KEY_FORCE, NULL, 0, "write over FILE", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
@@ -62,10 +64,12 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_VIEWS:
         a->views = (int)command_parse_number(state, "--views", value, LENS_LEAST_VIEWS, LENS_MOST_VIEWS);
         return 0;
+    case KEY_CHEQUERS:
     case KEY_CIRCLES:
+        a->chequers = key == KEY_CHEQUERS;
         if (sscanf(value, "%dx%d", &a->board.columns, &a->board.rows) != 2 || a->board.columns < 4 ||
             a->board.rows < 4 || a->board.columns * a->board.rows > STEREO_MOST_CIRCLES)
-            argp_error(state, "--circles takes a size like 12x9, not '%s'", value);
+            argp_error(state, "--%s takes a size like 12x9, not '%s'", a->chequers ? "chequers" : "circles", value);
         return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     default: return ARGP_ERR_UNKNOWN;
@@ -285,6 +289,7 @@ static enum status prepare(struct calibration_run *r)
     if (!color->width)
         return fail(ERR_INPUT, "this sensor has no colour camera");
     lens_calibration_start(&r->lens, &r->a->board, color->width, color->height);
+    r->lens.chequers = r->a->chequers;
     r->readout.lens = *color;
     r->readout.lens.readout_s = 0;
     r->gray = malloc((size_t)color->width * (size_t)color->height);
