@@ -208,15 +208,21 @@ static char *calibration_text(const struct calibration *c)
     return text;
 }
 
-// A camera's lens goes to where the camera is looked up, where there is such a place and no --out.
+// Where there is no --out, the result goes to where the device's is looked up, if it has such a place.
 static enum status keep(struct calibration_run *r, struct source *source)
 {
+    enum status status = NOTHING;
+    if (!r->a->out) {
+        status = source_save_calibration(source, &r->calibration);
+        if (status == OK)
+            printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
+    }
+    if (status != NOTHING)
+        return status;
     char *text = calibration_text(&r->calibration);
-    enum status status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
+    status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
     if (status == OK && r->a->out)
         status = file_write(r->a->out, text, strlen(text));
-    else if (status == OK && !r->a->color_depth && source_save_lens(source, &r->calibration.color) == OK)
-        printf("kept for this camera\n");
     else if (status == OK && !r->a->json)
         printf("%s", text);
     free(text);
@@ -300,17 +306,20 @@ static enum status prepare(struct calibration_run *r)
     return tag_detector_open(&r->detector, 1);
 }
 
+// A depth sensor's colour camera is a camera, too.
+static enum source_wanted kind_of(const struct camera_arguments *a, const char *uri)
+{
+    return a->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR : SOURCE_CAMERA;
+}
+
 static enum status calibrate(struct calibration_run *r)
 {
     const struct camera_arguments *a = r->a;
+    const char *uri = a->lens ? a->lens : a->color_depth ? a->color_depth : a->rolling_shutter;
     struct source *source = NULL;
     enum status status = a->out ? file_check_output(a->out, a->force) : OK;
     if (status == OK)
-        status = source_open(&source,
-                             a->lens          ? a->lens
-                             : a->color_depth ? a->color_depth
-                                              : a->rolling_shutter,
-                             a->color_depth ? SOURCE_SENSOR : SOURCE_CAMERA);
+        status = source_open(&source, uri, kind_of(a, uri));
     if (status == OK) {
         r->calibration = *source_calibration(source);
         status = prepare(r);
@@ -338,7 +347,8 @@ int capture_calibrate_camera(int argc, char **argv)
                                      "pictures, or a live camera until enough was "
                                      "seen or Ctrl-C. The answer is in pixels and millimetres; where it fails, the "
                                      "reason. --out makes a calibration.json, "
-                                     "as folders of pictures have it; without it a tablet's camera keeps its lens.",
+                                     "as folders of pictures have it; without it the result is kept for this camera or "
+                                     "sensor, and used whenever it is opened.",
                                      NULL,
                                      NULL,
                                      NULL};
