@@ -301,7 +301,7 @@ static enum status take_camera(const struct json *root, const char *name, bool i
     const struct json *camera =
         find_camera(root, is_color ? "CALIBRATION_CameraLocationPV0" : "CALIBRATION_CameraLocationD0");
     struct mode mode;
-    struct rational l;
+    struct rational l = {0};
     if (!camera)
         return fail(ERR_INPUT, "%s says nothing of the %s camera of an Azure Kinect", name, what);
     if (!(is_color ? color_mode_of(size, &mode) : depth_mode_of(size, &mode)))

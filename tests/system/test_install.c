@@ -96,7 +96,7 @@ static void test_what_is_installed(void **state)
     const int count = commands_of("reenact-capture", names);
     for (int i = 0; i < count; i++) {
         char section[64];
-        snprintf(section, sizeof section, ".SH \"REENACT-CAPTURE %s\"", names[i]);
+        snprintf(section, sizeof section, ".SH \"REENACT-CAPTURE %.31s\"", names[i]);
         if (!strstr(page, section))
             print_error("the man page lacks %s\n", section);
         EXPECT_TRUE(strstr(page, section));
