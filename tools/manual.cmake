@@ -17,7 +17,7 @@ endfunction()
 function(roff out text)
     string(REPLACE "\\" "\\e" text "${text}")
     string(REPLACE "-" "\\-" text "${text}")
-    string(REGEX REPLACE "(^|\n)([.'])" "\\1\\\\\\&\\2" text "${text}")
+    string(REGEX REPLACE "(^|\n)([.'])" "\\1\\\\&\\2" text "${text}")
     set(${out} "${text}" PARENT_SCOPE)
 endfunction()
 

@@ -24,7 +24,7 @@ static int commands_of(const char *program, char names[COMMANDS_MAX][32])
     int count = 0;
     snprintf(format, sizeof format, "  %s %%31[a-zA-Z]", program);
     for (const char *at = said.out; at; at = strchr(at, '\n'), at += at != NULL)
-        if (count < COMMANDS_MAX && sscanf(at, format, names[count]) == 1)
+        if (count < COMMANDS_MAX && !strncmp(at, "  ", 2) && sscanf(at, format, names[count]) == 1)
             count++;
     return count;
 }
