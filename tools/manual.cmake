@@ -24,6 +24,7 @@ endfunction()
 get_filename_component(name ${PROGRAM} NAME)
 ask(help --help)
 string(REGEX MATCH "^[^\n]*" about "${help}")
+string(REGEX REPLACE "^${name} |\\.$" "" about "${about}")
 
 # The commands: a line each, "  PROGRAM COMMAND  what it does".
 string(REGEX MATCHALL "\n  ${name} [a-z]+ " lines "${help}")
