@@ -13,7 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { SECONDS = 8, FPS = 30, SCRUBS = 25 };
+enum { SECONDS = 4, FPS = 30, SCRUBS = 15 };
 
 static struct rehearsal rehearsal;
 static struct glass glass;
