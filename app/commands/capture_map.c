@@ -20,7 +20,7 @@ struct map_arguments {
 enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
 
 static const struct argp_option options[] = {
-    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
      "scale, and landmarks are triangulated from several pictures",
@@ -297,6 +297,18 @@ static void warn(const char *program, const struct place *place, const struct ma
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
 
+// Solves for everything that was seen, which has no steps to count: some seconds, a minute for a long sweep.
+static enum status finish_map(struct mapper *mapper, struct place *place, struct mapper_report *report)
+{
+    const bool shows = isatty(STDERR_FILENO);
+    if (shows)
+        fputs("adjusting tags, landmarks and the camera's path to one another …", stderr);
+    const enum status status = mapper_finish(mapper, place, report);
+    if (shows)
+        fputs("\r\033[K", stderr);
+    return status;
+}
+
 static int map_place(const char *program, const struct map_arguments *a, const struct mapper_tag *tags,
                      int32_t tag_count)
 {
@@ -325,7 +337,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         command_warn_times(program, source_dropped(source));
     source_close(&source);
     if (status == OK)
-        status = mapper_finish(mapper, &place, &report);
+        status = finish_map(mapper, &place, &report);
     if (status == OK && !live && command_stopped())
         status = NOTHING;
     if (status == OK)
