@@ -2,7 +2,7 @@
 // while it plays, and the picture shows what was wrong.
 //
 //     test_live_screens                           the tests
-//     test_live_screens FILE SENSOR FOLDER TAKE   images of the screens, for the documents (see tests/live_screens)
+//     test_live_screens FILE SENSOR CAMERA FOLDER TAKE   images of the screens, for the documents (tests/live_screens)
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
@@ -10,7 +10,10 @@
 #include "platform/file.h"
 #include "platform/png.h"
 #include "tests/support/glass.h"
+#include "tests/openni_driver/keep_player.h"
 #include "tests/support/live_rehearsal.h"
+#include "tests/support/process.h"
+#include "tests/support/rehearsal.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,11 +23,14 @@ enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 54 }; // FRAMES: the arm
 
 static struct live_rehearsal rehearsal;
 static const char *shown_take; // NULL: the only one
+static const char *camera;     // NULL: none
+static int64_t patience_ns = 20000000000;
 
 static void open_glass(struct glass *g, int width, int height, const char *file, const char *sensor)
 {
     const struct viewer_options options = {.file = file,
                                            .take = shown_take,
+                                           .camera = camera,
                                            .sensor = sensor,
                                            .fixed_resolution = true,
                                            .every_frame = true,
@@ -45,13 +51,15 @@ static void draw_what_is_new(struct glass *g)
 
 static void draw_until(struct glass *g, bool (*done)(const struct glass *g))
 {
-    const int64_t until_ns = clock_now_ns() + 120000000000;
+    const int64_t until_ns = clock_now_ns() + patience_ns;
     do
         draw_what_is_new(g);
     while (!done(g) && clock_now_ns() < until_ns);
     if (!done(g))
-        print_error("phase %d, %lld frames, %s\n", g->viewer.state.live.phase,
-                    (long long)g->viewer.state.live.sight.frame, g->viewer.state.live.trouble);
+        print_error("phase %d, %lld frames, in place %d, camera's frame %lld placed %d, presence %.2f, %s\n",
+                    g->viewer.state.live.phase, (long long)g->viewer.state.live.sight.frame,
+                    g->viewer.state.live.sight.in_place, (long long)g->viewer.state.camera.frame,
+                    g->viewer.state.camera.placed, g->viewer.state.presence, g->viewer.state.live.trouble);
     EXPECT_TRUE(done(g));
 }
 
@@ -182,6 +190,167 @@ static void test_the_same_again_is_right(void **state)
     glass_close(&g);
 }
 
+// ---------------------------------------------------------------- in the room
+
+static bool is_in_the_room(const struct glass *g)
+{
+    const struct view_state *s = &g->viewer.state;
+    return sees_person(g) && s->camera.placed && s->presence >= 1 && s->live.sight.in_place;
+}
+
+// Person and actor as the tablet's own camera sees the room: each where they are in it, the actor at the instant that
+// is done, the mistakes in their colour.
+static void test_both_stand_in_the_room(void **state)
+{
+    (void)state;
+    struct glass g;
+    camera = rehearsal.camera;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.wrong);
+    camera = NULL;
+    struct viewer *v = &g.viewer;
+    draw_until(&g, sees_person);
+    v->state.live.hands_free = false;
+    for (int i = 0; i < 2; i++)
+        view_state_do(&v->state, DO_SCREEN, clock_now_ns());
+    EXPECT_INT(v->state.live.screen, LIVE_ROOM);
+    draw_until(&g, is_in_the_room);
+    glass_draw(&g);
+    EXPECT_TRUE(v->image.camera && v->image.actor && v->live.page.person);
+    EXPECT_TRUE(!view_state_hint_warns(&v->state));
+    const struct vec3 actor = v->image.skeleton.joint[JOINT_WAIST], person = v->live.page.person->joint[JOINT_WAIST];
+    print_message("the person is %.2f, %.2f, %.2f m from the actor\n", person.x - actor.x, person.y - actor.y,
+                  person.z - actor.z);
+    EXPECT_NEAR(person.x - actor.x, LIVE_REHEARSAL_ASIDE_M, 0.1);
+    EXPECT_NEAR(person.y - actor.y, 0, 0.15);
+    const struct tally t = do_attempt(&g);
+    print_tally(&g, &t);
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_AT_LEAST(t.wrong_pixels, 20);
+    EXPECT_TRUE(v->live.shown.compared);
+    glass_close(&g);
+}
+
+// The actor's instant, not that of the player which watches takes.
+static void test_the_room_shows_the_instant_that_is_done(void **state)
+{
+    (void)state;
+    struct glass g;
+    camera = rehearsal.camera;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.right);
+    camera = NULL;
+    struct viewer *v = &g.viewer;
+    v->state.live.screen = LIVE_ROOM;
+    draw_until(&g, sees_person);
+    v->state.live.screen = LIVE_ROOM;
+    v->state.live.hands_free = false;
+    draw_until(&g, is_in_the_room);
+    view_state_do(&v->state, DO_PACE, clock_now_ns()); // keep up: it moves, whatever the person does
+    view_state_do(&v->state, DO_PLAY_PAUSE, clock_now_ns());
+    draw_until(&g, is_doing);
+    int drawn = 0;
+    double gap_m = 0;
+    while (is_doing(&g) && drawn < 200) {
+        draw_what_is_new(&g);
+        const struct live_page *page = &v->live.page;
+        if (!is_doing(&g) || !page->person || !v->image.has_skeleton || v->state.live.end_ns)
+            continue;
+        drawn++;
+        const struct vec3 now = v->image.skeleton.joint[JOINT_RIGHT_HAND];
+        struct take_view_request again = {.lens = v->image.lens,
+                                          .world_from_camera = v->image.world_from_camera,
+                                          .time_ns = v->state.live.at_ns,
+                                          .camera_lost = true,
+                                          .resolution_scale = 1};
+        struct take_view_image there;
+        EXPECT_STATUS(take_view_draw(v->take_view, &again, &there), OK);
+        gap_m = fmax(gap_m, v3_distance(now, there.skeleton.joint[JOINT_RIGHT_HAND]));
+    }
+    print_message("%d drawings, the hand at most %.3f m from where it is at the instant that is done\n", drawn, gap_m);
+    EXPECT_AT_LEAST(drawn, 5);
+    EXPECT_AT_MOST(gap_m, 1e-3);
+    glass_close(&g);
+}
+
+// Before a wall on which the place knows nothing, it is said what is missing.
+static void test_the_room_says_what_is_missing(void **state)
+{
+    (void)state;
+    struct glass g;
+    char blind[300];
+    rehearse_camera(&rehearsal.scratch, "blind", NULL, 1);
+    snprintf(blind, sizeof blind, "folder:%s", scratch_file(&rehearsal.scratch, "blind"));
+    camera = blind;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.right);
+    camera = NULL;
+    struct view_state *s = &g.viewer.state;
+    s->live.screen = LIVE_ROOM;
+    draw_until(&g, sees_person);
+    s->live.screen = LIVE_ROOM;
+    s->live.hands_free = false;
+    for (int64_t until_ns = clock_now_ns() + 60000000000; clock_now_ns() < until_ns;) {
+        draw_what_is_new(&g);
+        if (view_state_hint(s) && strstr(view_state_hint(s), "Point the camera at a tag"))
+            break;
+    }
+    EXPECT_TRUE(view_state_hint(s) && strstr(view_state_hint(s), "Point the camera at a tag"));
+    EXPECT_TRUE(view_state_hint_warns(s));
+    s->live.sight.in_place = false; // a sensor that is not located in the place is said first
+    EXPECT_TRUE(strstr(view_state_hint(s), "The sensor sees nothing of the room"));
+    s->live.screen = LIVE_MIRROR; // where neither matters
+    EXPECT_TRUE(!view_state_hint(s) || !strstr(view_state_hint(s), "room"));
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- the actor mirrored
+
+// Who does as the mirrored actor does is right; by the actor as recorded, the other side was used.
+static void test_the_actor_mirrored_is_the_reference(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.wrong);
+    struct viewer *v = &g.viewer;
+    draw_until(&g, sees_person);
+    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
+    EXPECT_TRUE(v->state.live.mirrored);
+    const struct tally t = do_attempt(&g);
+    print_tally(&g, &t);
+    EXPECT_TRUE(v->image.flip_x || !v->image.actor);
+    EXPECT_TRUE(v->live.shown.mirrored && v->live.page.mirrored);
+    // The exercise is the same on both sides, so that the mistake, made on the right, is found all the same.
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_TRUE(v->live.shown.compared);
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- through OpenNI2
+
+// A film through OpenNI2 and its driver for recordings takes the sensor's place: tracked, judged and summed up.
+static void test_a_film_through_openni(void **state)
+{
+    (void)state;
+    struct glass g;
+    char oni[300], uri[320];
+    keep_player();
+    snprintf(oni, sizeof oni, "%s", scratch_file(&rehearsal.scratch, "wrong.oni"));
+    snprintf(uri, sizeof uri, "oni:%s", oni);
+    const struct process_result said =
+        PROCESS(MAKE_ONI, "--from", scratch_file(&rehearsal.scratch, "wrong"), "--out", oni);
+    if (said.exit_code)
+        print_error("%s", said.err);
+    EXPECT_INT(said.exit_code, 0);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, uri);
+    draw_until(&g, sees_person);
+    const struct tally t = do_attempt(&g);
+    print_tally(&g, &t);
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_TRUE(finds(&g, "Right elbow") || finds(&g, "Right forearm"));
+    glass_close(&g);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -223,7 +392,10 @@ static void save_screens(const char *file, const char *sensor, const char *folde
         const char *name;
         enum live_screen screen;
         bool over;
-    } shots[] = {{"mirror", LIVE_MIRROR, false}, {"over", LIVE_MIRROR, true}, {"beside", LIVE_BESIDE, false}};
+    } shots[] = {{"mirror", LIVE_MIRROR, false},
+                 {"over", LIVE_MIRROR, true},
+                 {"beside", LIVE_BESIDE, false},
+                 {"room", LIVE_ROOM, false}};
     struct glass g;
     open_glass(&g, upright ? SHORT : LONG, upright ? LONG : SHORT, file, sensor);
     struct view_state *s = &g.viewer.state;
@@ -253,15 +425,21 @@ static void save_screens(const char *file, const char *sensor, const char *folde
 
 int main(int argc, char **argv)
 {
-    if (argc == 5) {
-        shown_take = argv[4];
+    if (argc == 6) {
+        camera = argv[3];
+        shown_take = argv[5];
         for (int upright = 0; upright < 2; upright++)
-            save_screens(argv[1], argv[2], argv[3], upright);
+            save_screens(argv[1], argv[2], argv[4], upright);
         return 0;
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_mistakes_are_shown_while_they_are_made),
         cmocka_unit_test(test_the_same_again_is_right),
+        cmocka_unit_test(test_both_stand_in_the_room),
+        cmocka_unit_test(test_the_room_shows_the_instant_that_is_done),
+        cmocka_unit_test(test_the_room_says_what_is_missing),
+        cmocka_unit_test(test_the_actor_mirrored_is_the_reference),
+        cmocka_unit_test(test_a_film_through_openni),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
