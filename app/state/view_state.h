@@ -167,6 +167,7 @@ void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns);
 
 // One sentence on what is wrong or what to do; NULL: nothing. Borrowed until the next call.
 const char *view_state_hint(const struct view_state *s);
+bool view_state_hint_warns(const struct view_state *s); // it says that something is wrong
 
 // Whether the controls are shown: they hide while the take plays and there is no input.
 bool view_state_controls_shown(const struct view_state *s);

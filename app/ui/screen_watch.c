@@ -218,7 +218,8 @@ void screen_message(const struct brush *b, const struct view_state *s)
         draw_progress(b, s);
     if (!text)
         return;
-    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->problem && !s->frozen;
+    const bool is_notice = text == s->notice,
+               tag = !is_notice && s->page == PAGE_WATCH && s->camera.seeing && !s->problem && !s->frozen;
     double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), text_w = most - 72;
     double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), text_w);
     double height = ui_text_height(b->ui, FACE_STRONG, text, text_w);
@@ -228,7 +229,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
     const bool done = is_notice && !s->notice_warns;
-    const bool calm = !is_notice && s->page == PAGE_LIVE && !s->problem && !live_state_hint_warns(&s->live);
+    const bool calm = !is_notice && !view_state_hint_warns(s);
     const uint32_t color = done || tag || calm ? t->accent : t->warn;
     const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
