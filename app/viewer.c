@@ -38,6 +38,7 @@ static enum status open_recording(struct viewer *v)
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state.trim.offered = v->options.offer_trim;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
