@@ -9,7 +9,7 @@
 #define RADIANS   0.017453292519943295 // a degree
 #define SURFACE_M 0.02
 #define PLANES_M  0.1
-enum { REFINED_POINTS = 4000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
+enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
 
 struct alignment_options alignment_default_options(void)
 {
@@ -209,7 +209,9 @@ enum status depth_alignment_add(struct depth_alignment *a, const struct depth_po
         status = search_pose(a, points, &pose);
         if (status != OK)
             return status;
-        plane_refine(&a->planes, points, a->how.tilt, REFINED_POINTS, &pose);
+        status = plane_refine(&a->planes, points, REFINED_POINTS, a->how.tilt, &a->more, &pose);
+        if (status != OK)
+            return status;
     }
     status = unify(a, points, &pose);
     if (status != OK)
