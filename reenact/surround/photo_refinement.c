@@ -7,11 +7,13 @@
 
 #define PI 3.14159265358979323846
 enum { MOST_POINTS = 4000 };
-// Chosen by hand: what is fainter says little; a residual's standard deviation, of noise, depth and resampling; one
-// point's neighbours and its references err alike.
+#define GRAY_SCALE 16.0f
+// Chosen on the rover set: what is fainter says little; a residual's standard deviation is between these, of noise,
+// depth and resampling; a point's neighbours and its references err alike.
 #define LEAST_GRADIENT 4.0f
-#define SIGMA          8.0
-#define ALIKE          8.0
+#define LEAST_SIGMA    1.5
+#define MOST_SIGMA     8.0
+#define ALIKE          2.0
 
 void photo_refinement_free(struct photo_refinement *r)
 {
@@ -22,31 +24,41 @@ void photo_refinement_free(struct photo_refinement *r)
     *r = (struct photo_refinement){0};
 }
 
-static float *smoothed_gray(const struct surround_picture *p)
+// Sums of 1 2 1 along a row of brightness; a panorama's row joins its end. row has room for a pixel before and after.
+static void sum_row(const struct surround_picture *p, int v, uint16_t *row, uint16_t *out)
+{
+    const uint8_t *rgb = p->rgb + 3 * (size_t)v * (size_t)p->width;
+    const int w = p->width;
+    for (int u = 0; u < w; u++)
+        row[u + 1] = (uint16_t)((77 * rgb[3 * u] + 150 * rgb[3 * u + 1] + 29 * rgb[3 * u + 2]) >> 4);
+    row[0] = p->panorama ? row[w] : row[1];
+    row[w + 1] = p->panorama ? row[1] : row[w];
+    for (int u = 0; u < w; u++)
+        out[u] = (uint16_t)((row[u] + 2 * row[u + 1] + row[u + 2]) >> 2);
+}
+
+// Brightness times GRAY_SCALE.
+static uint16_t *smoothed_gray(const struct surround_picture *p)
 {
     const int w = p->width, h = p->height;
-    const size_t pixels = (size_t)w * (size_t)h;
-    float *gray = alloc_cache_aligned(pixels * sizeof *gray), *rows = alloc_cache_aligned(pixels * sizeof *rows);
+    uint16_t *gray = alloc_cache_aligned((size_t)w * (size_t)h * sizeof *gray);
+    uint16_t *rows = alloc_cache_aligned((size_t)(w + 2) * 4 * sizeof *rows);
     if (!gray || !rows) {
         free(gray);
         free(rows);
         return NULL;
     }
-    for (size_t i = 0; i < pixels; i++)
-        gray[i] = 0.299f * p->rgb[3 * i] + 0.587f * p->rgb[3 * i + 1] + 0.114f * p->rgb[3 * i + 2];
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u < w; u++) {
-            const float *row = gray + (size_t)v * (size_t)w;
-            const int left = u ? u - 1 : p->panorama ? w - 1 : 0, right = u + 1 < w ? u + 1 : p->panorama ? 0 : u;
-            rows[(size_t)v * (size_t)w + (size_t)u] = 0.25f * (row[left] + 2 * row[u] + row[right]);
-        }
-    for (int v = 0; v < h; v++)
-        for (int u = 0; u < w; u++) {
-            const size_t above = (size_t)(v ? v - 1 : 0), below = (size_t)(v + 1 < h ? v + 1 : v);
-            const float *at = rows + u;
-            gray[(size_t)v * (size_t)w + (size_t)u] =
-                0.25f * (at[above * (size_t)w] + 2 * at[(size_t)v * (size_t)w] + at[below * (size_t)w]);
-        }
+    uint16_t *const row = rows + 3 * (w + 2);
+    for (int v = 0; v <= h; v++) { // rows v - 2, v - 1 and v make row v - 1
+        uint16_t *newest = rows + (v % 3) * (w + 2);
+        if (v < h)
+            sum_row(p, v, row, newest);
+        const uint16_t *below = v < h ? newest : rows + ((v - 1) % 3) * (w + 2);
+        const uint16_t *middle = rows + ((v + 2) % 3) * (w + 2);
+        const uint16_t *above = v > 1 ? rows + ((v + 1) % 3) * (w + 2) : middle;
+        for (int u = 0; v > 0 && u < w; u++)
+            gray[(size_t)(v - 1) * (size_t)w + (size_t)u] = (uint16_t)((above[u] + 2 * middle[u] + below[u]) >> 2);
+    }
     free(rows);
     return gray;
 }
@@ -58,11 +70,12 @@ static bool read_gray(const struct photo_reference *r, float u, float v, float o
     if (y < 0 || y + 1 >= r->shape.height || (!r->shape.panorama && (x < 0 || x + 1 >= w)))
         return false;
     const int left = x < 0 ? x + w : x, right = x + 1 < w ? x + 1 : 0;
-    const float *top = r->gray + (size_t)y * (size_t)w, *bottom = top + w;
+    const uint16_t *row = r->gray + (size_t)y * (size_t)w;
+    const float a = row[left], b = row[right], c = row[left + w], d = row[right + w];
     const float fu = u - (float)x, fv = v - (float)y;
-    out[0] = (1 - fv) * ((1 - fu) * top[left] + fu * top[right]) + fv * ((1 - fu) * bottom[left] + fu * bottom[right]);
-    out[1] = (1 - fv) * (top[right] - top[left]) + fv * (bottom[right] - bottom[left]);
-    out[2] = (1 - fu) * (bottom[left] - top[left]) + fu * (bottom[right] - top[right]);
+    out[0] = ((1 - fv) * ((1 - fu) * a + fu * b) + fv * ((1 - fu) * c + fu * d)) / GRAY_SCALE;
+    out[1] = ((1 - fv) * (b - a) + fv * (d - c)) / GRAY_SCALE;
+    out[2] = ((1 - fu) * (c - a) + fu * (d - b)) / GRAY_SCALE;
     return true;
 }
 
@@ -153,6 +166,22 @@ static double exposure_of(const struct photo_refinement *r, const struct sight_o
     return square > 0 ? product / square : 1;
 }
 
+// Standard deviation of a reference's residuals, from their median, which outliers up to half do not move.
+static double spread_of(const struct photo_refinement *r, const struct sight_of_point *sights, double exposure)
+{
+    int bins[256] = {0}, count = 0, below = 0, bin = 0;
+    for (int i = 0; i < r->point_count; i++) {
+        if (!sights[i].seen)
+            continue;
+        const double off = 4 * fabs((double)sights[i].gray[0] - exposure * (double)r->points[i].gray);
+        bins[off < 255 ? (int)off : 255]++;
+        count++;
+    }
+    while (bin < 255 && 2 * (below + bins[bin]) < count)
+        below += bins[bin++];
+    return fmin(MOST_SIGMA, fmax(LEAST_SIGMA, 1.4826 * (bin + 0.5) / 4));
+}
+
 static void add_reference(const struct photo_refinement *r, const struct photo_reference *reference,
                           const struct pose *now, struct sight_of_point *sights, struct normal_equations *e)
 {
@@ -168,21 +197,21 @@ static void add_reference(const struct photo_refinement *r, const struct photo_r
         s->seen = surround_picture_project(&reference->shape, s->world, &at) && at.distance > 0.3f &&
                   read_gray(reference, at.u, at.v, s->gray);
     }
-    const double exposure = exposure_of(r, sights);
+    const double exposure = exposure_of(r, sights), sigma = spread_of(r, sights, exposure);
     for (int i = 0; i < r->point_count; i++) {
         const struct sight_of_point *s = &sights[i];
         if (!s->seen)
             continue;
         const double residual = (double)s->gray[0] - exposure * (double)r->points[i].gray;
         // Tukey's weight: what another thing hides in the reference says nothing
-        const double share = residual / (4.7 * SIGMA), rest = 1 - share * share;
+        const double share = residual / (4.7 * sigma), rest = 1 - share * share;
         if (rest <= 0)
             continue;
         double n[3], arm[3];
         world_gradient(&reference->shape, s->world, s->gray, n);
         for (int k = 0; k < 3; k++)
             arm[k] = s->world[k] - origin[k];
-        normal_equations_add(e, n, arm, residual, rest * rest / (SIGMA * SIGMA * ALIKE));
+        normal_equations_add(e, n, arm, residual, rest * rest / (sigma * sigma * ALIKE));
     }
 }
 

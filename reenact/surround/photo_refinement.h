@@ -6,12 +6,12 @@
 #include "reenact/surround/alignment/depth_alignment.h"
 #include "reenact/surround/picture/surround_picture.h"
 
-enum { PHOTO_REFERENCES = 4 };
+enum { PHOTO_REFERENCES = 8 };
 
 // A picture's brightness, smoothed by 3 x 3 pixels.
 struct photo_reference {
     struct surround_picture shape; // without pixels of its own: size, lens, place
-    float *gray;
+    uint16_t *gray;                // sixteenths
 };
 
 struct photo_point {

@@ -5,16 +5,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { ITERATIONS = 10 };
+enum { ITERATIONS = 6 };
 #define PRIOR_SHIFT_M 0.05
 #define PRIOR_TURN    0.017
 #define HUBER         1.5 // standard deviations
-// Errors of neighbouring samples are alike, and a voxel's plane is no truth either: so many samples count as one.
-#define SAMPLES_ALIKE 20
-#define MOST_OFF_M    0.08 // a point farther from the voxel's plane belongs to something else
+// Errors of neighbouring samples are alike, and a voxel's plane is no truth either: all samples of a capture count as
+// so many independent ones, and so many of a voxel as one.
+#define INDEPENDENT 200
+#define VOXEL_ALIKE 20
+#define MOST_OFF_M  0.08 // a point farther from the voxel's plane belongs to something else
 
 // A voxel's plane, kept: voxels are asked for again and again. A later voxel in the same slot replaces it.
-enum { KEPT_PLANES = 4096 };
+enum { KEPT_PLANES = 16384 };
 struct kept_plane {
     const struct voxel *voxel; // NULL: empty
     bool flat;
@@ -32,13 +34,13 @@ static const struct kept_plane *plane_of(const struct voxel_map *planes, struct 
         slot->voxel = v;
         slot->flat = voxel_plane(v, slot->normal, &thickness);
         voxel_mean(planes, v, slot->mean);
-        slot->variance = thickness * thickness / v->count * SAMPLES_ALIKE;
+        slot->variance = thickness * thickness / v->count * VOXEL_ALIKE;
     }
     return slot->flat ? slot : NULL;
 }
 
 static void add_point(struct normal_equations *e, const struct kept_plane *plane, const double p[3],
-                      const double origin[3], double sigma)
+                      const double origin[3], double sigma, double share)
 {
     double r = 0, arm[3];
     for (int i = 0; i < 3; i++) {
@@ -49,7 +51,7 @@ static void add_point(struct normal_equations *e, const struct kept_plane *plane
         return;
     const double s = sqrt(sigma * sigma + plane->variance) + 1e-3;
     const double huber = fabs(r) <= HUBER * s ? 1 : HUBER * s / fabs(r);
-    normal_equations_add(e, plane->normal, arm, r, huber / (s * s * SAMPLES_ALIKE));
+    normal_equations_add(e, plane->normal, arm, r, share * huber / (s * s));
 }
 
 // Adds the prior and holds the degrees that must not move; then the step.
@@ -83,6 +85,7 @@ struct refinement {
 static void add_points(const struct refinement *r, const struct pose *now, struct normal_equations *e)
 {
     const double origin[3] = {now->translation.x, now->translation.y, now->translation.z};
+    const double share = fmin(1, (double)INDEPENDENT * r->stride / (r->points->count + 1));
     double m[3][3];
     quat_to_matrix(now->rotation, m);
     for (int i = 0; i < r->points->count; i += r->stride) {
@@ -92,7 +95,7 @@ static void add_points(const struct refinement *r, const struct pose *now, struc
             p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + origin[k];
         const struct kept_plane *plane = plane_of(r->planes, r->kept, p);
         if (plane)
-            add_point(e, plane, p, origin, r->points->sigma[i]);
+            add_point(e, plane, p, origin, r->points->sigma[i], share);
     }
 }
 
@@ -115,7 +118,7 @@ enum status plane_refine(const struct voxel_map *planes, const struct depth_poin
         const struct quat turn = quat_from_rotation_vector(v3(step[0], step[1], step[2]));
         world_from_body->rotation = quat_unit(quat_multiply(turn, now.rotation));
         world_from_body->translation = v3_add(now.translation, v3(step[3], step[4], step[5]));
-        if (fabs(step[2]) < 1e-6 && fabs(step[3]) < 1e-5 && fabs(step[4]) < 1e-5)
+        if (fabs(step[2]) < 1e-5 && fabs(step[3]) < 5e-5 && fabs(step[4]) < 5e-5)
             break;
     }
     free(r.kept);
