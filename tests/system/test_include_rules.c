@@ -64,9 +64,9 @@ static const struct rule rules[] = {
      {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/",
       "capture/tracking/", "locate/", RENDER}},
     {"app/commands/",
-     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/objects/", "capture/calibration/",
-      "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/drive/", "reenact/surround/",
-      SURROUND}},
+     {"app/studio/", "app/", "app/camera/", "compare/", "capture/", "capture/coaching/", "capture/objects/",
+      "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/drive/",
+      "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 
