@@ -38,6 +38,7 @@ static enum status open_recording(struct viewer *v)
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state.trim.offered = v->options.offer_trim;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
@@ -67,6 +68,7 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     choose_first_take(v, now_ns);
     if (options->sensor)
         v->state.live = live_state_start(options->camera);
+    v->state.live.mirrored = options->mirrored;
     if (status != OK)
         view_state_fail(&v->state, v->trouble);
     if (!options->camera)
@@ -108,6 +110,7 @@ static void open_take(struct viewer *v, int64_t now_ns)
     }
     struct orbit orbit = take_view_orbit(v->take_view);
     view_state_open_take(&v->state, take_view_length_ns(v->take_view), take_view_frames(v->take_view), &orbit, now_ns);
+    v->state.placement.mirrored = v->options.mirrored;
 }
 
 // ---------------------------------------------------------------- time
@@ -130,13 +133,15 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     view_state_on_camera(&v->state, &camera, now_ns);
 }
 
-// The camera is not read while its images would change nothing: while the user walks round by hand, and while the take
-// is paused and the last image has its pose; that image then stays.
+// The camera is not read while its images would change nothing: while the user walks round by hand, while the take is
+// paused and the last image has its pose (that image then stays), and on live screens that do not show them.
 static void rest_camera(struct viewer *v, int64_t now_ns)
 {
     const struct view_state *s = &v->state;
     const bool paused = !s->playback.playing && !s->scrubbing && v->frame && v->frame->placed;
-    const bool unneeded = s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving;
+    const bool live = s->page == PAGE_LIVE && (s->live.screen != LIVE_ROOM || s->live.phase == LIVE_SUMMARY);
+    const bool unneeded =
+        live || (s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving);
     if (!v->feed)
         return;
     if (!unneeded)
@@ -386,7 +391,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
 static enum status draw_live(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     const struct live_state *l = &v->state.live;
-    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting;
+    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting && v->frame;
     enum status status = room ? upload_camera_frame(v) : OK;
     if (status != OK)
         return status;

@@ -378,7 +378,9 @@ static enum status run_section(const struct bench_arguments *a, const struct ben
     if (status != OK || b.plain.columns)
         bench_result_free(&b.result);
     if (status == OK && b.plain.columns) {
-        whole->levels = b.plain;
+        assert(whole->plain_count < BENCH_PLAINS);
+        whole->plain[whole->plain_count] = b.plain;
+        whole->plain_section[whole->plain_count++] = section;
     } else if (status == OK) {
         if (stages)
             bench_add_json(stages, &b.result);
@@ -418,7 +420,8 @@ static int run_page(struct bench_arguments *a, struct json *stages)
         fprintf(stderr, "reenact-bench: %s\n", status_message());
     for (int i = 0; i < SECTIONS; i++)
         bench_result_free(&results[i]);
-    free(whole.levels.rows);
+    for (int i = 0; i < whole.plain_count; i++)
+        free(whole.plain[i].rows);
     return status != OK;
 }
 
