@@ -123,7 +123,8 @@ static void print_milestones(struct watch *w)
     const bool actor = t->has_image && t->image.parts > 0;
     const bool reached[] = {true, actor, actor && t->image.prepared, actor && t->image.full};
     for (; w->milestones < (int)COUNT_OF(names) && reached[w->milestones]; w->milestones++)
-        printf("opening   %s after %.0f ms\n", names[w->milestones], (double)(w->shown_ns - w->started_ns) * 1e-6);
+        printf("opening   %s after %.0f ms, %.0f of them at work\n", names[w->milestones],
+               (double)(w->shown_ns - w->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);
 }
 
 static void surface_of(const struct watch *w, struct viewer_surface *surface)
