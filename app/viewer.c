@@ -13,6 +13,7 @@
 static const int64_t CHECK_NS = 1000000000; // interval of looking whether the file is still there
 static const int64_t POLL_NS = 4000000;     // interval of looking for frame data that is being loaded
 static const int64_t REST_NS = 500000000;   // how long the camera's images must be unneeded before it is closed
+static const int64_t CARDS_NS = 50000000;   // how long one update may load what the list of takes shows
 static const double EASE_S = 0.07;          // time constant of the free box
 static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames counts as this
 
@@ -24,7 +25,7 @@ static enum status open_recording(struct viewer *v)
 {
     enum status status = recording_open(&v->recording, v->options.file);
     if (status == OK)
-        status = take_list_open(&v->takes, v->gpu, v->recording, v->options.file);
+        status = take_list_open(&v->takes, v->recording, v->options.file);
     if (status == OK && v->takes.count == 0)
         status = fail(ERR_MISSING, "%s holds no take. Film one with reenact-capture record.", v->options.file);
     if (status != OK)
@@ -37,6 +38,7 @@ static enum status open_recording(struct viewer *v)
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state.trim.offered = v->options.offer_trim;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
@@ -174,6 +176,20 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     view_state_gesture(&v->state, &g, floor ? &drag : NULL, now_ns);
 }
 
+// Where the takes are listed: their lengths and images, some at a time so that the list is there at once.
+static bool load_cards(struct viewer *v)
+{
+    if (v->state.page != PAGE_TAKES || !v->recording)
+        return false;
+    const int64_t until_ns = clock_now_ns() + CARDS_NS;
+    enum status status = OK;
+    while (status == OK && clock_now_ns() < until_ns) {
+        status = take_list_load(&v->takes, v->gpu, v->recording);
+        v->state.changed |= status == OK;
+    }
+    return status == OK;
+}
+
 // The progress of building the avatar, and why it failed if it did.
 static void update_take_view(struct viewer *v)
 {
@@ -225,6 +241,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
     v->pad_ns = now_ns;
     if (s->take_wanted)
         open_take(v, now_ns);
+    const bool cards_left = load_cards(v);
     check_file(v, now_ns);
     update_take_view(v);
     viewer_live_update(v, now_ns);
@@ -239,7 +256,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         next_ns = now_ns;
     if (v->camera_unneeded_ns && !v->camera_rests && v->camera_unneeded_ns + REST_NS < next_ns)
         next_ns = v->camera_unneeded_ns + REST_NS;
-    return sticks ? now_ns : next_ns;
+    return sticks || cards_left ? now_ns : next_ns;
 }
 
 // ---------------------------------------------------------------- drawing

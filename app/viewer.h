@@ -20,6 +20,7 @@ struct viewer_options {
     const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light;
     bool mirrored;         // the actor is shown left and right exchanged from the start, and with a sensor judged by so
+    bool offer_trim;       // the take's ends can be cut off: state.trim
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may

@@ -38,7 +38,7 @@ static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0,
      "look through this camera: libcamera, libcamera:N, folder:DIR, or none (default: the first there is)", 0},
     {"sensor", KEY_SENSOR, "URI", 0,
-     "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+     "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},

@@ -45,6 +45,8 @@ void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frame
     s->page = PAGE_WATCH;
     s->sheet = SHEET_NONE;
     s->moving = s->scrubbing = s->take_wanted = false;
+    s->trim.from_ns = 0;
+    s->trim.to_ns = length_ns;
     if (s->live.present) {
         s->page = PAGE_LIVE;
         playback_play(&s->playback, now_ns, false);
@@ -159,9 +161,30 @@ static bool do_playback(struct view_state *s, enum view_action action, int64_t n
     }
 }
 
+// True: the action concerned the ends of the take.
+static bool do_trim(struct view_state *s, enum view_action action, int64_t now_ns)
+{
+    struct view_trim *t = &s->trim;
+    const int64_t at = playback_at(&s->playback, now_ns), length = s->playback.length_ns;
+    if (!t->offered)
+        return false;
+    switch (action) {
+    case DO_MARK_FROM:
+        t->from_ns = at;
+        t->to_ns = t->to_ns > at ? t->to_ns : length;
+        return true;
+    case DO_MARK_TO:
+        t->to_ns = at;
+        t->from_ns = t->from_ns < at ? t->from_ns : 0;
+        return true;
+    case DO_KEEP: t->wanted = t->from_ns > 0 || t->to_ns < length; return true;
+    default: return false;
+    }
+}
+
 static void do_on_watch(struct view_state *s, enum view_action action, int64_t now_ns)
 {
-    if (do_playback(s, action, now_ns))
+    if (do_playback(s, action, now_ns) || do_trim(s, action, now_ns))
         return;
     switch (action) {
     case DO_MIRROR: s->placement.mirrored = !s->placement.mirrored; break;
@@ -406,6 +429,8 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
     s->changed |=
         presence != s->presence || playback_tick(&s->playback, now_ns) || controls != view_state_controls_shown(s);
     s->presence = presence;
+    if (s->trim.offered && s->playback.playing && s->playback.loop && playback_at(&s->playback, now_ns) > s->trim.to_ns)
+        playback_seek(&s->playback, now_ns, s->trim.from_ns);
     double crossfade = s->avatar_shown ? toward(s->crossfade, 1, passed_s / CROSSFADE_S) : 0;
     s->changed |= crossfade != s->crossfade;
     s->crossfade = crossfade;

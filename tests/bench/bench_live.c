@@ -133,7 +133,7 @@ static enum status add_screen(struct bench *b, const char *name, struct screen_t
     snprintf(row, sizeof row, "%s: frame to judged picture", name);
     if (status == OK)
         status = add_row(b, row, &t->latency);
-    if (!bench_inputs(b)->json)
+    if (!bench_inputs(b)->json && !bench_inputs(b)->brief)
         printf(
             "live: %s: frame to judged picture is %.2f times tracking plus drawing; %lld frames tracked so far, %lld "
             "not\n",
