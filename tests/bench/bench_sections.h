@@ -23,5 +23,7 @@ static const struct bench_section bench_sections[] = {
     {&bench_stage_record, "Writing", "one file", "kilobytes a frame", "time of a frame, all threads, ms"},
     {&bench_stage_open, "Opening", "cylinders first", "wrong pixels of the outline, %",
      "time to the first picture, all threads, ms"},
+    {&bench_stage_surround, "Surroundings", "ours", "error of the colours, levels",
+     "time of an image of 640 × 512, ms"},
     {&bench_stage_lod, "Level of detail", NULL, NULL, NULL}, // its own section, by distance
 };
