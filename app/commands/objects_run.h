@@ -1,6 +1,6 @@
 // The work of reenact-capture objects. Main thread.
 #pragma once
-#include "base/geometry.h"
+#include "capture/objects/thing_map.h"
 
 struct objects_arguments {
     const char *pairs, *rig, *objects;
@@ -12,6 +12,12 @@ struct objects_arguments {
 // Recognises in all pairs, learns each thing's shape and size from all of them, aligns once more, writes and reports.
 // ERR_… of what it reads and writes.
 MUST_CHECK enum status objects_run(const struct objects_arguments *a);
+
+// Keeps the things of a map in the recording a->into, in place of those of the same names; what is known of them goes
+// on, and a->knowledge is asked for more, with pictures and models: what fails costs a warning. Things that the map
+// lacks stay. ERR_… of the recording.
+MUST_CHECK enum status objects_into(const struct thing_map *map, const struct thing_list *things,
+                                    const struct objects_arguments *a);
 
 // Writes a folder that a web server can show as a knowledge base: for each thing of objects.json a file at its URL's
 // path, JSON-LD made of its name, size, picture, and of the text NAME.txt beside objects.json, where there is one.

@@ -27,8 +27,10 @@ static int64_t key_of(const int64_t cell[3])
 
 static size_t slot_of(const struct voxel_map *map, int64_t key)
 {
-    uint64_t h = (uint64_t)key * 0x9E3779B97F4A7C15u; // Fibonacci hashing (Knuth 6.4)
-    size_t slot = (size_t)(h >> 20) & (map->size - 1);
+    // Fibonacci hashing (Knuth 6.4), twice: a product's lower bits know nothing of the key's upper ones, which hold x.
+    uint64_t h = (uint64_t)key * 0x9E3779B97F4A7C15u;
+    h = (h ^ h >> 32) * 0x9E3779B97F4A7C15u;
+    size_t slot = (size_t)(h >> 32) & (map->size - 1);
     while (map->table[slot].key && map->table[slot].key != key)
         slot = (slot + 1) & (map->size - 1);
     return slot;
