@@ -114,7 +114,7 @@ static enum status take_mesh(struct viewer *v)
     free(vertices);
     struct orbit *o = &v->state.room.map_orbit; // the whole room is seen
     o->centre = v3_mix(made.low, made.high, 0.5);
-    o->distance_m = fmin(fmax(1.3 * v3_distance(made.low, made.high), 3), 12);
+    o->distance_m = fmin(fmax(0.95 * v3_distance(made.low, made.high), 3), 12);
     place_mesh_free(&made);
     r->mesh_came = true;
     r->map_drawn = false;
@@ -243,12 +243,12 @@ static struct thing_solid *solid_of(struct viewer *v, int i)
     return &r->solids[i];
 }
 
-// A third of a right angle fits the shorter side.
+// The middle is a little above that of the box, whose lower part the controls may cover.
 static struct lens lens_of_map(int width, int height)
 {
     const double f = 0.9 * (width < height ? width : height);
     return (struct lens){
-        .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
+        .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = 0.42 * height};
 }
 
 static enum status draw_map(struct viewer *v, struct ui_box box, double px_per_dp)

@@ -5,6 +5,8 @@
 struct objects_arguments {
     const char *pairs, *rig, *objects;
     const char *out, *into; // one of them: a JSON file, or a recording
+    const char *camera;     // instead of pairs: a camera's URI
+    double seconds;         // with a camera; 0: no limit
     const char *knowledge;  // the knowledge base's address, or NULL
     bool force, json;
 };

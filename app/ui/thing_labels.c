@@ -36,14 +36,16 @@ static const char *answer_text(const struct room_thing *t)
                                         : "";
 }
 
-static int mark_things(const struct room_page *page, const struct figure_view *view, int wanted,
+// fades: with the distance, too; the map's viewpoint is far from everything.
+static int mark_things(const struct room_page *page, const struct figure_view *view, int wanted, bool fades,
                        struct marked out[ROOM_LABELS_MOST])
 {
     int count = 0;
     for (int i = 0; i < page->count && i < ROOM_LABELS_MOST; i++) {
         const struct room_thing *t = &page->things[i];
         const double away = v3_distance(t->world_from_thing.translation, view->world_from_camera.translation);
-        struct marked m = {.thing = i, .distance_m = away, .opacity = room_label_opacity(away, t->sigma_m, t->gone)};
+        struct marked m = {
+            .thing = i, .distance_m = away, .opacity = room_label_opacity(fades ? away : 0, t->sigma_m, t->gone)};
         if (i == wanted) {
             m.opacity = 1;
             m.distance_m = 0; // it chooses its place first
@@ -92,7 +94,7 @@ static void draw_arrow(const struct brush *b, const struct edge_arrow *a, double
     const struct ui_point tip = a->at, base = {tip.x - 1.5 * size * a->dx, tip.y - 1.5 * size * a->dy};
     const struct ui_point left = {base.x + 0.8 * size * px, base.y + 0.8 * size * py},
                           right = {base.x - 0.8 * size * px, base.y - 0.8 * size * py};
-    const struct ui_point shape[3] = {tip, left, right}; // one way round, whatever the direction
+    const struct ui_point shape[3] = {tip, right, left}; // clockwise on the screen, as polygons are drawn
     ui_stroke(b->ui, shape, 3, true, 9, faint(t->ground, 0.8));
     ui_polygon(b->ui, shape, 3, t->accent);
     ui_stroke(b->ui, shape, 3, true, 4, t->accent);
@@ -107,14 +109,19 @@ static void draw_arrow(const struct brush *b, const struct edge_arrow *a, double
     label_centred(b, FACE_SMALL, pill, t->text, text);
 }
 
+// In sight, the arrow is on the side of the point where its label is not.
 static void draw_wanted(const struct brush *b, const struct view_state *s, const struct room_page *page,
-                        const struct figure_view *view, struct ui_box bounds)
+                        const struct figure_view *view, const struct placed_label *own, struct ui_box bounds)
 {
     const int i = s->room.wanted;
     if (i < 0 || i >= page->count)
         return;
     const struct vec3 at = page->things[i].world_from_thing.translation;
-    const struct edge_arrow arrow = arrow_to(view, at, inner(bounds, INSIDE_DP));
+    struct edge_arrow arrow = arrow_to(view, at, inner(bounds, INSIDE_DP));
+    if (arrow.inside && own && own->side != LABEL_NO_SIDE && own->box.y + own->box.h / 2 < own->at.y) {
+        arrow.at.y = 2 * own->at.y - arrow.at.y;
+        arrow.dy = -1;
+    }
     draw_arrow(b, &arrow, v3_distance(at, view->world_from_camera.translation));
 }
 
@@ -125,7 +132,7 @@ void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_st
     struct marked marked[ROOM_LABELS_MOST];
     struct placed_label labels[ROOM_LABELS_MOST];
     int *sides = ui->sides[number];
-    const int count = s->room.names ? mark_things(page, view, s->room.wanted, marked) : 0;
+    const int count = s->room.names ? mark_things(page, view, s->room.wanted, number == 0, marked) : 0;
     int shown = 0;
     ui_clip(b->ui, bounds);
     for (int i = 0; i < count; i++) {
@@ -154,6 +161,7 @@ void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_st
         if (labels[i].side != LABEL_NO_SIDE && ui_area(b->ui, name, labels[i].box).tapped)
             view_state_open_card(s, marked[i].thing, now_ns);
     }
-    draw_wanted(b, s, page, view, bounds);
+    const struct placed_label *own = shown && marked[0].thing == s->room.wanted ? &labels[0] : NULL;
+    draw_wanted(b, s, page, view, own, bounds);
     ui_unclip(b->ui);
 }
