@@ -391,6 +391,10 @@ int capture_map(int argc, char **argv)
     command_parse(&argp, argc, argv, &a);
     if (a.out && file_check_output(a.out, false) != OK)
         return command_failed(argv[0]);
+    struct thing_list things = {0};
+    if (a.objects && thing_list_read(a.objects, &things) != OK) // said before the sweep, not after it
+        return command_failed(argv[0]);
+    thing_list_free(&things);
     struct mapper_tag *tags = NULL;
     int32_t count = 0;
     if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)

@@ -80,6 +80,7 @@ static enum status count_commands(int number, struct trial_result out[TRIAL_VIEW
         struct simulated_rover rover;
         struct rover_options how = rover_default_options();
         how.seed = (uint32_t)number + 1;
+        how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
         rover_trial_world(2, &world, &start);
         start.translation.y = 0.04 * (number % 5) - 0.08;
         start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));

@@ -26,12 +26,12 @@
 // Obstacles farther away than this are doubted: drawn depth there may be continued from what stands before it. Where
 // that leaves no way, only nearer ones are believed.
 static const double trust_m[] = {2, 1, 0.6};
-enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, MOST_COMMANDS = 200 };
+enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, VOTES = 3, MOST_COMMANDS = 200 };
 
 struct driver {
     struct simulated_rover *rover;
     enum trial_view view;
-    uint8_t hits[CELLS];   // pixels that showed an obstacle there
+    int8_t votes[CELLS];   // pictures that showed an obstacle there, less those that showed floor; at most VOTES
     bool floor[CELLS];     // the floor was seen
     bool forbidden[CELLS]; // for the body's middle
     bool doubted[CELLS];   // by what stands far away
@@ -75,8 +75,11 @@ static enum status look(struct driver *d, struct pose body)
             else
                 d->floor[cell] = true;
         }
-    for (int i = 0; i < CELLS && status == OK; i++) // the newest picture is believed
-        d->hits[i] = d->shown[i] ? d->newest[i] : d->hits[i];
+    for (int i = 0; i < CELLS && status == OK; i++)
+        if (d->shown[i]) {
+            const int votes = d->votes[i] + (d->newest[i] >= HITS ? 1 : -1);
+            d->votes[i] = (int8_t)(votes > VOTES ? VOTES : votes < -VOTES ? -VOTES : votes);
+        }
     return status;
 }
 
@@ -100,7 +103,7 @@ static void mark_forbidden(struct driver *d, struct vec3 body, double trusted_m)
     for (int i = 0; i < CELLS; i++) {
         const double x = LOW_X + (i % COLUMNS + 0.5) * CELL_M - body.x,
                      y = LOW_Y + (i / COLUMNS + 0.5) * CELL_M - body.y;
-        if (d->hits[i] >= HITS)
+        if (d->votes[i] > 0)
             mark_about(portable_hypot(x, y) < trusted_m ? d->forbidden : d->doubted, i);
     }
 }
