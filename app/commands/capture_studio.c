@@ -89,7 +89,8 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
 int capture_studio(int argc, char **argv)
 {
     static const struct argp_option options[] = {
-        {"sensor", KEY_SENSOR, "URI", 0, "openni, openni:N, oni:FILE or folder:DIR (default: choose in the window)", 0},
+        {"sensor", KEY_SENSOR, "URI", 0,
+         "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR (default: choose in the window)", 0},
         {"tags", KEY_TAGS, "TAGS.json", 0, "the room's tags, for mapping it (default: tags.json beside FILE)", 0},
         {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
         {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
@@ -114,7 +115,7 @@ int capture_studio(int argc, char **argv)
                                      NULL};
     static struct studio_run run; // snapshots are too large for the stack
     struct studio_arguments given = {.width = 1280, .height = 800};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     const struct window_options window = {"Reenact studio", given.width, given.height, given.fullscreen, 0, given.dpi};
     enum status status = window_open(&run.window, &window);
     if (status == OK)

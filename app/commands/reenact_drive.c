@@ -2,6 +2,9 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/drive_window.h"
+#include "app/commands/place_input.h"
+#include "base/clock.h"
+#include "reenact/surround/drive/drive_trial.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/png.h"
@@ -10,15 +13,30 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { MOST_REMAPS = 16 };
+
 struct drive_arguments {
-    const char *uri, *out;
+    const char *uri, *out, *camera, *file;
+    const char *remap[MOST_REMAPS + 1];
+    int remaps;
     int trials;
     bool json;
     double seconds, every_s;
     struct drive_options how;
 };
 
-enum { KEY_DELAY = COMMAND_KEY, KEY_LOSS, KEY_TRIAL, KEY_OUT, KEY_EVERY, KEY_SECONDS, KEY_JSON };
+enum {
+    KEY_DELAY = COMMAND_KEY,
+    KEY_LOSS,
+    KEY_TRIAL,
+    KEY_OUT,
+    KEY_EVERY,
+    KEY_SECONDS,
+    KEY_CALIBRATION,
+    KEY_REMAP,
+    KEY_CAMERA,
+    KEY_JSON
+};
 
 static const struct argp_option options[] = {
     {"delay", KEY_DELAY, "S", 0, "the link's delay, one way (default 0)", 0},
@@ -30,6 +48,12 @@ static const struct argp_option options[] = {
     {"out", KEY_OUT, "DIR", 0, "instead of a window, write the operator's pictures NNNN.png here", 0},
     {"every", KEY_EVERY, "S", 0, "with --out, seconds from one picture to the next (default 1)", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    {"calibration", KEY_CALIBRATION, "FILE", 0,
+     "with ros: the robot's lenses, where its cameras are, its size, like calibration.json of a folder of captures", 0},
+    {"remap", KEY_REMAP, "FROM:=TO", 0, "with ros: another name of a topic, as odom:=/base/odometry; may be repeated",
+     0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "the tablet's own camera, localised in FILE's place: its way moves and turns the viewpoint", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -45,8 +69,19 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_EVERY: a->every_s = command_parse_number(state, "--every", value, 0.01, 1e4); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.01, 1e6); return 0;
     case KEY_JSON: a->json = true; return 0;
-    case ARGP_KEY_ARG: command_take_file(state, &a->uri, value); return 0;
-    case ARGP_KEY_END: command_require(state, a->uri, "URI"); return 0;
+    case KEY_CALIBRATION: a->how.calibration = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_REMAP:
+        if (a->remaps == MOST_REMAPS)
+            argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
+        a->remap[a->remaps++] = value;
+        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, a->uri ? &a->file : &a->uri, value); return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->uri, "URI");
+        if (a->camera)
+            command_require(state, a->file, "FILE, in whose place the camera is,");
+        return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -69,9 +104,63 @@ static enum status run_trial(int number, double *clearance_m)
     return status;
 }
 
+// One path with the picture alone and with the map; starts differ as above.
+static enum status count_commands(int number, struct trial_result out[TRIAL_VIEWS])
+{
+    enum status status = OK;
+    for (int view = 0; view < TRIAL_VIEWS && status == OK; view++) {
+        struct box_world world;
+        struct pose start;
+        struct simulated_rover rover;
+        struct rover_options how = rover_default_options();
+        how.seed = (uint32_t)number + 1;
+        how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
+        rover_trial_world(2, &world, &start);
+        start.translation.y = 0.04 * (number % 5) - 0.08;
+        start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));
+        status = simulated_rover_open(&rover, &world, start, &how);
+        if (status == OK)
+            status = drive_trial_run(&rover, (enum trial_view)view, &out[view]);
+        simulated_rover_close(&rover);
+    }
+    return status;
+}
+
+struct command_counts {
+    double commands[TRIAL_VIEWS]; // sums over the trials that arrived
+    int arrived[TRIAL_VIEWS], touched[TRIAL_VIEWS];
+};
+
+static void add_counts(struct command_counts *c, const struct trial_result r[TRIAL_VIEWS])
+{
+    for (int v = 0; v < TRIAL_VIEWS; v++) {
+        c->commands[v] += r[v].arrived ? r[v].commands : 0;
+        c->arrived[v] += r[v].arrived;
+        c->touched[v] += r[v].touched;
+    }
+}
+
+static double mean_commands(const struct command_counts *c, int view)
+{
+    return c->arrived[view] ? c->commands[view] / c->arrived[view] : 0;
+}
+
+static void report_counts(const struct command_counts *c, int trials, struct json *root)
+{
+    static const char *const names[TRIAL_VIEWS] = {"picture_alone", "with_map"};
+    for (int v = 0; v < TRIAL_VIEWS; v++) {
+        struct json *one = json_add_object(root, names[v]);
+        json_add_number(one, "commands", mean_commands(c, v));
+        json_add_number(one, "arrived", c->arrived[v]);
+        json_add_number(one, "touched", c->touched[v]);
+        json_add_number(one, "trials", trials);
+    }
+}
+
 static enum status run_trials(const struct drive_arguments *a)
 {
     struct json *root = json_new_object(), *list = json_add_array(root, "clearance_mm");
+    struct command_counts counts = {{0}, {0}, {0}};
     int close = 0, touched = 0;
     enum status status = OK;
     for (int i = 0; status == OK && i < a->trials && !command_stopped(); i++) {
@@ -79,6 +168,11 @@ static enum status run_trials(const struct drive_arguments *a)
         status = run_trial(i, &clearance_m);
         if (status != OK)
             break;
+        struct trial_result path[TRIAL_VIEWS];
+        status = count_commands(i, path);
+        if (status != OK)
+            break;
+        add_counts(&counts, path);
         touched += clearance_m <= 0;
         close += clearance_m > 0 && clearance_m <= 0.05;
         json_push_number(list, clearance_m * 1e3);
@@ -86,13 +180,35 @@ static enum status run_trials(const struct drive_arguments *a)
     json_add_number(root, "trials", a->trials);
     json_add_number(root, "touched", touched);
     json_add_number(root, "within_5_cm", close);
+    report_counts(&counts, a->trials, root);
     char *text = json_print(root);
     json_free(&root);
     if (status == OK && a->json && text)
         fputs(text, stdout);
     else if (status == OK)
-        printf("%d trials: %d touched the wall, %d came within 5 cm without touching\n", a->trials, touched, close);
+        printf(
+            "%d trials: %d touched the wall, %d came within 5 cm without touching\n"
+            "through the bent passage: %.1f commands with the picture alone (%d of %d arrived, %d touched), %.1f with "
+            "the map (%d of %d, %d touched)\n",
+            a->trials, touched, close, mean_commands(&counts, TRIAL_PICTURE), counts.arrived[TRIAL_PICTURE], a->trials,
+            counts.touched[TRIAL_PICTURE], mean_commands(&counts, TRIAL_MAP), counts.arrived[TRIAL_MAP], a->trials,
+            counts.touched[TRIAL_MAP]);
     free(text);
+    return status;
+}
+
+// A robot of a ROS master is driven in real time, twenty commands a second.
+static enum status step_to(struct drive_session *s, int64_t to_ns)
+{
+    const struct drive_command ahead = {0.2, 0.1}, stop = {0, 0};
+    const int64_t tick_ns = 50000000, start_ns = clock_now_ns() - s->now_ns;
+    enum status status = OK;
+    if (s->kind != DRIVE_ROS)
+        return drive_session_step(s, to_ns, &ahead);
+    for (int64_t t = s->now_ns; status == OK && t < to_ns && !command_stopped(); t += tick_ns) {
+        clock_sleep_until_ns(start_ns + t);
+        status = drive_session_step(s, t, t < 1000000000 ? &stop : &ahead);
+    }
     return status;
 }
 
@@ -101,12 +217,11 @@ static enum status write_pictures(const struct drive_arguments *a, struct drive_
     enum status status = folder_make(a->out);
     const int64_t every_ns = (int64_t)(a->every_s * 1e9);
     for (int i = 0; status == OK && !command_stopped() && !s->ended; i++) {
-        const struct drive_command ahead = {0.2, 0.1};
         const struct surround_view *view;
         char path[4096];
         if (a->seconds > 0 && (double)i * a->every_s > a->seconds)
             break;
-        status = drive_session_step(s, i * every_ns, &ahead);
+        status = step_to(s, i * every_ns);
         if (status == OK)
             status = drive_session_draw(s, &view);
         snprintf(path, sizeof path, "%s/%04d.png", a->out, i);
@@ -124,10 +239,12 @@ int reenact_drive(int argc, char **argv)
     static const struct argp argp = {
         options,
         parse,
-        "URI",
+        "URI [FILE]",
         "Drives a robot by free-viewpoint pictures of its surroundings.\v"
-        "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall) or folder:DIR (a "
-        "robot's captures, played in real time). Stick or arrow keys drive, space stops; a finger turns the viewpoint; "
+        "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall), folder:DIR (a "
+        "robot's captures, played in real time), or ros: or ros:http://HOST:PORT (a robot on a ROS master: topics "
+        "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Stick or arrow keys drive, space "
+        "stops; a finger turns the viewpoint; "
         "1, 2 and 3 choose first person, third person and from above.",
         NULL,
         NULL,
@@ -137,10 +254,19 @@ int reenact_drive(int argc, char **argv)
     if (arguments.trials)
         return run_trials(&arguments) == OK ? 0 : command_failed(argv[0]);
     struct drive_session session;
-    enum status status = drive_session_open(&session, arguments.uri, &arguments.how);
-    if (status != OK)
-        return command_failed(argv[0]);
-    status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, arguments.seconds);
-    drive_session_close(&session);
+    struct place place = {0};
+    arguments.how.remap = arguments.remap;
+    arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
+    enum status status = arguments.camera ? place_input_read(arguments.file, &place) : OK;
+    if (status == NOTHING)
+        status = fail(ERR_INPUT, "%s holds no place to localise the camera in", arguments.file);
+    if (status == OK)
+        status = drive_session_open(&session, arguments.uri, &arguments.how);
+    if (status == OK) {
+        const struct drive_window_options window = {arguments.seconds, arguments.camera, &place};
+        status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
+        drive_session_close(&session);
+    }
+    place_free(&place);
     return status == OK ? 0 : command_failed(argv[0]);
 }
