@@ -232,8 +232,8 @@ static bool refine(struct sweep_tracker *t, struct map_frame *f, struct pose gue
     return true;
 }
 
-// By the tags alone; of two poses the one that continues the last.
-static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struct pose *out)
+// By the tags alone; of two poses the one that continues the last. *clear: several tags agree.
+static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struct pose *out, bool *clear)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     struct pnp_solution fit;
@@ -244,6 +244,7 @@ static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struc
     if (status != OK && status != AMBIGUOUS)
         return false;
     *out = fit.camera_from_world;
+    *clear = status == OK && fit.used > 1;
     if (status == AMBIGUOUS && t->has_last && pose_angle(fit.other, t->last) < pose_angle(*out, t->last))
         *out = fit.other;
     return status == OK || t->has_last;
@@ -258,6 +259,7 @@ static bool near(struct pose a, struct pose b)
 static bool locate(struct sweep_tracker *t, struct map_frame *f)
 {
     struct pose guess, by_tags;
+    bool clear = false;
     t->sure = true;
     map_index_features(&t->scratch, &t->map, f);
     if (t->has_last && !t->lost) {
@@ -267,13 +269,13 @@ static bool locate(struct sweep_tracker *t, struct map_frame *f)
         if (refine(t, f, guess) || refine(t, f, t->last))
             return true;
     }
-    if (solve_tags(t, f, &by_tags)) {
+    if (solve_tags(t, f, &by_tags, &clear)) {
         if (refine(t, f, by_tags))
             return true;
         // Of one distant tag the pose may be a mirrored one: it is believed only where it goes on from the last.
         f->camera_from_world = by_tags;
-        t->sure = false;
-        if (t->has_last && !t->lost && near(by_tags, t->last))
+        t->sure = clear;
+        if (clear || (t->has_last && !t->lost && near(by_tags, t->last)))
             return true;
     }
     if (t->lost % RELOCALIZE_EVERY)
