@@ -123,9 +123,9 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
     struct viewer_live *l = &v->live;
     const struct live_sensor_state state = live_sensor_query(l->sensor);
     const struct live_frame *f = l->frame;
-    const bool stands = state.film && v->state.live.phase != LIVE_DOING; // a film waits for its attempt
-    struct live_sight sight = {.seeing = state.seeing && f &&
-                                         (stands || state.ended || now_ns - state.received_ns < FROZEN_NS),
+    struct live_sight sight = {.seeing =
+                                   state.seeing && f &&
+                                   (state.film || now_ns - state.received_ns < FROZEN_NS), // a film waits, or is late
                                .ended = state.ended && f && f->attempt == v->state.live.attempt,
                                .frame = f ? f->number : 0,
                                .trouble = state.trouble};

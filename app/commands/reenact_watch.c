@@ -12,7 +12,7 @@
 
 struct watch_arguments {
     const char *file, *take, *camera, *sensor, *photos;
-    bool fullscreen, light, mirrored, no_body_points, stats;
+    bool fullscreen, light, mirrored, no_body_points, stats, ask;
     int rotate, width, height;
     double dpi, seconds;
 };
@@ -30,7 +30,8 @@ enum {
     KEY_SIZE,
     KEY_DPI,
     KEY_SECONDS,
-    KEY_STATS
+    KEY_STATS,
+    KEY_KNOWLEDGE
 };
 
 static const struct argp_option options[] = {
@@ -40,6 +41,8 @@ static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0,
      "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
+    {"ask", KEY_KNOWLEDGE, NULL, 0,
+     "ask a thing's own server for what is newer when its card is opened (default: only what the recording keeps)", 0},
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
     {"mirrored", KEY_MIRRORED, NULL, 0, "the actor with left and right exchanged; with --sensor you are judged by that",
@@ -65,6 +68,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_MIRRORED: a->mirrored = true; return 0;
     case KEY_NO_BODY_POINTS: a->no_body_points = true; return 0;
+    case KEY_KNOWLEDGE: a->ask = true; return 0;
     case KEY_STATS: a->stats = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
@@ -185,6 +189,7 @@ static enum status watch_open(struct watch *w)
                                        .photos = a->photos,
                                        .light = a->light,
                                        .mirrored = a->mirrored,
+                                       .ask_knowledge = a->ask,
                                        .refresh_hz = window_refresh_hz(w->screen),
                                        .opening = show_opening,
                                        .wake = wake,
@@ -336,8 +341,10 @@ int reenact_watch(int argc, char **argv)
         "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
         "nearer with two fingers or the wheel.\n\n"
         "Keys: space play, arrows step, Home and End, - and + speed, L loop, M mirror, B skeleton, X where pixels come "
-        "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, D dark or light, F "
-        "fullscreen, Escape back, Q leave. A game pad: A play, X photograph, Y move, shoulders speed, cross step, "
+        "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, E names at the things, W "
+        "find a "
+        "thing, C map, Z the filmed room, D dark or light, F fullscreen, Escape back, Q leave. A game pad: A play, X "
+        "photograph, Y move, shoulders speed, cross step, "
         "sticks walk round, triggers wind.",
         0,
         0,

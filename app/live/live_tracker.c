@@ -12,7 +12,7 @@
 
 enum {
     SECOND_EVERY = 5, // frames from one look for a second person to the next; chosen by hand
-    SECOND_LOOKS = 2, // looks in a row that must show one
+    SECOND_LOOKS = 4, // looks in a row that must show one: an arm that is raised may seem one for half a second
     STEPS_MAX = 8     // of the judge for one frame of a slow sensor
 };
 static const double UNKNOWN_HEIGHT_M = 1;

@@ -215,6 +215,8 @@ static void begin_target(struct renderer *p, const struct renderer_view *view, c
         gpu_target_clear(p->room_depth);
     p->room_drawn = false;
     if (view->viewer_from_room)
+        occlusion_shadow_set_front_only(p->occlusion, view->room_front);
+    if (view->viewer_from_room)
         p->room_drawn = occlusion_shadow_draw_room(p->occlusion, antialiased ? p->room_depth : p->actor,
                                                    view->viewer_from_room, &body);
     if (view->viewer_from_room && p->writes_source)

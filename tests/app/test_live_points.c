@@ -218,51 +218,57 @@ static struct body_points points_of(const struct lens *lens, const struct skelet
     return points;
 }
 
-// A person who shows the back: from depth alone taken for one who shows the front.
-static int frames_right_way(bool with_points, int frames)
+// A person in mid-motion: the mean error of the joints after some frames, m. late: of the points, frames; 0: none.
+static double error_after(int late, int frames)
 {
-    enum { LATE = 2, EVERY = 3 };
+    enum { EVERY = 3 };
+    static const double TIME_S = 4.71, TURNED_RAD = 43 * 3.14159265358979323846 / 180;
     struct world *world;
     struct world_options options = world_default_options();
-    options.motion = "walk"; // which begins standing
+    options.motion = "kata";
     options.threads = 2;
-    EXPECT_TRUE(world_figure_named("man", &options.figure));
+    options.plain = true;
+    EXPECT_TRUE(world_figure_named("skirt", &options.figure));
     EXPECT_STATUS(world_open(&world, &options), OK);
-    const struct calibration c = world_calibration(SCALE);
-    const struct pose from = pose_multiply((struct pose){{0, 0, 1, 0}, {0, 0, 0}}, world_sensor_pose(world));
-    uint16_t *depth = malloc(sizeof *depth * (size_t)c.depth.width * (size_t)c.depth.height);
+    const struct calibration c = world_calibration(2 * SCALE);
+    const struct pose turned = {{0, 0, sin(TURNED_RAD / 2), cos(TURNED_RAD / 2)}, {0, 0, 0}},
+                      from = pose_multiply(turned, world_sensor_pose(world));
+    const struct world_shot shot = {c.color, from, TIME_S, true};
+    const struct skeleton truth = world_joints_in_camera(world, TIME_S, from);
+    const struct body_points points = points_of(&c.color, &truth);
+    uint16_t *ideal = malloc(sizeof *ideal * (size_t)c.depth.width * (size_t)c.depth.height),
+             *depth = malloc(sizeof *depth * (size_t)c.depth.width * (size_t)c.depth.height);
+    struct live_look look = {0};
     struct live_tracker *t;
     const struct live_tracker_options how = {.calibration = &c};
+    EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.depth = ideal}), OK);
     EXPECT_STATUS(live_tracker_open(&t, &how), OK);
-    const struct world_shot shot = {c.color, from, 0, true};
-    const struct skeleton truth = world_joints_in_camera(world, 0, from);
-    const struct body_points points = points_of(&c.color, &truth);
-    int right = 0;
     for (int k = 0; k < frames; k++) {
-        struct live_look look;
-        EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.depth = depth}), OK);
-        EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)k + 1, depth), OK);
-        if (with_points && k >= LATE && (k - LATE) % EVERY == 0)
-            live_tracker_set_points(t, (int64_t)(k - LATE) * STEP_NS, &points);
+        EXPECT_STATUS(world_depth_noise(&c.depth, ideal, (uint64_t)k + 1, depth), OK);
+        if (late && k >= late && (k - late) % EVERY == 0)
+            live_tracker_set_points(t, (int64_t)(k - late) * STEP_NS, &points);
         EXPECT_STATUS(live_tracker_next(t, (int64_t)k * STEP_NS, NULL, depth, NULL, &look), OK);
-        const struct vec3 *got = look.skeleton.joint;
-        right += look.person && v3_dot(v3_sub(got[JOINT_LEFT_SHOULDER], got[JOINT_RIGHT_SHOULDER]),
-                                       v3_sub(truth.joint[JOINT_LEFT_SHOULDER], truth.joint[JOINT_RIGHT_SHOULDER])) > 0;
     }
+    double sum = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        sum += look.person ? v3_distance(look.skeleton.joint[j], truth.joint[j]) / JOINT_COUNT : 1.0 / JOINT_COUNT;
     live_tracker_close(&t);
+    free(ideal);
     free(depth);
     world_close(&world);
-    return right;
+    return sum;
 }
 
-static void test_late_points_tell_front_from_back(void **state)
+static void test_late_points_are_used_and_old_ones_are_not(void **state)
 {
     (void)state;
-    enum { FRAMES = 24 };
-    const int depth = frames_right_way(false, FRAMES), both = frames_right_way(true, FRAMES);
-    print_message("the right way round: %d of %d frames from depth alone, %d with late points\n", depth, FRAMES, both);
-    EXPECT_AT_LEAST(both, FRAMES - 8);
-    EXPECT_AT_LEAST(both, depth);
+    enum { FRAMES = 12, LATE = 2, OLD = 10 }; // OLD: beyond POINT_MOTION_MOST_NS
+    const double depth_m = error_after(0, FRAMES), late_m = error_after(LATE, FRAMES), old_m = error_after(OLD, FRAMES);
+    print_message("after %d frames %.2f mm from depth alone, %.2f with late points\n", FRAMES, 1000 * depth_m,
+                  1000 * late_m);
+    EXPECT_TRUE(late_m != depth_m);
+    EXPECT_AT_MOST(late_m, depth_m + 0.003);
+    EXPECT_NEAR(old_m, depth_m, 0);
 }
 
 int main(void)
@@ -274,7 +280,7 @@ int main(void)
         cmocka_unit_test(test_a_film_that_starts_again_has_no_old_points),
         cmocka_unit_test(test_why_there_are_none),
         cmocka_unit_test(test_a_dark_image_gives_none),
-        cmocka_unit_test(test_late_points_tell_front_from_back),
+        cmocka_unit_test(test_late_points_are_used_and_old_ones_are_not),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

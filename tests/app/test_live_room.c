@@ -53,7 +53,7 @@ static void test_both_stand_in_the_room(void **state)
     EXPECT_NEAR(person.y - actor.y, 0, 0.15);
     const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
-    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 6);
     EXPECT_AT_LEAST(t.wrong_pixels, 20);
     EXPECT_TRUE(v->live.shown.compared);
     glass_close(&g);

@@ -31,7 +31,7 @@ static void render(const struct world *w, double time_s, bool actor, uint16_t *d
     EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = depth}), OK);
 }
 
-enum { EMPTY = 12, ALONE = 45, BOTH = 70, GONE = 80 };
+enum { EMPTY = 12, ALONE = 45, BOTH = 78, GONE = 88 };
 
 static void test_person_second_person_and_none(void **state)
 {
