@@ -71,6 +71,9 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     v->state.live.mirrored = options->mirrored;
     if (status != OK)
         view_state_fail(&v->state, v->trouble);
+    status = viewer_room_open(v);
+    if (status != OK)
+        return status;
     if (!options->camera)
         return OK;
     status = camera_texture_open(&v->camera_texture, gpu);
@@ -86,6 +89,7 @@ void viewer_close(struct viewer *v)
     camera_texture_close(&v->camera_texture);
     camera_feed_close(&v->feed);
     viewer_live_close(v);
+    viewer_room_close(v);
     take_view_close(&v->take_view);
     take_list_close(&v->takes);
     place_free(&v->place);
@@ -159,11 +163,19 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     struct gesture g = gesture_take(&v->input.gesture);
     double wheel = v->input.wheel;
     v->input.wheel = 0;
-    if (wheel != 0)
+    const bool on_map = v->state.page == PAGE_WATCH && v->state.room.map && v->screens.map_held;
+    if (wheel != 0 && !on_map)
         view_state_wheel(&v->state, wheel, now_ns);
+    const double shorter = fmin(ui_width(v->ui), ui_height(v->ui));
+    if (on_map) {
+        g.drag_x /= shorter, g.drag_y /= shorter, g.push_x /= shorter, g.push_y /= shorter;
+        if (wheel != 0 || v->input.pointer_down)
+            view_state_map_gesture(&v->state, &g, wheel, now_ns);
+        return;
+    }
     if (!v->screens.image_held || !v->has_image)
         return;
-    struct ui_box all = {0, 0, ui_width(v->ui), ui_height(v->ui)};
+    struct ui_box all = layout_of(ui_width(v->ui), ui_height(v->ui), &v->state, &v->image).picture;
     struct cover cover = cover_of(&v->image.lens, all);
     struct vec3 from, to;
     double x = v->input.pointer_x, y = v->input.pointer_y, by_x = g.drag_x + g.push_x, by_y = g.drag_y + g.push_y;
@@ -245,6 +257,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
     check_file(v, now_ns);
     update_take_view(v);
     viewer_live_update(v, now_ns);
+    viewer_room_update(v, now_ns);
     int64_t next_ns = view_state_tick(s, now_ns);
     viewer_live_after_tick(v, now_ns);
     int64_t check_ns = v->checked_ns + CHECK_NS;
@@ -275,8 +288,8 @@ bool view_request_equal(const struct take_view_request *a, const struct take_vie
            a->time_ns == b->time_ns && a->playing == b->playing && a->loop == b->loop && p->x_m == q->x_m &&
            p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
            a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
-           a->inset == b->inset && a->camera_lost == b->camera_lost && a->former == b->former &&
-           a->camera == b->camera && a->camera_number == b->camera_number;
+           a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
+           a->former == b->former && a->camera == b->camera && a->camera_number == b->camera_number;
 }
 
 // The part of the screen that the controls leave free.
@@ -332,7 +345,9 @@ static struct take_view_request make_request(struct viewer *v, const struct view
     }
     const double px = surface->px_per_dp;
     const struct ui_box free = {v->free.x * px, v->free.y * px, v->free.w * px, v->free.h * px};
-    request.lens = take_view_orbit_lens(surface->width, surface->height, free);
+    const struct ui_box picture = layout_of(surface->width / px, surface->height / px, s, &v->image).picture;
+    request.lens = take_view_orbit_lens((int)(picture.w * px + 0.5), (int)(picture.h * px + 0.5), free);
+    request.in_room = v->image.filmed && viewer_room_wants_filmed(v);
     request.time_ns = playback_at(&s->playback, now_ns);
     request.world_from_camera = orbit_world_from_camera(&s->orbit);
     return request;
@@ -369,12 +384,18 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
         return status;
     ease_free_box(v, surface, now_ns);
     struct take_view_request request = make_request(v, surface, now_ns);
+    const struct gpu_texture *filmed;
+    status = viewer_room_draw_filmed(v, &request, now_ns, &filmed);
+    if (status != OK)
+        return status;
+    v->image.filmed = filmed;
     if (v->has_image && view_request_equal(&request, &v->request) && take_view_final(v->take_view))
         return OK; // nothing has changed
     bool steady = v->has_image;
     v->request = request;
     v->has_image = true;
     status = take_view_draw(v->take_view, &request, &v->image);
+    v->image.filmed = filmed;
     view_state_set_avatar_shown(&v->state, v->image.prepared);
     v->state.changed |= request.camera == NULL && box_difference(v->free, free_box(v, surface)) > 0;
     if (steady)
@@ -422,8 +443,9 @@ static enum status draw_screen(struct viewer *v, int64_t now_ns)
     } else if (v->state.page == PAGE_LIVE) {
         screen_live(&brush, &v->screens, &v->state, &v->live.page, now_ns);
     } else {
-        const struct watch_page page = {v->takes.file, v->takes.cards[v->state.take].name, &v->image, &v->times,
-                                        v->governor.budget_ms};
+        const struct watch_page page = {
+            v->takes.file, v->takes.cards[v->state.take].name, &v->image, &v->times, v->governor.budget_ms,
+            &v->room.page};
         screen_watch(&brush, &v->screens, &v->state, &page, now_ns);
     }
     screen_message(&brush, &v->state);
@@ -479,6 +501,8 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
         status = draw_take(v, surface, now_ns);
     else if (s->page == PAGE_LIVE && v->take_view)
         status = draw_live(v, surface, now_ns);
+    if (status == OK && s->page == PAGE_WATCH && v->take_view)
+        status = viewer_room_draw(v, surface, now_ns);
     if (status == OK && s->screenshot_wanted && v->take_view)
         status = take_screenshot(v, now_ns);
     if (status != OK)

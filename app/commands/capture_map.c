@@ -1,6 +1,7 @@
 // reenact-capture map: maps the empty place from a sweep.
 #include "app/commands/commands.h"
 
+#include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
 #include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
@@ -13,11 +14,23 @@
 
 struct map_arguments {
     const char *sensor, *camera, *tags, *out, *into; // one of the first two
+    const char *objects, *knowledge;
     double seconds, decimate;
     bool json;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
+enum {
+    KEY_SENSOR = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_TAGS,
+    KEY_OUT,
+    KEY_INTO,
+    KEY_JSON,
+    KEY_SECONDS,
+    KEY_DECIMATE,
+    KEY_OBJECTS,
+    KEY_KNOWLEDGE
+};
 
 static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
@@ -34,6 +47,9 @@ static const struct argp_option options[] = {
      "add to the place in this recording, in the same axes; begin where the place is known. Takes and tags stay as "
      "they are; --tags lists new ones",
      0},
+    {"objects", KEY_OBJECTS, "OBJECTS.json", 0,
+     "also look for these things in the views that are kept: names, reference pictures, sizes, URLs", 0},
+    {"knowledge", KEY_KNOWLEDGE, "URL", 0, "with --objects: ask this knowledge base what is known of each", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
     COMMAND_OPTION_QUAD_DECIMATE(KEY_DECIMATE),
@@ -50,6 +66,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_TAGS: a->tags = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_INTO: a->into = value; return 0;
+    case KEY_OBJECTS: a->objects = value; return 0;
+    case KEY_KNOWLEDGE: a->knowledge = value; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
@@ -279,6 +297,10 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         status = NOTHING;
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
+    const struct objects_arguments things = {.objects = a->objects, .into = file, .knowledge = a->knowledge};
+    int found = 0;
+    if (status == OK && a->objects)
+        status = objects_in_place(&things, &found);
     if (status == OK) {
         struct map_advice advice;
         map_advise(&place, &report, damaged, &advice);
@@ -287,6 +309,8 @@ static int map_place(const char *program, const struct map_arguments *a, const s
             print_json(file, &before, &place, &report, damaged);
         else
             print_text(file, &before, &place, &report);
+        if (a->objects && !a->json)
+            printf("%d things were found\n", found);
     }
     mapper_close(&mapper);
     place_free(&place);
@@ -318,6 +342,10 @@ int capture_map(int argc, char **argv)
     command_parse(&argp, argc, argv, &a);
     if (a.out && file_check_output(a.out, false) != OK)
         return command_failed(argv[0]);
+    struct thing_list things = {0};
+    if (a.objects && thing_list_read(a.objects, &things) != OK) // said before the sweep, not after it
+        return command_failed(argv[0]);
+    thing_list_free(&things);
     struct mapper_tag *tags = NULL;
     int32_t count = 0;
     if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)

@@ -99,7 +99,7 @@ struct progress_bar {
     const char *what;
     int64_t total, done;
     int64_t started_ns, drawn_ns;
-    char note[96]; // shown behind the bar
+    char note[192]; // shown behind the bar
 };
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
 void progress_bar_step(struct progress_bar *p); // one more done

@@ -23,6 +23,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
                                .avatar_progress = 1,
                                .error_px = 1,
                                .tag_moved_notified = -1,
+                               .room = room_state_start(),
                                .dark = dark,
                                .last_input_ns = now_ns,
                                .now_ns = now_ns,
@@ -206,6 +207,14 @@ static void do_on_watch(struct view_state *s, enum view_action action, int64_t n
     case DO_SCREENSHOT: s->screenshot_wanted = true; break;
     case DO_LAYERS: toggle_sheet(s, SHEET_LAYERS); break;
     case DO_SPEED: toggle_sheet(s, SHEET_SPEED); break;
+    case DO_NAMES: s->room.names = !s->room.names; break;
+    case DO_MAP: s->room.map = !s->room.map && s->room.has_place; break;
+    case DO_FILMED: s->room.filmed = !s->room.filmed; break;
+    case DO_THINGS:
+        if (s->room.thing_count > 0)
+            toggle_sheet(s, SHEET_THINGS);
+        s->room.filter[0] = 0;
+        break;
     default: break;
     }
 }
@@ -292,6 +301,31 @@ void view_state_set_yaw(struct view_state *s, double yaw_rad)
 {
     s->placement.yaw_rad = remainder(yaw_rad, 2 * PI);
     s->changed = true;
+}
+
+// ---------------------------------------------------------------- things
+
+void view_state_open_card(struct view_state *s, int thing, int64_t now_ns)
+{
+    const bool same = s->sheet == SHEET_CARD && s->room.card == thing;
+    s->sheet = same ? SHEET_NONE : SHEET_CARD;
+    s->room.card = same ? ROOM_NOTHING : thing;
+    s->moving = false;
+    view_state_on_input(s, now_ns);
+}
+
+void view_state_find_thing(struct view_state *s, int thing, int64_t now_ns)
+{
+    room_state_want(&s->room, thing);
+    s->sheet = SHEET_NONE;
+    view_state_on_input(s, now_ns);
+}
+
+void view_state_map_gesture(struct view_state *s, const struct gesture *g, double notches, int64_t now_ns)
+{
+    orbit_move(&s->room.map_orbit, g->drag_x + g->push_x, g->drag_y + g->push_y,
+               log(g->spread) / log(1 / 0.9) + notches);
+    view_state_on_input(s, now_ns);
 }
 
 // ---------------------------------------------------------------- fingers

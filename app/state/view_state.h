@@ -7,6 +7,7 @@
 #include "app/state/gesture.h"
 #include "app/state/live_state.h"
 #include "app/state/playback_clock.h"
+#include "app/state/room_state.h"
 
 enum view_page {
     PAGE_TAKES, // choose a take
@@ -15,7 +16,13 @@ enum view_page {
     PAGE_TROUBLE, // nothing can be watched; view_state.trouble says why
 };
 
-enum view_sheet { SHEET_NONE, SHEET_LAYERS, SHEET_SPEED };
+enum view_sheet {
+    SHEET_NONE,
+    SHEET_LAYERS,
+    SHEET_SPEED,
+    SHEET_THINGS, // find a thing by its name
+    SHEET_CARD,   // what is known of room.card
+};
 
 enum view_action {
     DO_NOTHING,
@@ -42,6 +49,10 @@ enum view_action {
     DO_BACK,  // leave, in this order: sheet, moving, page, program
     DO_TAKES,
     DO_FULLSCREEN,
+    DO_NAMES,  // labels at the things
+    DO_MAP,    // the map beside the picture
+    DO_FILMED, // the recorded views behind an orbit
+    DO_THINGS, // open or close the sheet to find a thing
     DO_QUIT,
     DO_PREVIOUS,
     DO_NEXT,
@@ -105,6 +116,7 @@ struct view_state {
     struct view_trim trim;
 
     struct live_state live; // of PAGE_LIVE
+    struct room_state room; // of PAGE_WATCH
 
     struct view_camera camera;
     char camera_trouble[512]; // a copy of the last view_camera.trouble
@@ -150,6 +162,14 @@ struct floor_drag {
 };
 void view_state_gesture(struct view_state *s, const struct gesture *g, const struct floor_drag *at, int64_t now_ns);
 void view_state_wheel(struct view_state *s, double notches, int64_t now_ns);
+
+// Fingers on the map, as above; notches of the wheel over it.
+void view_state_map_gesture(struct view_state *s, const struct gesture *g, double notches, int64_t now_ns);
+
+// What is known of a thing is shown, or no more.
+void view_state_open_card(struct view_state *s, int thing, int64_t now_ns);
+// An arrow leads to it; the sheet closes.
+void view_state_find_thing(struct view_state *s, int thing, int64_t now_ns);
 
 // The timeline is held at that share of its length, or (held false) released.
 void view_state_scrub(struct view_state *s, bool held, double share, int64_t now_ns);

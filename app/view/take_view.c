@@ -484,8 +484,10 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
         viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the image is flipped later
     struct renderer_view view = {.world_from_camera = take_from_camera(s, request),
                                  .time_ns = request->time_ns,
-                                 .viewer_from_room =
-                                     request->camera ? &viewer_from_room : NULL, // an orbit shows no room
+                                 .viewer_from_room = request->camera || request->in_room
+                                                         ? &viewer_from_room
+                                                         : NULL, // an empty ground shows none
+                                 .room_front = !request->camera,
                                  .within_ns = frame_tolerance_ns(s, request, frame),
                                  .also_paper = request->former};
     struct renderer_result result;

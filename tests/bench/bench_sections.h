@@ -31,5 +31,7 @@ static const struct bench_section bench_sections[] = {
      "time to the first picture, all threads, ms"},
     {&bench_stage_objects, "Known things", "ours", "error of a thing's middle, px", "time of a pair of pictures, ms"},
     {&bench_stage_live, "Doing the move beside the actor", NULL, NULL, NULL},
+    {&bench_stage_surround, "Surroundings", "ours", "error of the colours, levels",
+     "time of an image of 640 × 512, ms"},
     {&bench_stage_lod, "Level of detail", NULL, NULL, NULL}, // its own section, by distance
 };

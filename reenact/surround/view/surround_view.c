@@ -6,14 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SHADOW_PICTURES = 16 };
-
 struct view_options view_default_options(void)
 {
     return (struct view_options){.geometry_pictures = 6,
                                  .texture_pictures = 2,
                                  .depth_test = true,
-                                 .shadows = true,
+
                                  .apart = 0.04,
                                  .resolution_cost = 0.3};
 }
@@ -91,8 +89,6 @@ enum status surround_view_draw(struct surround_view *view, struct pose world_fro
         view_warp(view, pictures[i], depth + (size_t)i * pixels);
     view_merge(view, pictures, depth, layers, how);
     free(depth);
-    if (how->shadows)
-        view_mark_shadows(view, pictures, count < SHADOW_PICTURES ? count : SHADOW_PICTURES);
     const int most = SURROUND_MOST_LAYERS * 4;
     return view_texture(view, pictures, count < most ? count : most, how);
 }

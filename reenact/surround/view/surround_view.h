@@ -10,7 +10,6 @@ struct view_options {
     int geometry_pictures;  // how many of the nearest pictures give depth, 1..SURROUND_MOST_LAYERS
     int texture_pictures;   // how many are blended in a pixel, 1..4
     bool depth_test;        // equation 1
-    bool shadows;           // mark what lies behind space that no picture has looked into
     double apart;           // depths farther apart than this share are two surfaces, 0.04
     double resolution_cost; // radians of angle that half the wanted resolution is worth
 };

@@ -15,9 +15,6 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
 void view_merge(struct surround_view *view, const struct surround_picture *const *pictures, const float *layers,
                 int count, const struct view_options *how);
 
-// Makes unknown what lies behind space that none of the pictures has looked into.
-void view_mark_shadows(struct surround_view *view, const struct surround_picture *const *pictures, int count);
-
 // Colours; fills rgb and source. ERR_MEMORY.
 MUST_CHECK enum status view_texture(struct surround_view *view, const struct surround_picture *const *pictures,
                                     int count, const struct view_options *how);
