@@ -13,6 +13,7 @@
 static const int64_t CHECK_NS = 1000000000; // interval of looking whether the file is still there
 static const int64_t POLL_NS = 4000000;     // interval of looking for frame data that is being loaded
 static const int64_t REST_NS = 500000000;   // how long the camera's images must be unneeded before it is closed
+static const int64_t CARDS_NS = 50000000;   // how long one update may load what the list of takes shows
 static const double EASE_S = 0.07;          // time constant of the free box
 static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames counts as this
 
@@ -24,7 +25,7 @@ static enum status open_recording(struct viewer *v)
 {
     enum status status = recording_open(&v->recording, v->options.file);
     if (status == OK)
-        status = take_list_open(&v->takes, v->gpu, v->recording, v->options.file);
+        status = take_list_open(&v->takes, v->recording, v->options.file);
     if (status == OK && v->takes.count == 0)
         status = fail(ERR_MISSING, "%s holds no take. Film one with reenact-capture record.", v->options.file);
     if (status != OK)
@@ -37,6 +38,7 @@ static enum status open_recording(struct viewer *v)
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state.trim.offered = v->options.offer_trim;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
@@ -66,8 +68,12 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     choose_first_take(v, now_ns);
     if (options->sensor)
         v->state.live = live_state_start(options->camera);
+    v->state.live.mirrored = options->mirrored;
     if (status != OK)
         view_state_fail(&v->state, v->trouble);
+    status = viewer_room_open(v);
+    if (status != OK)
+        return status;
     if (!options->camera)
         return OK;
     status = camera_texture_open(&v->camera_texture, gpu);
@@ -83,6 +89,7 @@ void viewer_close(struct viewer *v)
     camera_texture_close(&v->camera_texture);
     camera_feed_close(&v->feed);
     viewer_live_close(v);
+    viewer_room_close(v);
     take_view_close(&v->take_view);
     take_list_close(&v->takes);
     place_free(&v->place);
@@ -107,6 +114,7 @@ static void open_take(struct viewer *v, int64_t now_ns)
     }
     struct orbit orbit = take_view_orbit(v->take_view);
     view_state_open_take(&v->state, take_view_length_ns(v->take_view), take_view_frames(v->take_view), &orbit, now_ns);
+    v->state.placement.mirrored = v->options.mirrored;
 }
 
 // ---------------------------------------------------------------- time
@@ -129,13 +137,15 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     view_state_on_camera(&v->state, &camera, now_ns);
 }
 
-// The camera is not read while its images would change nothing: while the user walks round by hand, and while the take
-// is paused and the last image has its pose; that image then stays.
+// The camera is not read while its images would change nothing: while the user walks round by hand, while the take is
+// paused and the last image has its pose (that image then stays), and on live screens that do not show them.
 static void rest_camera(struct viewer *v, int64_t now_ns)
 {
     const struct view_state *s = &v->state;
     const bool paused = !s->playback.playing && !s->scrubbing && v->frame && v->frame->placed;
-    const bool unneeded = s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving;
+    const bool live = s->page == PAGE_LIVE && (s->live.screen != LIVE_ROOM || s->live.phase == LIVE_SUMMARY);
+    const bool unneeded =
+        live || (s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving);
     if (!v->feed)
         return;
     if (!unneeded)
@@ -153,11 +163,19 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     struct gesture g = gesture_take(&v->input.gesture);
     double wheel = v->input.wheel;
     v->input.wheel = 0;
-    if (wheel != 0)
+    const bool on_map = v->state.page == PAGE_WATCH && v->state.room.map && v->screens.map_held;
+    if (wheel != 0 && !on_map)
         view_state_wheel(&v->state, wheel, now_ns);
+    const double shorter = fmin(ui_width(v->ui), ui_height(v->ui));
+    if (on_map) {
+        g.drag_x /= shorter, g.drag_y /= shorter, g.push_x /= shorter, g.push_y /= shorter;
+        if (wheel != 0 || v->input.pointer_down)
+            view_state_map_gesture(&v->state, &g, wheel, now_ns);
+        return;
+    }
     if (!v->screens.image_held || !v->has_image)
         return;
-    struct ui_box all = {0, 0, ui_width(v->ui), ui_height(v->ui)};
+    struct ui_box all = layout_of(ui_width(v->ui), ui_height(v->ui), &v->state, &v->image).picture;
     struct cover cover = cover_of(&v->image.lens, all);
     struct vec3 from, to;
     double x = v->input.pointer_x, y = v->input.pointer_y, by_x = g.drag_x + g.push_x, by_y = g.drag_y + g.push_y;
@@ -168,6 +186,20 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
         drag = (struct floor_drag){from.x, from.y, to.x, to.y};
     g.drag_x /= all.h, g.drag_y /= all.h, g.push_x /= all.h, g.push_y /= all.h;
     view_state_gesture(&v->state, &g, floor ? &drag : NULL, now_ns);
+}
+
+// Where the takes are listed: their lengths and images, some at a time so that the list is there at once.
+static bool load_cards(struct viewer *v)
+{
+    if (v->state.page != PAGE_TAKES || !v->recording)
+        return false;
+    const int64_t until_ns = clock_now_ns() + CARDS_NS;
+    enum status status = OK;
+    while (status == OK && clock_now_ns() < until_ns) {
+        status = take_list_load(&v->takes, v->gpu, v->recording);
+        v->state.changed |= status == OK;
+    }
+    return status == OK;
 }
 
 // The progress of building the avatar, and why it failed if it did.
@@ -221,9 +253,11 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
     v->pad_ns = now_ns;
     if (s->take_wanted)
         open_take(v, now_ns);
+    const bool cards_left = load_cards(v);
     check_file(v, now_ns);
     update_take_view(v);
     viewer_live_update(v, now_ns);
+    viewer_room_update(v, now_ns);
     int64_t next_ns = view_state_tick(s, now_ns);
     viewer_live_after_tick(v, now_ns);
     int64_t check_ns = v->checked_ns + CHECK_NS;
@@ -235,7 +269,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         next_ns = now_ns;
     if (v->camera_unneeded_ns && !v->camera_rests && v->camera_unneeded_ns + REST_NS < next_ns)
         next_ns = v->camera_unneeded_ns + REST_NS;
-    return sticks ? now_ns : next_ns;
+    return sticks || cards_left ? now_ns : next_ns;
 }
 
 // ---------------------------------------------------------------- drawing
@@ -254,8 +288,8 @@ bool view_request_equal(const struct take_view_request *a, const struct take_vie
            a->time_ns == b->time_ns && a->playing == b->playing && a->loop == b->loop && p->x_m == q->x_m &&
            p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
            a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
-           a->inset == b->inset && a->camera_lost == b->camera_lost && a->former == b->former &&
-           a->camera == b->camera && a->camera_number == b->camera_number;
+           a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
+           a->former == b->former && a->camera == b->camera && a->camera_number == b->camera_number;
 }
 
 // The part of the screen that the controls leave free.
@@ -311,7 +345,9 @@ static struct take_view_request make_request(struct viewer *v, const struct view
     }
     const double px = surface->px_per_dp;
     const struct ui_box free = {v->free.x * px, v->free.y * px, v->free.w * px, v->free.h * px};
-    request.lens = take_view_orbit_lens(surface->width, surface->height, free);
+    const struct ui_box picture = layout_of(surface->width / px, surface->height / px, s, &v->image).picture;
+    request.lens = take_view_orbit_lens((int)(picture.w * px + 0.5), (int)(picture.h * px + 0.5), free);
+    request.in_room = v->image.filmed && viewer_room_wants_filmed(v);
     request.time_ns = playback_at(&s->playback, now_ns);
     request.world_from_camera = orbit_world_from_camera(&s->orbit);
     return request;
@@ -348,12 +384,18 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
         return status;
     ease_free_box(v, surface, now_ns);
     struct take_view_request request = make_request(v, surface, now_ns);
+    const struct gpu_texture *filmed;
+    status = viewer_room_draw_filmed(v, &request, now_ns, &filmed);
+    if (status != OK)
+        return status;
+    v->image.filmed = filmed;
     if (v->has_image && view_request_equal(&request, &v->request) && take_view_final(v->take_view))
         return OK; // nothing has changed
     bool steady = v->has_image;
     v->request = request;
     v->has_image = true;
     status = take_view_draw(v->take_view, &request, &v->image);
+    v->image.filmed = filmed;
     view_state_set_avatar_shown(&v->state, v->image.prepared);
     v->state.changed |= request.camera == NULL && box_difference(v->free, free_box(v, surface)) > 0;
     if (steady)
@@ -370,7 +412,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
 static enum status draw_live(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     const struct live_state *l = &v->state.live;
-    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting;
+    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting && v->frame;
     enum status status = room ? upload_camera_frame(v) : OK;
     if (status != OK)
         return status;
@@ -401,8 +443,9 @@ static enum status draw_screen(struct viewer *v, int64_t now_ns)
     } else if (v->state.page == PAGE_LIVE) {
         screen_live(&brush, &v->screens, &v->state, &v->live.page, now_ns);
     } else {
-        const struct watch_page page = {v->takes.file, v->takes.cards[v->state.take].name, &v->image, &v->times,
-                                        v->governor.budget_ms};
+        const struct watch_page page = {
+            v->takes.file, v->takes.cards[v->state.take].name, &v->image, &v->times, v->governor.budget_ms,
+            &v->room.page};
         screen_watch(&brush, &v->screens, &v->state, &page, now_ns);
     }
     screen_message(&brush, &v->state);
@@ -458,6 +501,8 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
         status = draw_take(v, surface, now_ns);
     else if (s->page == PAGE_LIVE && v->take_view)
         status = draw_live(v, surface, now_ns);
+    if (status == OK && s->page == PAGE_WATCH && v->take_view)
+        status = viewer_room_draw(v, surface, now_ns);
     if (status == OK && s->screenshot_wanted && v->take_view)
         status = take_screenshot(v, now_ns);
     if (status != OK)

@@ -9,15 +9,20 @@
 #include "app/view/take_view.h"
 #include "app/camera/camera_texture.h"
 #include "app/viewer_live.h"
+#include "app/viewer_room.h"
 
 struct viewer_options {
     const char *file;
-    const char *take;   // NULL: the only one, or the user chooses
-    const char *camera; // URI; NULL: none
-    const char *sensor; // URI of a depth sensor: do the move beside the actor; NULL: watch
-    bool every_frame;   // a film as sensor leaves nothing out, however slow the machine
-    const char *photos; // folder for screenshots; NULL: the user's pictures
+    const char *take;    // NULL: the only one, or the user chooses
+    const char *camera;  // URI; NULL: none
+    const char *sensor;  // URI of a depth sensor: do the move beside the actor; NULL: watch
+    bool no_body_points; // are looked for in the sensor's colour images
+    bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
+    const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light;
+    bool mirrored;         // the actor is shown left and right exchanged from the start, and with a sensor judged by so
+    bool offer_trim;       // the take's ends can be cut off: state.trim
+    bool ask_knowledge;    // ask a thing's own address what is newer when its card is opened
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
@@ -41,9 +46,10 @@ struct viewer {
     struct camera_feed *feed;
     struct camera_texture *camera_texture; // the feed's image
     struct viewer_live live;               // with options.sensor
-    int64_t uploaded_number;               // camera_frame.number of that image
-    const struct camera_frame *frame;      // the newest at the last viewer_update; NULL: none
-    struct take_view_request request;      // what `image` was drawn for
+    struct viewer_room room;
+    int64_t uploaded_number;          // camera_frame.number of that image
+    const struct camera_frame *frame; // the newest at the last viewer_update; NULL: none
+    struct take_view_request request; // what `image` was drawn for
     bool has_image;
     struct pose last_placed;
     struct ui_box free; // dp: where an orbit shows the actor; moves smoothly to what the controls leave free

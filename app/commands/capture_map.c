@@ -1,8 +1,9 @@
 // reenact-capture map: maps the empty place from a sweep.
 #include "app/commands/commands.h"
 
+#include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
-#include "capture/mapping/mapper.h"
+#include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -13,14 +14,26 @@
 
 struct map_arguments {
     const char *sensor, *camera, *tags, *out, *into; // one of the first two
+    const char *objects, *knowledge;
     double seconds, decimate;
     bool json;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
+enum {
+    KEY_SENSOR = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_TAGS,
+    KEY_OUT,
+    KEY_INTO,
+    KEY_JSON,
+    KEY_SECONDS,
+    KEY_DECIMATE,
+    KEY_OBJECTS,
+    KEY_KNOWLEDGE
+};
 
 static const struct argp_option options[] = {
-    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
      "scale, and landmarks are triangulated from several pictures",
@@ -34,6 +47,9 @@ static const struct argp_option options[] = {
      "add to the place in this recording, in the same axes; begin where the place is known. Takes and tags stay as "
      "they are; --tags lists new ones",
      0},
+    {"objects", KEY_OBJECTS, "OBJECTS.json", 0,
+     "also look for these things in the views that are kept: names, reference pictures, sizes, URLs", 0},
+    {"knowledge", KEY_KNOWLEDGE, "URL", 0, "with --objects: ask this knowledge base what is known of each", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
     COMMAND_OPTION_QUAD_DECIMATE(KEY_DECIMATE),
@@ -50,6 +66,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_TAGS: a->tags = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_INTO: a->into = value; return 0;
+    case KEY_OBJECTS: a->objects = value; return 0;
+    case KEY_KNOWLEDGE: a->knowledge = value; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
@@ -65,9 +83,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // What to show the sensor next, in the status line.
-static void note_progress(const struct mapper *mapper, char *out, size_t capacity)
+static void note_progress(struct mapper *mapper, char *out, size_t capacity)
 {
     struct mapper_progress p;
+    const struct sweep_plan *plan = mapper_plan(mapper);
+    if (plan) {
+        snprintf(out, capacity, "%s", plan->text);
+        return;
+    }
     mapper_get_progress(mapper, &p);
     if (!p.listed)
         snprintf(out, capacity, "move slowly, come back to where you began");
@@ -222,79 +245,22 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
-// The first tag with too few observations to check its pose; NULL: none.
-static const struct place_tag *rarely_observed(const struct place *place)
+static void warn(const char *program, const struct map_advice *advice)
 {
-    enum { MIN_OBSERVATIONS = 3 };
-    for (int32_t i = 0; i < place->tag_count; i++)
-        if (place->tags[i].observations < MIN_OBSERVATIONS)
-            return &place->tags[i];
-    return NULL;
+    for (int i = 0; i < advice->count; i++)
+        fprintf(stderr, "%s: warning: %s\n", program, advice->line[i]);
 }
 
-static void warn_side(const char *program, const struct mapper_report *r)
+// Solves for everything that was seen, which has no steps to count: some seconds, a minute for a long sweep.
+static enum status finish_map(struct mapper *mapper, struct place *place, struct mapper_report *report)
 {
-    if (r->all_wrong_side)
-        fprintf(stderr,
-                "%s: warning: by the sensor's depth most tags are not as wide as the list says: tag %d looks "
-                "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
-                "again, else the place may have the wrong scale\n",
-                program, (int)r->first_wrong, r->measured_m, r->listed_side_m);
-    else
-        fprintf(stderr,
-                "%s: warning: tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
-                "correct the list and map again\n",
-                program, (int)r->first_wrong, r->measured_m, r->listed_side_m,
-                r->tags_wrong_side > 1 ? "it and others like it are" : "it is");
-}
-
-static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
-{
-    const struct place_tag *seldom = rarely_observed(place);
-    if (!place->point_count)
-        fprintf(stderr,
-                "%s: warning: there are no landmarks, so a camera is found only where it sees a tag; film "
-                "what can be recognised from two places\n",
-                program);
-    if (seldom)
-        fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
-                (int)seldom->id, (int)seldom->observations, seldom->observations == 1 ? "" : "s");
-    if (r->tags_unseen)
-        fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
-                program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
-    if (r->tags_disconnected)
-        fprintf(stderr,
-                "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
-                "with one of them\n",
-                program, (int)r->first_disconnected, r->tags_disconnected > 1 ? " and others are" : " is");
-    if (r->tags_unlisted)
-        fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
-                program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
-    if (r->tags_outlier)
-        fprintf(stderr,
-                "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
-                "have this number; hang it firmly and film again\n",
-                program, (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
-    if (r->tags_wrong_side)
-        warn_side(program, r);
-    if (r->tags_moved)
-        fprintf(stderr,
-                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
-                "as the sweep shows it beside others\n",
-                program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
-    if (!r->floor_from_depth)
-        fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or landmark; "
-                "film the floor too\n",
-                program);
-    if (r->lost_to_s > r->lost_from_s)
-        fprintf(
-            stderr,
-            "%s: warning: the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
-            "more slowly, with more of what was seen before in sight\n",
-            program, r->lost_from_s, r->lost_to_s);
-    if (damaged)
-        fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
+    const bool shows = isatty(STDERR_FILENO);
+    if (shows)
+        fputs("adjusting tags, landmarks and the camera's path to one another …", stderr);
+    const enum status status = mapper_finish(mapper, place, report);
+    if (shows)
+        fputs("\r\033[K", stderr);
+    return status;
 }
 
 static int map_place(const char *program, const struct map_arguments *a, const struct mapper_tag *tags,
@@ -314,6 +280,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK)
         status =
             a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);
+    wanted.plan = source && source_is_live(source); // then hints are of use
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)
@@ -325,17 +292,25 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         command_warn_times(program, source_dropped(source));
     source_close(&source);
     if (status == OK)
-        status = mapper_finish(mapper, &place, &report);
+        status = finish_map(mapper, &place, &report);
     if (status == OK && !live && command_stopped())
         status = NOTHING;
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
+    const struct objects_arguments things = {.objects = a->objects, .into = file, .knowledge = a->knowledge};
+    int found = 0;
+    if (status == OK && a->objects)
+        status = objects_in_place(&things, &found);
     if (status == OK) {
-        warn(program, &place, &report, damaged);
+        struct map_advice advice;
+        map_advise(&place, &report, damaged, &advice);
+        warn(program, &advice);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else
             print_text(file, &before, &place, &report);
+        if (a->objects && !a->json)
+            printf("%d things were found\n", found);
     }
     mapper_close(&mapper);
     place_free(&place);
@@ -367,6 +342,10 @@ int capture_map(int argc, char **argv)
     command_parse(&argp, argc, argv, &a);
     if (a.out && file_check_output(a.out, false) != OK)
         return command_failed(argv[0]);
+    struct thing_list things = {0};
+    if (a.objects && thing_list_read(a.objects, &things) != OK) // said before the sweep, not after it
+        return command_failed(argv[0]);
+    thing_list_free(&things);
     struct mapper_tag *tags = NULL;
     int32_t count = 0;
     if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)

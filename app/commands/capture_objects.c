@@ -1,17 +1,34 @@
 // reenact-capture objects: known things before a stereo rig.
 #include "app/commands/commands.h"
 
-#include "app/commands/objects_run.h"
+#include "app/commands/objects_search.h"
 #include "platform/file.h"
 
 #include <stdio.h>
 #include <string.h>
 
-enum { KEY_STEREO = COMMAND_KEY, KEY_RIG, KEY_OBJECTS, KEY_OUT, KEY_INTO, KEY_KNOWLEDGE, KEY_FORCE, KEY_JSON };
+enum {
+    KEY_STEREO = COMMAND_KEY,
+    KEY_RIG,
+    KEY_OBJECTS,
+    KEY_OUT,
+    KEY_INTO,
+    KEY_KNOWLEDGE,
+    KEY_FORCE,
+    KEY_JSON,
+    KEY_CAMERA,
+    KEY_SECONDS
+};
 
 static const struct argp_option options[] = {
     {"stereo", KEY_STEREO, "PAIRS.txt", 0, "pairs of pictures with the left camera's pose in the world", 0},
     {"rig", KEY_RIG, "RIG.json", 0, "the two cameras, as reenact-capture calibrate --stereo writes them", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "instead of pairs: libcamera, libcamera:N or folder:DIR, localised in the place of --into FILE; distances come "
+     "from "
+     "the things' sizes",
+     0},
+    {"seconds", KEY_SECONDS, "S", 0, "with --camera: look for S seconds; without it until it ends or Ctrl-C", 0},
     {"objects", KEY_OBJECTS, "OBJECTS.json", 0, "what to look for: names, reference pictures, sizes, URLs", 0},
     {"out", KEY_OUT, "FILE.json", 0, "where to write what was found", 0},
     {"into", KEY_INTO, "FILE", 0, "instead: keep the things in this recording's place, in whose axes the poses are", 0},
@@ -28,6 +45,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_STEREO: a->pairs = value; return 0;
     case KEY_RIG: a->rig = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_OBJECTS: a->objects = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_INTO: a->into = value; return 0;
@@ -36,9 +55,13 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_JSON: a->json = true; return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
+        command_require(state, a->objects, "--objects OBJECTS.json");
+        if (a->camera) {
+            command_require(state, a->into, "--into FILE");
+            return 0;
+        }
         command_require(state, a->pairs, "--stereo PAIRS.txt");
         command_require(state, a->rig, "--rig RIG.json");
-        command_require(state, a->objects, "--objects OBJECTS.json");
         if (!a->into == !a->out)
             argp_error(state, "either --out FILE.json, or --into FILE, an existing recording");
         return 0;
@@ -153,10 +176,11 @@ int capture_objects(int argc, char **argv)
         options,
         parse,
         "--stereo PAIRS.txt --rig RIG.json --objects OBJECTS.json (--out FILE.json | --into FILE)\n"
+        "--camera URI --objects OBJECTS.json --into FILE\n"
         "serve DIR --objects OBJECTS.json\n"
         "list FILE\n"
         "note FILE --thing NAME --text TEXT [--at X,Y,Z]",
-        "Find known things before a stereo rig and say where they stand.",
+        "Find known things before a stereo rig, or a camera in a known place, and say where they stand.",
         NULL,
         NULL,
         NULL};
@@ -165,6 +189,6 @@ int capture_objects(int argc, char **argv)
     if (a.out && !a.force && file_exists(a.out))
         status = fail(ERR_EXISTS, "%s exists already; choose another name or give --force", a.out);
     if (status == OK)
-        status = objects_run(&a);
+        status = a.camera ? objects_by_camera(&a) : objects_run(&a);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -4,10 +4,7 @@
 #include "base/clock.h"
 #include "capture/calibration/stereo_rig.h"
 #include "capture/objects/stereo_pairs.h"
-#include "capture/objects/thing_knowledge.h"
-#include "capture/objects/thing_map.h"
 #include "capture/objects/thing_recognition.h"
-#include "capture/recording/recorded_things.h"
 #include "platform/file.h"
 #include "platform/json.h"
 
@@ -203,79 +200,6 @@ static enum status recognise_all(struct run *r)
     return status;
 }
 
-// What the recording knows of the thing already goes on, but for where it stands.
-static void take_over(struct recorded_thing *out, const struct recorded_thing *before, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (!strcmp(before[i].name, out->name)) {
-            strcpy(out->etag, before[i].etag);
-            strcpy(out->note, before[i].note);
-            strcpy(out->url, before[i].url);
-            out->knowledge = before[i].knowledge ? strdup(before[i].knowledge) : NULL;
-        }
-}
-
-static void ask_knowledge(const struct objects_arguments *a, const char *reference, struct recorded_thing *out)
-{
-    const struct http_limits limits = http_default_limits();
-    struct known k = {.text = out->knowledge};
-    snprintf(k.url, sizeof k.url, "%s", out->url);
-    snprintf(k.etag, sizeof k.etag, "%s", out->etag);
-    if (thing_knowledge_fetch(a->knowledge, reference, &limits, &k) < OK)
-        fprintf(stderr, "warning: nothing new is known of '%s': %s\n", out->name, k.trouble);
-    out->knowledge = k.text;
-    strcpy(out->url, k.url);
-    strcpy(out->etag, k.etag);
-}
-
-static bool is_listed(const struct recorded_thing *things, int count, const char *name)
-{
-    for (int i = 0; i < count; i++)
-        if (!strcmp(things[i].name, name))
-            return true;
-    return false;
-}
-
-static enum status write_into(struct run *r, const struct objects_arguments *a)
-{
-    struct recording *recording;
-    struct recorded_thing *before = NULL, *now = NULL;
-    int count = 0;
-    enum status status = recording_open(&recording, a->into);
-    if (status == OK)
-        status = recording_read_things(recording, &before, &count);
-    recording_free(&recording);
-    if (status == OK && !(now = calloc((size_t)(r->map.count + count) + 1, sizeof *now)))
-        status = fail(ERR_MEMORY, "no memory for the things of %s", a->into);
-    for (int i = 0; i < r->map.count && status == OK; i++) {
-        const struct mapped_thing *t = &r->map.things[i];
-        const struct thing *thing = &r->things.things[t->thing];
-        struct recorded_thing *out = &now[i];
-        *out = (struct recorded_thing){.world_from_thing = t->world_from_thing,
-                                       .covariance = t->covariance,
-                                       .width_m = thing->width_m,
-                                       .height_m = thing->height_m,
-                                       .sightings = t->sightings,
-                                       .gone = t->gone};
-        strcpy(out->name, thing->name);
-        take_over(out, before, count);
-        if (a->knowledge && thing->url[0])
-            ask_knowledge(a, thing->url, out);
-    }
-    int written = r->map.count;
-    for (int i = 0; i < count && status == OK; i++)
-        if (!is_listed(now, r->map.count, before[i].name)) { // not seen in this run, or named by hand
-            now[written] = before[i];
-            now[written].knowledge = before[i].knowledge ? strdup(before[i].knowledge) : NULL;
-            written++;
-        }
-    if (status == OK)
-        status = recording_write_things(a->into, now, written);
-    recorded_things_free(&now, written);
-    recorded_things_free(&before, count);
-    return status;
-}
-
 static enum status write_out(const struct run *r, const struct objects_arguments *a)
 {
     char *text = print_result(r);
@@ -322,7 +246,7 @@ enum status objects_run(const struct objects_arguments *a)
         status = recognise_all(r);
     if (status == OK) {
         map_all(r);
-        status = a->into ? write_into(r, a) : write_out(r, a);
+        status = a->into ? objects_into(&r->map, &r->things, a) : write_out(r, a);
     }
     if (status == OK)
         status = report(r, a);

@@ -1,10 +1,12 @@
 // The work of reenact-capture objects. Main thread.
 #pragma once
-#include "base/geometry.h"
+#include "capture/objects/thing_map.h"
 
 struct objects_arguments {
     const char *pairs, *rig, *objects;
     const char *out, *into; // one of them: a JSON file, or a recording
+    const char *camera;     // instead of pairs: a camera's URI
+    double seconds;         // with a camera; 0: no limit
     const char *knowledge;  // the knowledge base's address, or NULL
     bool force, json;
 };
@@ -12,6 +14,12 @@ struct objects_arguments {
 // Recognises in all pairs, learns each thing's shape and size from all of them, aligns once more, writes and reports.
 // ERR_… of what it reads and writes.
 MUST_CHECK enum status objects_run(const struct objects_arguments *a);
+
+// Keeps the things of a map in the recording a->into, in place of those of the same names; what is known of them goes
+// on, and a->knowledge is asked for more, with pictures and models: what fails costs a warning. Things that the map
+// lacks stay. ERR_… of the recording.
+MUST_CHECK enum status objects_into(const struct thing_map *map, const struct thing_list *things,
+                                    const struct objects_arguments *a);
 
 // Writes a folder that a web server can show as a knowledge base: for each thing of objects.json a file at its URL's
 // path, JSON-LD made of its name, size, picture, and of the text NAME.txt beside objects.json, where there is one.

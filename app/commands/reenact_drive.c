@@ -4,6 +4,7 @@
 #include "app/commands/drive_window.h"
 #include "app/commands/place_input.h"
 #include "base/clock.h"
+#include "reenact/surround/drive/drive_trial.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/png.h"
@@ -103,9 +104,63 @@ static enum status run_trial(int number, double *clearance_m)
     return status;
 }
 
+// One path with the picture alone and with the map; starts differ as above.
+static enum status count_commands(int number, struct trial_result out[TRIAL_VIEWS])
+{
+    enum status status = OK;
+    for (int view = 0; view < TRIAL_VIEWS && status == OK; view++) {
+        struct box_world world;
+        struct pose start;
+        struct simulated_rover rover;
+        struct rover_options how = rover_default_options();
+        how.seed = (uint32_t)number + 1;
+        how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
+        rover_trial_world(2, &world, &start);
+        start.translation.y = 0.04 * (number % 5) - 0.08;
+        start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));
+        status = simulated_rover_open(&rover, &world, start, &how);
+        if (status == OK)
+            status = drive_trial_run(&rover, (enum trial_view)view, &out[view]);
+        simulated_rover_close(&rover);
+    }
+    return status;
+}
+
+struct command_counts {
+    double commands[TRIAL_VIEWS]; // sums over the trials that arrived
+    int arrived[TRIAL_VIEWS], touched[TRIAL_VIEWS];
+};
+
+static void add_counts(struct command_counts *c, const struct trial_result r[TRIAL_VIEWS])
+{
+    for (int v = 0; v < TRIAL_VIEWS; v++) {
+        c->commands[v] += r[v].arrived ? r[v].commands : 0;
+        c->arrived[v] += r[v].arrived;
+        c->touched[v] += r[v].touched;
+    }
+}
+
+static double mean_commands(const struct command_counts *c, int view)
+{
+    return c->arrived[view] ? c->commands[view] / c->arrived[view] : 0;
+}
+
+static void report_counts(const struct command_counts *c, int trials, struct json *root)
+{
+    static const char *const names[TRIAL_VIEWS] = {"picture_alone", "with_map"};
+    for (int v = 0; v < TRIAL_VIEWS; v++) {
+        struct json *one = json_add_object(root, names[v]);
+        json_add_number(one, "commands", mean_commands(c, v));
+        json_add_number(one, "arrived", c->arrived[v]);
+        json_add_number(one, "touched", c->touched[v]);
+        json_add_number(one, "trials", trials);
+    }
+}
+
 static enum status run_trials(const struct drive_arguments *a)
 {
     struct json *root = json_new_object(), *list = json_add_array(root, "clearance_mm");
+    struct command_counts counts = {{0}, {0}, {0}};
     int close = 0, touched = 0;
     enum status status = OK;
     for (int i = 0; status == OK && i < a->trials && !command_stopped(); i++) {
@@ -113,6 +168,11 @@ static enum status run_trials(const struct drive_arguments *a)
         status = run_trial(i, &clearance_m);
         if (status != OK)
             break;
+        struct trial_result path[TRIAL_VIEWS];
+        status = count_commands(i, path);
+        if (status != OK)
+            break;
+        add_counts(&counts, path);
         touched += clearance_m <= 0;
         close += clearance_m > 0 && clearance_m <= 0.05;
         json_push_number(list, clearance_m * 1e3);
@@ -120,12 +180,19 @@ static enum status run_trials(const struct drive_arguments *a)
     json_add_number(root, "trials", a->trials);
     json_add_number(root, "touched", touched);
     json_add_number(root, "within_5_cm", close);
+    report_counts(&counts, a->trials, root);
     char *text = json_print(root);
     json_free(&root);
     if (status == OK && a->json && text)
         fputs(text, stdout);
     else if (status == OK)
-        printf("%d trials: %d touched the wall, %d came within 5 cm without touching\n", a->trials, touched, close);
+        printf(
+            "%d trials: %d touched the wall, %d came within 5 cm without touching\n"
+            "through the bent passage: %.1f commands with the picture alone (%d of %d arrived, %d touched), %.1f with "
+            "the map (%d of %d, %d touched)\n",
+            a->trials, touched, close, mean_commands(&counts, TRIAL_PICTURE), counts.arrived[TRIAL_PICTURE], a->trials,
+            counts.touched[TRIAL_PICTURE], mean_commands(&counts, TRIAL_MAP), counts.arrived[TRIAL_MAP], a->trials,
+            counts.touched[TRIAL_MAP]);
     free(text);
     return status;
 }

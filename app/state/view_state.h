@@ -7,6 +7,7 @@
 #include "app/state/gesture.h"
 #include "app/state/live_state.h"
 #include "app/state/playback_clock.h"
+#include "app/state/room_state.h"
 
 enum view_page {
     PAGE_TAKES, // choose a take
@@ -15,7 +16,13 @@ enum view_page {
     PAGE_TROUBLE, // nothing can be watched; view_state.trouble says why
 };
 
-enum view_sheet { SHEET_NONE, SHEET_LAYERS, SHEET_SPEED };
+enum view_sheet {
+    SHEET_NONE,
+    SHEET_LAYERS,
+    SHEET_SPEED,
+    SHEET_THINGS, // find a thing by its name
+    SHEET_CARD,   // what is known of room.card
+};
 
 enum view_action {
     DO_NOTHING,
@@ -42,11 +49,15 @@ enum view_action {
     DO_BACK,  // leave, in this order: sheet, moving, page, program
     DO_TAKES,
     DO_FULLSCREEN,
+    DO_NAMES,  // labels at the things
+    DO_MAP,    // the map beside the picture
+    DO_FILMED, // the recorded views behind an orbit
+    DO_THINGS, // open or close the sheet to find a thing
     DO_QUIT,
     DO_PREVIOUS,
     DO_NEXT,
     DO_CHOOSE, // on the page of takes
-    // On PAGE_LIVE; there the actions above mean what live_action_of says.
+    // On PAGE_LIVE; there the actions above mean what live_action_of says. The marks and KEEP also trim on PAGE_WATCH.
     DO_SCREEN,
     DO_PACE,
     DO_OVER,
@@ -78,6 +89,13 @@ struct placement {
     bool mirrored;
 };
 
+// The part of a take that stays when its ends are cut off. Only where it is offered, as after filming.
+struct view_trim {
+    bool offered;
+    int64_t from_ns, to_ns; // of the take
+    bool wanted;            // asked for: whoever opened the viewer cuts
+};
+
 struct view_state {
     enum view_page page;
     enum view_sheet sheet;
@@ -95,8 +113,10 @@ struct view_state {
     bool moving; // fingers move the actor, not the view
     bool skeleton, sources, inset, frame_graph, dark, fullscreen;
     bool screenshot_wanted, quit;
+    struct view_trim trim;
 
     struct live_state live; // of PAGE_LIVE
+    struct room_state room; // of PAGE_WATCH
 
     struct view_camera camera;
     char camera_trouble[512]; // a copy of the last view_camera.trouble
@@ -143,6 +163,14 @@ struct floor_drag {
 void view_state_gesture(struct view_state *s, const struct gesture *g, const struct floor_drag *at, int64_t now_ns);
 void view_state_wheel(struct view_state *s, double notches, int64_t now_ns);
 
+// Fingers on the map, as above; notches of the wheel over it.
+void view_state_map_gesture(struct view_state *s, const struct gesture *g, double notches, int64_t now_ns);
+
+// What is known of a thing is shown, or no more.
+void view_state_open_card(struct view_state *s, int thing, int64_t now_ns);
+// An arrow leads to it; the sheet closes.
+void view_state_find_thing(struct view_state *s, int thing, int64_t now_ns);
+
 // The timeline is held at that share of its length, or (held false) released.
 void view_state_scrub(struct view_state *s, bool held, double share, int64_t now_ns);
 void view_state_set_speed(struct view_state *s, double speed, int64_t now_ns);
@@ -167,6 +195,7 @@ void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns);
 
 // One sentence on what is wrong or what to do; NULL: nothing. Borrowed until the next call.
 const char *view_state_hint(const struct view_state *s);
+bool view_state_hint_warns(const struct view_state *s); // it says that something is wrong
 
 // Whether the controls are shown: they hide while the take plays and there is no input.
 bool view_state_controls_shown(const struct view_state *s);

@@ -160,6 +160,21 @@ static void draw_more(const struct icon_grid *g, enum icon icon)
         box(g, 2.5, 4.5, 19, 15, 2.5);
         bar(g, 12, 11.5, 6.5, 5);
         break;
+    case ICON_MAP:
+        STROKES(g, true, 3, 6, 9, 3.5, 15, 6, 21, 3.5, 21, 18, 15, 20.5, 9, 18, 3, 20.5);
+        STROKES(g, false, 9, 3.5, 9, 18);
+        STROKES(g, false, 15, 6, 15, 20.5);
+        break;
+    case ICON_FIND:
+        ui_ring(g->ui, on(g, 10.5, 10.5), 6.5 * g->unit, STROKE * g->unit, g->color);
+        STROKES(g, false, 15.5, 15.5, 21, 21);
+        break;
+    case ICON_ROOM:
+        STROKES(g, true, 3, 3.5, 21, 3.5, 21, 20.5, 3, 20.5);
+        STROKES(g, true, 8, 8, 16, 8, 16, 15.5, 8, 15.5);
+        STROKES(g, false, 3, 20.5, 8, 15.5);
+        STROKES(g, false, 21, 20.5, 16, 15.5);
+        break;
     case ICON_BARS: bar(g, 4, 13, 3, 7), bar(g, 10.5, 8, 3, 12), bar(g, 17, 4, 3, 16); break;
     default: break;
     }

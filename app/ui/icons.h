@@ -25,6 +25,9 @@ enum icon {
     ICON_DROPS,
     ICON_INSET,
     ICON_BARS,
+    ICON_MAP,
+    ICON_FIND,
+    ICON_ROOM,
 };
 
 // size: of the icon's side, dp.

@@ -42,6 +42,10 @@ enum view_action input_map_key(int key, bool shift)
     case ',': return DO_MARK_FROM;
     case '.': return DO_MARK_TO;
     case 's': return DO_KEEP;
+    case 'e': return DO_NAMES;
+    case 'c': return DO_MAP;
+    case 'z': return DO_FILMED;
+    case 'w': return DO_THINGS;
     default: return DO_NOTHING;
     }
 }
@@ -106,6 +110,18 @@ static bool on_pointer(struct input_map *m, struct view_state *s, const struct w
     return true;
 }
 
+// While a thing is looked for by its name, letters are letters.
+static void on_key(struct view_state *s, const struct window_event *e, int64_t now_ns)
+{
+    const bool finding = s->page == PAGE_WATCH && s->sheet == SHEET_THINGS;
+    if (finding && e->key == WINDOW_KEY_ENTER)
+        s->room.enter = s->changed = true;
+    else if (finding && room_state_type(&s->room, e->key))
+        s->changed = true;
+    else
+        view_state_do(s, input_map_key(e->key, e->shift), now_ns);
+}
+
 bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
                      int64_t now_ns)
 {
@@ -114,7 +130,7 @@ bool input_map_event(struct input_map *m, struct view_state *s, const struct win
     case WINDOW_POINTER_MOVE:
     case WINDOW_POINTER_UP: return on_pointer(m, s, e, px_per_dp, now_ns);
     case WINDOW_WHEEL: m->wheel += e->amount; break;
-    case WINDOW_KEY: view_state_do(s, input_map_key(e->key, e->shift), now_ns); break;
+    case WINDOW_KEY: on_key(s, e, now_ns); break;
     case WINDOW_PAD_BUTTON: view_state_do(s, input_map_button(e->button), now_ns); break;
     case WINDOW_PAD_AXIS: m->pad[e->axis] = e->amount; break;
     case WINDOW_RESIZED: s->changed = true; break;
@@ -147,8 +163,10 @@ bool input_map_pad(const struct input_map *m, struct view_state *s, double passe
         s->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
         view_state_set_yaw(s, s->placement.yaw_rad + 1.5 * passed_s * yaw);
     } else if (s->orbiting) {
-        orbit_move(&s->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
+        orbit_move(&s->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, s->room.map ? 0 : 8 * passed_s * zoom);
     }
+    if (s->room.map && !s->moving) // the right stick turns the map
+        orbit_move(&s->room.map_orbit, -0.6 * passed_s * yaw, -0.6 * passed_s * zoom, 0);
     if (seek != 0) {
         int64_t at = playback_at(&s->playback, now_ns);
         playback_seek(&s->playback, now_ns, at + (int64_t)(3e9 * passed_s * seek));

@@ -4,20 +4,26 @@
 
 #include <math.h>
 
-static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140;
+static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140,
+                    TALL_SHEET = 600;
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
 static double sheet_height(enum view_sheet sheet)
 {
     const double frame = HEADING + 2 * 12 + 4;
+    if (sheet == SHEET_THINGS || sheet == SHEET_CARD)
+        return TALL_SHEET;
     return sheet == SHEET_LAYERS ? frame + LAYER_ROWS * SWITCH : sheet == SHEET_SPEED ? frame + 2 * SWITCH + GAP : 0;
 }
 
 // Above the panel, on a wide screen at the right edge.
 static struct ui_box sheet_box(const struct layout *l, const struct view_state *s, double width)
 {
-    const double w = fmin(SHEET_W, l->panel.w), h = sheet_height(s->sheet);
+    // A tall one reaches from below the top row, on an upright screen from the middle, to the panel.
+    const double most = l->panel.y - 2 * GAP - (l->wide ? l->top.y + l->top.h : 0.45 * l->panel.y);
+    const bool tall = s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD;
+    const double w = fmin(SHEET_W, l->panel.w), h = tall ? fmin(TALL_SHEET, most) : sheet_height(s->sheet);
     const double right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
     return (struct ui_box){right - w, l->panel.y - GAP - h, w, h};
 }
@@ -46,18 +52,20 @@ static struct ui_box box_between(double left, double right, double top, double b
 }
 
 // On a wide screen all controls but the panel are beside the actor.
-static struct ui_box free_when_wide(const struct layout *l, const struct view_state *s, double cards, double width)
+static struct ui_box free_when_wide(const struct layout *l, const struct view_state *s, double cards)
 {
     const double bottom = l->panel.y - GAP;
     double left = cards > 0 ? l->cards.x + l->cards.w + GAP : MARGIN;
     left = s->frame_graph && l->frame_graph.y < bottom ? fmax(left, l->frame_graph.x + l->frame_graph.w + GAP) : left;
-    return box_between(left, (s->sheet != SHEET_NONE ? l->sheet.x : l->shutter.x) - GAP, MARGIN, bottom, width);
+    return box_between(left, fmin(s->sheet != SHEET_NONE ? l->sheet.x : l->shutter.x, l->shutter.x) - GAP, MARGIN,
+                       bottom, l->picture.w);
 }
 
 // On an upright screen the actor is between the controls above and below; the cards are above or beside the actor.
 static struct ui_box free_when_upright(const struct layout *l, const struct view_state *s, double cards, double width)
 {
-    const double low = (s->sheet != SHEET_NONE ? l->sheet.y : l->shutter.y) - GAP, right = width - MARGIN;
+    const double low = fmin(s->sheet != SHEET_NONE ? l->sheet.y : l->shutter.y, l->shutter.y) - GAP,
+                 right = width - MARGIN;
     const double bottom = s->frame_graph ? fmin(low, l->frame_graph.y - GAP) : low;
     const struct ui_box below = box_between(MARGIN, right, l->cards.y + cards, bottom, width);
     const struct ui_box beside = box_between(l->cards.x + l->cards.w + GAP, right, l->cards.y, bottom, width);
@@ -68,16 +76,23 @@ struct layout layout_of(double width, double height, const struct view_state *s,
 {
     struct layout l = {.wide = width >= height};
     struct ui_box within = inner((struct ui_box){0, 0, width, height}, MARGIN);
-    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 : TARGET + PLAY + 20, panel_w = fmin(within.w, PANEL_W);
+    const double plain_h = TARGET + PLAY + 20 + (s->trim.offered ? TARGET + GAP : 0);
+    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 : plain_h, panel_w = fmin(within.w, PANEL_W);
     l.panel = cut_bottom(&within, panel_h);
     l.panel = (struct ui_box){l.panel.x + (l.panel.w - panel_w) / 2, l.panel.y, panel_w, panel_h};
     l.top = cut_top(&within, TARGET);
     l.cards = (struct ui_box){within.x, within.y + GAP, fmin(CARD_W, within.w * 0.42), within.h - GAP};
-    l.shutter = (struct ui_box){width - MARGIN - SHUTTER,
-                                l.wide ? (height - SHUTTER) / 2 : l.panel.y - SHUTTER - 2 * GAP, SHUTTER, SHUTTER};
+    const bool map = s->room.map && s->page == PAGE_WATCH;
+    l.picture = (struct ui_box){0, 0, map && l.wide ? width / 2 : width, map && !l.wide ? height / 2 : height};
+    l.map = !map     ? (struct ui_box){0, 0, 0, 0}
+            : l.wide ? (struct ui_box){width / 2, 0, width / 2, height}
+                     : (struct ui_box){0, height / 2, width, height / 2};
+    const double low = map ? l.picture.h : l.panel.y;
+    l.shutter = (struct ui_box){l.picture.w - MARGIN - SHUTTER,
+                                l.wide ? (height - SHUTTER) / 2 : low - SHUTTER - 2 * GAP, SHUTTER, SHUTTER};
     l.sheet = sheet_box(&l, s, width);
     l.frame_graph = frame_graph_box(&l, s, width, height);
     const double cards = cards_height(&l, s, shown);
-    l.free = l.wide ? free_when_wide(&l, s, cards, width) : free_when_upright(&l, s, cards, width);
+    l.free = l.wide ? free_when_wide(&l, s, cards) : free_when_upright(&l, s, cards, width);
     return l;
 }

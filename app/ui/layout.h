@@ -4,10 +4,12 @@
 
 static const double HEADING = 44, SWITCH = 58; // heights in a sheet: its title, a row
 static const double PLAY = 74;                 // side of the play button
-enum { LAYER_ROWS = 7 };                       // of the layers sheet
+enum { LAYER_ROWS = 8 };                       // of the layers sheet
 
 struct layout {
     bool wide;
+    struct ui_box picture;     // the camera's image or the orbit
+    struct ui_box map;         // beside or below it; width 0: none
     struct ui_box top;         // the row of round buttons
     struct ui_box panel;       // timeline and buttons, or the controls for moving the actor
     struct ui_box shutter;     // the screenshot button; hidden by a sheet, and while the actor is moved

@@ -31,6 +31,7 @@ static void layers_sheet(const struct brush *b, struct view_state *s, struct ui_
         {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
         {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
         {"sheet-inset", "The sensor's image", ICON_INSET, s->inset, DO_INSET},
+        {"sheet-filmed", "The filmed room", ICON_ROOM, s->room.filmed, DO_FILMED},
         {"sheet-frame-graph", "Frame times", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
         {"sheet-mirror", "Mirrored", ICON_MIRROR, s->placement.mirrored, DO_MIRROR},
         {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},

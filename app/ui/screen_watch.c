@@ -18,6 +18,28 @@ static void time_row(const struct brush *b, struct view_state *s, struct ui_box 
     label_time(b, (struct ui_point){behind.x, y}, t->quiet, length);
     struct slide slide = slider(b, "timeline", length > 0 ? (double)at / (double)length : 0, row);
     view_state_scrub(s, slide.held, slide.share, now_ns);
+    for (int end = 0; s->trim.offered && end < 2 && length > 0; end++) {
+        const double share = (double)(end ? s->trim.to_ns : s->trim.from_ns) / (double)length,
+                     x = row.x + 11 + share * (row.w - 22); // as the slider's knob
+        ui_line(b->ui, (struct ui_point){x, row.y + 12}, (struct ui_point){x, row.y + row.h - 12}, 4, t->accent);
+    }
+}
+
+// Where the ends that stay are, over the timeline; and what cuts the others off.
+static void trim_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
+{
+    char text[64];
+    const struct view_trim *t = &s->trim;
+    const bool cuts = t->from_ns > 0 || t->to_ns < s->playback.length_ns;
+    if (text_button(b, "trim-from", "From here", BUTTON_RAISED, cut_left(&row, 124)))
+        view_state_do(s, DO_MARK_FROM, now_ns);
+    if (text_button(b, "trim-to", "To here", BUTTON_RAISED, cut_left(&row, 110)))
+        view_state_do(s, DO_MARK_TO, now_ns);
+    if (cuts && text_button(b, "trim", "Trim", BUTTON_MAIN, cut_right(&row, 92)))
+        view_state_do(s, DO_KEEP, now_ns);
+    snprintf(text, sizeof text, "%.1f s to %.1f s", (double)t->from_ns * 1e-9, (double)t->to_ns * 1e-9);
+    label(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24},
+          cuts ? b->theme->accent : b->theme->quiet, cuts ? text : "All of it stays");
 }
 
 static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
@@ -83,6 +105,12 @@ static void top_row(const struct brush *b, struct view_state *s, const struct wa
         view_state_do(s, DO_ORBIT, now_ns);
     if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
         view_state_do(s, DO_MOVE, now_ns);
+    if (s->room.has_place &&
+        icon_button(b, "map", ICON_MAP, s->room.map ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
+        view_state_do(s, DO_MAP, now_ns);
+    if (s->room.thing_count && icon_button(b, "find", ICON_FIND, s->sheet == SHEET_THINGS ? BUTTON_MAIN : BUTTON_GLASS,
+                                           cut_right(&row, TARGET)))
+        view_state_do(s, DO_THINGS, now_ns);
     char making[64];
     snprintf(making, sizeof making, "Improving the picture, %.0f %%", 100 * s->avatar_progress);
     const char *second = s->avatar_progress < 1 ? making : page->file;
@@ -150,18 +178,24 @@ static void cards(const struct brush *b, const struct view_state *s, const struc
 }
 
 // Touches of the image itself; tested last, so that every control comes first.
-static void sense_image_touch(const struct brush *b, struct screens *screens, struct ui_box all)
+static void sense_image_touch(const struct brush *b, struct screens *screens, const struct layout *l)
 {
-    screens->image_held = ui_area(b->ui, "image", all).held;
+    screens->image_held = ui_area(b->ui, "image", l->picture).held;
+    const struct ui_touch map = ui_area(b->ui, "map-image", l->map);
+    screens->map_held = map.held || map.over;
 }
 
-static void controls(const struct brush *b, struct view_state *s, const struct watch_page *page, const struct layout *l,
-                     int64_t now_ns)
+static void controls(const struct brush *b, struct screens *screens, struct view_state *s,
+                     const struct watch_page *page, const struct layout *l, int64_t now_ns)
 {
     const struct ui_box low = l->panel;
     if (s->sheet != SHEET_NONE && !s->moving) {
         ui_layer(b->ui, 2);
-        panels_draw(b, s, l->sheet, now_ns);
+        if (s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD)
+            thing_sheet_draw(b, &screens->room, s, page->room, l->sheet, page->image->world_from_camera.translation,
+                             now_ns);
+        else
+            panels_draw(b, s, l->sheet, now_ns);
     }
     ui_layer(b->ui, 1);
     panel(b, low, true);
@@ -171,6 +205,8 @@ static void controls(const struct brush *b, struct view_state *s, const struct w
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
         time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
         button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
+        if (s->trim.offered)
+            trim_row(b, s, (struct ui_box){in.x, in.y + TARGET + PLAY + GAP, in.w, TARGET - GAP}, now_ns);
         if (s->sheet == SHEET_NONE) // else a sheet may cover it
             shutter(b, s, l->shutter, now_ns);
     }
@@ -180,14 +216,39 @@ static void controls(const struct brush *b, struct view_state *s, const struct w
     ui_layer(b->ui, 0);
 }
 
+// Labels over the picture and over the map; they leave the controls free.
+static void things(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
+                   const struct layout *l, int64_t now_ns)
+{
+    const struct take_view_image *p = page->image;
+    const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, l->picture), false};
+    const bool shown = view_state_controls_shown(s), sheet = shown && s->sheet != SHEET_NONE && !s->moving;
+    const struct ui_box none = {0, 0, 0, 0};
+    struct ui_box cards = l->cards;
+    cards.h = (s->inset && p->inset ? cards.w / p->inset_aspect + GAP : 0) +
+              (s->sources && p->sources ? layout_sources_height() + GAP : 0);
+    const struct ui_box taken[] = {
+        shown ? l->panel : none, shown ? l->top : none,      shown && !sheet && !s->moving ? l->shutter : none,
+        sheet ? l->sheet : none, cards.h > 0 ? cards : none, s->frame_graph ? l->frame_graph : none};
+    if (!page->room->count)
+        return;
+    if (p->camera == NULL || (s->camera.placed && s->presence > 0))
+        thing_labels_draw(b, &screens->room, s, page->room, &view, 0, l->picture, taken, (int)COUNT_OF(taken), now_ns);
+    if (l->map.w > 0)
+        thing_labels_draw(b, &screens->room, s, page->room, &page->room->map_view, 1, l->map, taken,
+                          (int)COUNT_OF(taken), now_ns);
+}
+
 void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
                   int64_t now_ns)
 {
     struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
     const struct layout l = layout_of(all.w, all.h, s, page->image);
-    compositor_draw(b, all, page->image, s);
+    compositor_draw(b, l.picture, page->image, s);
+    if (l.map.w > 0)
+        map_draw(b, page->room, l.map);
     if (view_state_controls_shown(s)) {
-        controls(b, s, page, &l, now_ns);
+        controls(b, screens, s, page, &l, now_ns);
     } else if (s->frame_graph || s->inset || s->sources) {
         const struct ui_box column = {l.cards.x, MARGIN, l.cards.w, l.cards.h};
         const struct ui_box frame_graph = {l.frame_graph.x, all.h - MARGIN - l.frame_graph.h, l.frame_graph.w,
@@ -196,7 +257,8 @@ void screen_watch(const struct brush *b, struct screens *screens, struct view_st
         cards(b, s, page, column, frame_graph);
         ui_layer(b->ui, 0);
     }
-    sense_image_touch(b, screens, all);
+    things(b, screens, s, page, &l, now_ns);
+    sense_image_touch(b, screens, &l);
 }
 
 // The progress of building the avatar: along the screen's upper edge, where it hides nothing of the actor.
@@ -218,7 +280,8 @@ void screen_message(const struct brush *b, const struct view_state *s)
         draw_progress(b, s);
     if (!text)
         return;
-    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->problem && !s->frozen;
+    const bool is_notice = text == s->notice,
+               tag = !is_notice && s->page == PAGE_WATCH && s->camera.seeing && !s->problem && !s->frozen;
     double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), text_w = most - 72;
     double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), text_w);
     double height = ui_text_height(b->ui, FACE_STRONG, text, text_w);
@@ -228,7 +291,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
     const bool done = is_notice && !s->notice_warns;
-    const bool calm = !is_notice && s->page == PAGE_LIVE && !s->problem && !live_state_hint_warns(&s->live);
+    const bool calm = !is_notice && !view_state_hint_warns(s);
     const uint32_t color = done || tag || calm ? t->accent : t->warn;
     const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);

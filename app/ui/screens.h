@@ -3,6 +3,7 @@
 #pragma once
 #include "app/state/frame_times.h"
 #include "app/ui/layout.h"
+#include "app/ui/room_page.h"
 #include "app/ui/view_compositor.h"
 
 // State of the screens between frames; zeroed at first.
@@ -10,6 +11,8 @@ struct screens {
     double scroll, grabbed_y, scrolled_from; // page of takes, dp
     bool scrolling;
     bool image_held; // fingers are on the image, not on a control
+    bool map_held;   // or on the map
+    struct room_ui room;
 };
 
 struct take_card {
@@ -32,6 +35,7 @@ struct watch_page {
     const struct take_view_image *image;
     const struct frame_times *times;
     double budget_ms; // for one frame, at the display's rate
+    const struct room_page *room;
 };
 void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
                   int64_t now_ns);

@@ -82,6 +82,15 @@ static void draw_studio(const struct brush *b, const struct take_view_image *p, 
     }
 }
 
+// Diagonal lines: nobody has filmed what is there.
+static void draw_hatching(const struct brush *b, struct ui_box box)
+{
+    const double step = 18;
+    for (double x = box.x - box.h; x < box.x + box.w; x += step)
+        ui_line(b->ui, (struct ui_point){x, box.y + box.h}, (struct ui_point){x + box.h, box.y}, 2,
+                faint(b->theme->quiet, 0.35));
+}
+
 // ---------------------------------------------------------------- actor
 
 enum { ROUND_POINTS = 40 };
@@ -249,6 +258,10 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         ui_image(b->ui, p->camera, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     else
         draw_studio(b, p, cover, box);
+    if (!p->camera && p->filmed) {
+        draw_hatching(b, box); // is seen where nothing was filmed
+        ui_image(b->ui, p->filmed, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    }
     if (s->presence > 0 && p->has_skeleton) {
         if (s->moving)
             draw_ring(b, p, cover);

@@ -133,6 +133,8 @@ void take_view_close(struct take_view **out)
     *out = NULL;
 }
 
+int64_t take_view_frames_decoded(const struct take_view *s) { return take_frames_decoded(s->take); }
+
 int64_t take_view_frames(const struct take_view *s) { return take_frame_count(s->take); }
 
 int64_t take_view_length_ns(const struct take_view *s)
@@ -482,8 +484,10 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
         viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the image is flipped later
     struct renderer_view view = {.world_from_camera = take_from_camera(s, request),
                                  .time_ns = request->time_ns,
-                                 .viewer_from_room =
-                                     request->camera ? &viewer_from_room : NULL, // an orbit shows no room
+                                 .viewer_from_room = request->camera || request->in_room
+                                                         ? &viewer_from_room
+                                                         : NULL, // an empty ground shows none
+                                 .room_front = !request->camera,
                                  .within_ns = frame_tolerance_ns(s, request, frame),
                                  .also_paper = request->former};
     struct renderer_result result;

@@ -35,6 +35,7 @@ bool take_view_final(const struct take_view *s);      // false: drawing the same
 bool take_view_waiting(const struct take_view *s); // the frame that is shown is still being loaded; another stands in
 
 int64_t take_view_length_ns(const struct take_view *s);
+int64_t take_view_frames_decoded(const struct take_view *s); // so far, on all threads
 int64_t take_view_frames(const struct take_view *s);
 struct orbit take_view_orbit(const struct take_view *s); // starts at the sensor's viewpoint
 
@@ -48,6 +49,7 @@ struct take_view_request {
     double error_px;                  // allowed error of the level of detail
     bool sources, inset;              // draw them, too
     bool camera_lost;                 // the camera is not localised: the actor is not drawn
+    bool in_room;                     // an orbit in which the room hides the actor, where it faces the viewpoint
     bool former;                      // also the actor at DETAIL_PAPER, as drawn before the avatar was there
     const struct gpu_texture *camera; // the camera's image, of the lens's size; NULL: an orbit
     int64_t camera_number;            // number of that image
@@ -57,6 +59,8 @@ struct take_view_image {
     struct lens lens;
     struct pose world_from_camera;
     const struct gpu_texture *camera;  // the request's
+    const struct gpu_texture *filmed;  // set by the viewer: the place's recorded views behind an orbit, premultiplied,
+                                       // transparent where nothing was filmed; NULL: none
     const struct gpu_texture *actor;   // premultiplied alpha; NULL: not drawn
     struct ui_uv_rect actor_part;      // bounds of the actor in shares of the image; all of it where unknown
     const struct gpu_texture *shadow;  // occlusion shadow, to be drawn under the actor; NULL: none

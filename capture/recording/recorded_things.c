@@ -80,6 +80,41 @@ static enum status thing_from_row(struct recording *r, struct statement *s, stru
     return OK;
 }
 
+static struct thing_content *content_of(struct recorded_thing *t, const char *kind)
+{
+    return !strcmp(kind, "image") ? &t->image : !strcmp(kind, "model") ? &t->model : NULL;
+}
+
+// What belongs to no thing or cannot be read costs itself alone: text is worth more than pictures.
+static enum status read_contents(struct recording *r, struct recorded_thing *things, int count)
+{
+    struct database *db = recording_database(r);
+    struct statement *s = NULL;
+    int64_t tables = 0;
+    enum status status = database_number(db, COUNT_TABLES("'thing_content'"), &tables);
+    if (status != OK || !tables)
+        return status;
+    status = statement_open(&s, db, "SELECT thing, kind, bytes, crc FROM thing_content ORDER BY rowid");
+    while (status == OK && (status = statement_step(s)) == OK) {
+        const int64_t thing = statement_number(s, 0);
+        const char *kind = statement_text(s, 1);
+        struct thing_content *to = thing >= 0 && thing < count ? content_of(&things[thing], kind) : NULL;
+        size_t bytes;
+        const uint8_t *blob = statement_blob(s, 2, &bytes);
+        if (!to || to->bytes || !blob || !bytes || bytes > THING_CONTENT_MOST ||
+            crc32_of(crc32_of(0, kind, strlen(kind)), blob, bytes) != (uint32_t)statement_number(s, 3))
+            continue;
+        if (!(to->bytes = malloc(bytes))) {
+            status = fail(ERR_MEMORY, "no memory for a thing's %s", kind);
+            break;
+        }
+        memcpy(to->bytes, blob, bytes);
+        to->count = bytes;
+    }
+    statement_close(&s);
+    return status == NOTHING ? OK : status;
+}
+
 enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count)
 {
     struct database *db = recording_database(r);
@@ -103,16 +138,42 @@ enum status recording_read_things(struct recording *r, struct recorded_thing **t
     }
     statement_close(&s);
     if (status == NOTHING)
+        status = read_contents(r, *things, *count);
+    if (status == OK)
         return OK;
     recorded_things_free(things, *count);
     *count = 0;
     return status;
 }
 
+static bool copy_bytes(struct thing_content *to, const struct thing_content *from)
+{
+    *to = (struct thing_content){0};
+    if (!from->bytes)
+        return true;
+    if (!(to->bytes = malloc(from->count)))
+        return false;
+    memcpy(to->bytes, from->bytes, from->count);
+    to->count = from->count;
+    return true;
+}
+
+enum status recorded_thing_copy(struct recorded_thing *to, const struct recorded_thing *from)
+{
+    *to = *from;
+    to->knowledge = from->knowledge ? strdup(from->knowledge) : NULL;
+    bool good = copy_bytes(&to->image, &from->image);
+    good = copy_bytes(&to->model, &from->model) && good && (to->knowledge || !from->knowledge);
+    return good ? OK : fail(ERR_MEMORY, "no memory for what is known of a thing");
+}
+
 void recorded_things_free(struct recorded_thing **things, int count)
 {
-    for (int i = 0; i < count && *things; i++)
+    for (int i = 0; i < count && *things; i++) {
         free((*things)[i].knowledge);
+        free((*things)[i].image.bytes);
+        free((*things)[i].model.bytes);
+    }
     free(*things);
     *things = NULL;
 }
@@ -124,6 +185,9 @@ static enum status check_things(const struct recorded_thing *things, int count)
             return fail(ERR_INPUT, "a thing without a name");
         if (!is_finite(&things[i]) || things[i].sightings < 0)
             return fail(ERR_INPUT, "'%s': a number is not finite", things[i].name);
+        if (things[i].image.count > THING_CONTENT_MOST || things[i].model.count > THING_CONTENT_MOST)
+            return fail(ERR_INPUT, "'%s': a picture or model is larger than %d bytes", things[i].name,
+                        (int)THING_CONTENT_MOST);
         for (int k = 0; k < i; k++)
             if (!strcmp(things[i].name, things[k].name))
                 return fail(ERR_INPUT, "two things have the name '%s'", things[i].name);
@@ -156,6 +220,29 @@ static enum status insert_things(struct database *db, const struct recorded_thin
     return status;
 }
 
+static enum status insert_content(struct statement *s, int thing, const char *kind, const struct thing_content *c)
+{
+    statement_bind_number(s, 1, thing);
+    statement_bind_text(s, 2, kind);
+    statement_bind_blob(s, 3, c->bytes, c->count);
+    statement_bind_number(s, 4, crc32_of(crc32_of(0, kind, strlen(kind)), c->bytes, c->count));
+    return statement_run(s);
+}
+
+static enum status insert_contents(struct database *db, const struct recorded_thing *things, int count)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, db, "INSERT INTO thing_content(thing, kind, bytes, crc) VALUES(?,?,?,?)");
+    for (int i = 0; i < count && status == OK; i++) {
+        if (things[i].image.bytes)
+            status = insert_content(s, i, "image", &things[i].image);
+        if (status == OK && things[i].model.bytes)
+            status = insert_content(s, i, "model", &things[i].model);
+    }
+    statement_close(&s);
+    return status;
+}
+
 enum status recording_write_things(const char *path, const struct recorded_thing *things, int count)
 {
     struct database *db;
@@ -173,9 +260,13 @@ enum status recording_write_things(const char *path, const struct recorded_thing
             database_run(db, "BEGIN IMMEDIATE;"
                              "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, "
                              "note TEXT, knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"
-                             "DELETE FROM thing");
+                             "CREATE TABLE IF NOT EXISTS thing_content(id INTEGER PRIMARY KEY, thing INTEGER, "
+                             "kind TEXT, bytes BLOB, crc INTEGER);"
+                             "DELETE FROM thing; DELETE FROM thing_content");
     if (status == OK)
         status = insert_things(db, things, count);
+    if (status == OK)
+        status = insert_contents(db, things, count);
     if (status == OK)
         status = database_run(db, "COMMIT");
     struct failure first;

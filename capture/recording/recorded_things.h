@@ -15,11 +15,19 @@ struct recorded_thing {
     double width_m, height_m;
     int32_t sightings;
     bool gone; // it was expected and not found
+    // What was fetched with the knowledge, as the server sent it; malloc'ed, NULL: none. docs/format.md, thing_content.
+    struct thing_content {
+        uint8_t *bytes;
+        size_t count;
+    } image, model; // PNG or JPEG; binary glTF
 };
+enum { THING_CONTENT_MOST = 16 << 20 }; // bytes of one
 
 // *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT, ERR_IO,
 // ERR_MEMORY; on error there are none.
 MUST_CHECK enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count);
+// A copy of its own; what *to held before is lost. ERR_MEMORY: *to can be freed.
+MUST_CHECK enum status recorded_thing_copy(struct recorded_thing *to, const struct recorded_thing *from);
 void recorded_things_free(struct recorded_thing **things, int count);
 
 // Replaces all things of an existing recording in one transaction. ERR_INPUT: a name is empty or twice, a number is not

@@ -58,6 +58,7 @@ struct renderer_view {
                                    // composes renderer_actor_texture
     const struct affine_map *viewer_from_room; // from the occluder mesh's axes (the take's world) into the viewer
                                                // camera's. NULL: nothing hides the actor
+    bool room_front;   // the room hides the actor only where its surfaces face the viewer (occlusion_shadow.h)
     int64_t within_ns; // where the nearest frame's layer is not resident, a resident one at most so far from it in
                        // time gives colours and deformation. 0: the nearest is loaded
     bool also_paper;   // draw DETAIL_PAPER too, for renderer_paper_texture. Needs options.avatar_later

@@ -41,6 +41,7 @@ struct occlusion_shadow {
     // that are drawn end where the patch's begin.
     struct gpu_mesh *mesh;
     uint16_t *occluding; // the room's corners that are drawn
+    bool front_only;
 };
 
 _Static_assert(OCCLUDER_MAX_POINTS + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
@@ -140,6 +141,8 @@ void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *vi
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
 }
 
+void occlusion_shadow_set_front_only(struct occlusion_shadow *a, bool front_only) { a->front_only = front_only; }
+
 enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room)
 {
     struct occlusion_shadow next = *a;
@@ -183,6 +186,7 @@ static void draw_corners(struct occlusion_shadow *a, struct gpu_target *target, 
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = a->program,
                                .mesh = a->mesh,
+                               .closed = a->front_only && !of_patch,
                                .depth_test = true,
                                .first = a->room.corner_count - of_room,
                                .count = of_room + of_patch,

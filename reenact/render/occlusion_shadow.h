@@ -18,6 +18,10 @@ void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *vi
 // ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room);
 
+// front_only: triangles that turn their back to the viewer hide nothing, as when one looks into a room from outside
+// through its walls. Initially false.
+void occlusion_shadow_set_front_only(struct occlusion_shadow *a, bool front_only);
+
 // Draws the depth of the triangles that may occlude `hidden` into a cleared target of the image's size or a multiple of
 // it; colours stay transparent. False: there are none.
 bool occlusion_shadow_draw_room(struct occlusion_shadow *a, struct gpu_target *target,

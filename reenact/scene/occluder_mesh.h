@@ -13,7 +13,7 @@
 enum { OCCLUDER_MAX_POINTS = 65000 }; // 16-bit indices address these and the shadow's floor patch
 #define OCCLUDER_BODY_RADIUS_M 0.35   // upper bound of the body's radius about its joints; chosen by hand
 
-// Triangles in world axes, metres; either side may face outwards.
+// Triangles in world axes, metres; counter-clockwise as seen from the empty side, from which they were filmed.
 struct occluder_mesh {
     float (*points)[3];
     uint16_t *corners; // corner_count, three to a triangle

@@ -53,7 +53,8 @@ static void add_quads(const struct occluder_grid *g, const int32_t *number, size
         const int32_t q[4] = {number[at], number[at - step[u]], number[at - step[u] - step[v]], number[at - step[v]]};
         if (q[0] < 0 || q[1] < 0 || q[2] < 0 || q[3] < 0)
             continue;
-        const int32_t corners[6] = {q[0], q[1], q[2], q[0], q[2], q[3]};
+        const bool along = g->sum[at] < 0; // the empty side lies along the axis
+        const int32_t corners[6] = {q[0], q[along ? 1 : 3], q[2], q[along ? 0 : 2], q[along ? 2 : 1], q[along ? 3 : 0]};
         for (int i = 0; i < 6; i++)
             out->corners[out->corner_count++] = (uint16_t)corners[i];
     }

@@ -360,7 +360,7 @@ static void fill_request(struct take_view_request *r)
     r->placement.mirrored = false;
     r->resolution_scale = 0.8;
     r->error_px = 1;
-    r->sources = r->inset = r->camera_lost = r->former = false;
+    r->sources = r->inset = r->camera_lost = r->in_room = r->former = false;
     r->camera = NULL;
     r->camera_number = 3;
 }

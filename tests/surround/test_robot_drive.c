@@ -3,8 +3,8 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
+#include "reenact/surround/drive/drive_trial.h"
 #include "reenact/surround/drive/head_tracker.h"
-#include "reenact/surround/drive/simulated_rover.h"
 
 #include <stdio.h>
 
@@ -80,6 +80,30 @@ static void test_approaches_without_touching(void **state)
         EXPECT_AT_MOST(clearance, 0.05);
         simulated_rover_close(&rover);
     }
+}
+
+// One start with the map, in coarse pictures; `reenact drive sim: --trial 20` compares with the picture alone.
+static void test_commands_through_the_bent_passage_are_counted(void **state)
+{
+    (void)state;
+    struct box_world world;
+    struct pose start;
+    struct simulated_rover rover;
+    struct trial_result result;
+    struct rover_options how = rover_default_options();
+    how.panorama_height = 96;
+    how.view = (struct lens){.width = 160, .height = 120, .fx = 100, .fy = 100, .cx = 79.5, .cy = 59.5};
+    rover_trial_world(2, &world, &start);
+    assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
+    assert_int_equal(drive_trial_run(&rover, TRIAL_MAP, &result), OK);
+    print_message("%d commands, %.2f m, arrived %d, touched %d\n", result.commands, result.length_m, result.arrived,
+                  result.touched);
+    EXPECT_TRUE(!result.touched);
+    EXPECT_TRUE(result.arrived);
+    EXPECT_AT_LEAST(result.commands, 4); // two bends
+    EXPECT_AT_MOST(result.commands, 60);
+    EXPECT_AT_LEAST(result.length_m, 5);
+    simulated_rover_close(&rover);
 }
 
 static void test_overlay(void **state)
@@ -186,6 +210,7 @@ int main(void)
         cmocka_unit_test(test_overlay),
         cmocka_unit_test(test_the_tablet_is_the_head),
         cmocka_unit_test(test_captures_on_threads),
+        cmocka_unit_test(test_commands_through_the_bent_passage_are_counted),
         cmocka_unit_test(test_approaches_without_touching),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

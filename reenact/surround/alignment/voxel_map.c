@@ -28,10 +28,12 @@ static int64_t key_of(const int64_t cell[3])
                      1);
 }
 
-// Fibonacci hashing (Knuth 6.4).
+// Fibonacci hashing (Knuth 6.4), twice: a product's lower bits know nothing of the key's upper ones, which hold x.
 static size_t home_of(const struct voxel_map *map, int64_t key)
 {
-    return (size_t)((uint64_t)key * 0x9E3779B97F4A7C15u >> 20) & (map->size - 1);
+    uint64_t h = (uint64_t)key * 0x9E3779B97F4A7C15u;
+    h = (h ^ h >> 32) * 0x9E3779B97F4A7C15u;
+    return (size_t)(h >> 32) & (map->size - 1);
 }
 
 static size_t slot_of(const struct voxel_map *map, int64_t key)

@@ -1,0 +1,52 @@
+// The things of a recording as the app shows them: from the file, so that they are there without the network. On wish a
+// thread asks the address that the file gives for what is newer; nothing waits for it, and what fails says why.
+#pragma once
+#include "app/place/glb_reader.h"
+#include "base/covariance.h"
+#include "capture/objects/thing_knowledge.h"
+#include "capture/recording/recording.h"
+
+struct place_thing {
+    char name[64], note[1024], url[512], etag[128];
+    struct pose world_from_thing;
+    struct covariance3 covariance;
+    double width_m, height_m, sigma_m; // sigma: the largest standard deviation of its position
+    int sightings;
+    bool gone;
+    bool known; // `knowledge` says something
+    struct thing_knowledge knowledge;
+    char trouble[256];    // why nothing newer came; "" none
+    struct image picture; // width 0: none
+    struct glb_model model;
+};
+
+struct place_things {
+    struct place_thing *things;
+    int count;
+};
+
+// Pictures and models that cannot be read are left out. As recording_read_things; on error there are none.
+MUST_CHECK enum status place_things_read(struct recording *r, struct place_things *out);
+void place_things_free(struct place_things *t); // zeroed is fine
+
+// The largest standard deviation of a covariance in any direction: the longest half axis of its ellipsoid.
+double covariance_largest_sigma(const struct covariance3 *c);
+// The half axes of the 95 % ellipsoid, metres, longest first, world axes.
+void covariance_ellipsoid(const struct covariance3 *c, struct vec3 axes[3]);
+
+struct knowledge_asker;
+struct knowledge_asker_options {
+    struct http_limits limits;
+    void (*notify)(void *self); // on the thread: there is an answer; may be NULL
+    void *notify_self;
+};
+// ERR_MEMORY; *out is then NULL.
+MUST_CHECK enum status knowledge_asker_start(struct knowledge_asker **out,
+                                             const struct knowledge_asker_options *options);
+// NULL is fine. Does not wait for a request that runs: its thread ends with it, and notifies of nothing more.
+void knowledge_asker_close(struct knowledge_asker **a);
+// Asks for that thing next, in place of one that waits; does not block.
+void knowledge_asker_ask(struct knowledge_asker *a, int index, const struct place_thing *thing);
+// Puts an answer that came into its thing; returns the thing's index, or -1. Does not block.
+int knowledge_asker_take(struct knowledge_asker *a, struct place_things *things);
+bool knowledge_asker_asks(struct knowledge_asker *a, int index); // a request for it waits or runs

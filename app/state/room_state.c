@@ -1,0 +1,53 @@
+#include "app/state/room_state.h"
+
+#include <ctype.h>
+#include <string.h>
+
+// Chosen by hand: at that distance, and at that standard deviation, a label has half its opacity.
+static const double HALF_DISTANCE_M = 8, HALF_SIGMA_M = 0.25, GONE_SHARE = 0.5;
+
+struct room_state room_state_start(void)
+{
+    return (struct room_state){.names = true,
+                               .filmed = true,
+                               .card = ROOM_NOTHING,
+                               .wanted = ROOM_NOTHING,
+                               .map_orbit = {{0, 0, 0.5}, 0.6, 0.75, 7}};
+}
+
+bool room_state_type(struct room_state *s, int key)
+{
+    const size_t count = strlen(s->filter);
+    if (key == 8) {
+        if (count)
+            s->filter[count - 1] = 0;
+        return true;
+    }
+    if (key < 32 || key > 126 || (key == 32 && !count) || count + 1 >= sizeof s->filter)
+        return false;
+    s->filter[count] = (char)key;
+    s->filter[count + 1] = 0;
+    return true;
+}
+
+bool room_name_matches(const char *name, const char *filter)
+{
+    for (;; name++) {
+        size_t i = 0;
+        while (filter[i] && tolower((unsigned char)name[i]) == tolower((unsigned char)filter[i]))
+            i++;
+        if (!filter[i])
+            return true;
+        if (!*name)
+            return false;
+    }
+}
+
+void room_state_want(struct room_state *s, int thing) { s->wanted = s->wanted == thing ? ROOM_NOTHING : thing; }
+
+double room_label_opacity(double distance_m, double sigma_m, bool gone)
+{
+    const double far = distance_m / HALF_DISTANCE_M, doubt = sigma_m / HALF_SIGMA_M;
+    const double share = 1 / (1 + far * far) / (1 + doubt * doubt);
+    return isfinite(share) ? share * (gone ? GONE_SHARE : 1) : 0;
+}

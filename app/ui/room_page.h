@@ -1,0 +1,69 @@
+// What of the room the page for watching draws beside the actor: labels at the things, an arrow to the one that was
+// looked for, the sheets to find a thing and to read what is known of it, and the map.
+#pragma once
+#include "app/ui/figure_draw.h"
+#include "app/state/view_state.h"
+#include "app/ui/label_layout.h"
+#include "app/ui/layout.h"
+#include "capture/recording/place.h"
+
+enum { ROOM_LABELS_MOST = 64 }; // things with a label; all are in the sheet
+
+enum answer { ANSWER_KEPT, ANSWER_ASKING, ANSWER_NONE }; // of the knowledge base; NONE: it gave none
+
+struct room_thing {
+    const char *name;
+    struct pose world_from_thing;
+    double width_m, height_m, sigma_m; // sigma: the largest of its position
+    struct vec3 ellipsoid[3];          // half axes of 95 %, world axes
+    bool gone;
+    enum answer answer;
+};
+
+struct thing_card {
+    const char *name, *description, *weight, *material, *instructions, *note; // "" where nothing is known
+    const char *source; // where this is from, or why nothing newer came
+    bool source_warns;
+    const struct gpu_texture *picture; // NULL: none
+    double picture_aspect;             // width over height
+    const struct gpu_texture *body;    // the model or box as it turns, square
+    bool is_model;
+};
+
+struct room_page {
+    const struct room_thing *things;
+    int count;
+    const struct thing_card *card; // of view_state.room.card; NULL: none
+
+    // The map, of view_state.room.map.
+    const struct gpu_texture *map; // the place's surface and the things' bodies; NULL: being made, or there is none
+    struct figure_view map_view;   // cover: of the map's box
+    bool map_is_coming;
+    const struct place_tag *tags;
+    int tag_count;
+    const struct skeleton *actor; // world axes; NULL: none
+    const struct vec3 *path;      // where the tablet was, oldest first, world axes
+    int path_count;
+    bool viewer_known;
+    struct pose world_from_viewer; // of the tablet, else of the orbit
+    struct lens viewer_lens;
+};
+
+struct room_ui {                                           // between frames; room_ui_start
+    int sides[2][ROOM_LABELS_MOST];                        // of labels: in the picture, in the map
+    struct ui_box boxes[2][ROOM_LABELS_MOST];              // where they were drawn, dp; valid with a side
+    double scroll[2], grabbed_y, scrolled_from, content_h; // of the sheets, dp
+    bool scrolling;
+};
+void room_ui_start(struct room_ui *ui);
+
+// Labels and the arrow over a picture in `bounds`. number: 0 the picture, 1 the map.
+void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
+                       const struct figure_view *view, int number, struct ui_box bounds, const struct ui_box *taken,
+                       int taken_count, int64_t now_ns);
+
+// The open sheet: SHEET_THINGS or SHEET_CARD.
+void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
+                      struct ui_box box, struct vec3 eye, int64_t now_ns);
+
+void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box);

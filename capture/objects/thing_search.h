@@ -1,0 +1,23 @@
+// Looking for known things in pictures of a single camera whose poses are known: views of a place, or a camera that was
+// localised in one. Distance from depth where there is any (thing_depth.h), else from the things' size; what a thing's
+// shape and size are is learnt from all pictures together before any is believed.
+//
+// Memory: 3 bytes a pixel of each picture in which something was found, and 2 of its depth.
+#pragma once
+#include "capture/objects/thing_depth.h"
+#include "capture/objects/thing_map.h"
+
+struct thing_search;
+
+// The list must outlive it. ERR_MEMORY, ERR_SOLVER, ERR_INPUT: as recognizer_open. On error *out is NULL.
+MUST_CHECK enum status thing_search_open(struct thing_search **out, const struct thing_list *things);
+void thing_search_close(struct thing_search **s); // NULL is fine
+
+// A picture as `lens` took it; depth NULL: none. Everything is copied. ERR_MEMORY, ERR_SOLVER.
+MUST_CHECK enum status thing_search_add(struct thing_search *s, const struct lens *lens, struct pose world_from_camera,
+                                        const uint8_t *rgb, const struct depth_view *depth);
+
+// The things found, in world axes. ERR_MEMORY, ERR_SOLVER. *sightings: that the map is made of; *contradicted: left
+// out, because depth and size do not fit.
+MUST_CHECK enum status thing_search_finish(struct thing_search *s, struct thing_map *out, int *sightings,
+                                           int *contradicted);

@@ -1,0 +1,190 @@
+#include "reenact/render/solid_renderer.h"
+
+#include "reenact/render/shaders.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_VERTICES = 65536, FLOATS = 12 };
+_Static_assert(sizeof(struct solid_vertex) == FLOATS * sizeof(float), "vertices are floats side by side");
+
+enum uniform { VIEWER_FROM_SOLID, VIEW_LENS, VIEW_RANGE, UNIFORMS };
+static const char *const uniform_names[UNIFORMS] = {
+    [VIEWER_FROM_SOLID] = "viewer_from_solid", [VIEW_LENS] = "view_lens", [VIEW_RANGE] = "view_range"};
+
+struct solid_mesh {
+    struct gpu_mesh **pieces; // of at most MOST_VERTICES
+    int *drawn;               // corners of each
+    int count;
+};
+
+struct solid_renderer {
+    struct gpu_program *program;
+    struct gpu_texture *white;
+};
+
+// ---------------------------------------------------------------- meshes
+
+static enum status add_piece(struct solid_mesh *m, struct gpu *gpu, const struct gpu_mesh_data *data)
+{
+    struct gpu_mesh **pieces = realloc(m->pieces, sizeof *pieces * ((size_t)m->count + 1));
+    if (pieces)
+        m->pieces = pieces;
+    int *drawn = realloc(m->drawn, sizeof *drawn * ((size_t)m->count + 1));
+    if (drawn)
+        m->drawn = drawn;
+    if (!pieces || !drawn)
+        return fail(ERR_MEMORY, "out of memory");
+    const enum status status = gpu_mesh_open(&m->pieces[m->count], gpu, data);
+    if (status == OK)
+        m->drawn[m->count++] = data->index_count;
+    return status;
+}
+
+struct splitter {
+    struct solid_vertex *vertices; // MOST_VERTICES
+    uint16_t *corners;             // as many as there are in all
+    int32_t *number;               // of each vertex in the piece; -1: not in it
+    int32_t *members;              // MOST_VERTICES: which those are
+    int vertex_count, corner_count;
+};
+
+static enum status flush(struct splitter *s, struct solid_mesh *m, struct gpu *gpu)
+{
+    const struct gpu_mesh_data data = {&s->vertices[0].at[0], FLOATS, s->vertex_count, s->corners, s->corner_count};
+    const enum status status = s->corner_count ? add_piece(m, gpu, &data) : OK;
+    for (int i = 0; i < s->vertex_count; i++)
+        s->number[s->members[i]] = -1;
+    s->vertex_count = s->corner_count = 0;
+    return status;
+}
+
+static enum status split(struct splitter *s, struct solid_mesh *m, struct gpu *gpu, const struct solid_vertex *vertices,
+                         const uint32_t *corners, int corner_count)
+{
+    enum status status = OK;
+    for (int i = 0; i + 2 < corner_count && status == OK; i += 3) {
+        if (s->vertex_count + 3 > MOST_VERTICES)
+            status = flush(s, m, gpu);
+        for (int k = 0; k < 3; k++) {
+            const uint32_t v = corners[i + k];
+            if (s->number[v] < 0) {
+                s->number[v] = s->vertex_count;
+                s->members[s->vertex_count] = (int32_t)v;
+                s->vertices[s->vertex_count++] = vertices[v];
+            }
+            s->corners[s->corner_count++] = (uint16_t)s->number[v];
+        }
+    }
+    return status == OK ? flush(s, m, gpu) : status;
+}
+
+enum status solid_mesh_open(struct solid_mesh **out, struct gpu *gpu, const struct solid_vertex *vertices,
+                            int vertex_count, const uint32_t *corners, int corner_count)
+{
+    struct solid_mesh *m = *out = calloc(1, sizeof *m);
+    struct splitter s = {.vertices = malloc(sizeof *s.vertices * MOST_VERTICES),
+                         .corners = malloc(sizeof *s.corners * (size_t)(corner_count + 1)),
+                         .number = malloc(sizeof *s.number * (size_t)(vertex_count + 1)),
+                         .members = malloc(sizeof *s.members * MOST_VERTICES)};
+    enum status status = m && s.vertices && s.corners && s.number && s.members ? OK : fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < vertex_count && status == OK; i++)
+        s.number[i] = -1;
+    if (status == OK)
+        status = split(&s, m, gpu, vertices, corners, corner_count);
+    free(s.vertices);
+    free(s.corners);
+    free(s.number);
+    free(s.members);
+    if (status != OK)
+        solid_mesh_close(out);
+    return status;
+}
+
+void solid_mesh_close(struct solid_mesh **out)
+{
+    struct solid_mesh *m = *out;
+    if (!m)
+        return;
+    for (int i = 0; i < m->count; i++)
+        gpu_mesh_close(&m->pieces[i]);
+    free(m->pieces);
+    free(m->drawn);
+    free(m);
+    *out = NULL;
+}
+
+void solid_mesh_write(struct solid_mesh *m, const struct solid_vertex *vertices, int vertex_count,
+                      const uint16_t *corners, int corner_count)
+{
+    assert(m->count == 1);
+    gpu_mesh_write_vertices(m->pieces[0], 0, &vertices[0].at[0], vertex_count * FLOATS);
+    if (corner_count)
+        gpu_mesh_write_indices(m->pieces[0], 0, corners, corner_count);
+    m->drawn[0] = corner_count;
+}
+
+// ---------------------------------------------------------------- drawing
+
+enum status solid_renderer_open(struct solid_renderer **out, struct gpu *gpu)
+{
+    static const char *const samplers[] = {"picture"};
+    static const uint8_t white[4] = {255, 255, 255, 255};
+    const struct gpu_program_source text = {.name = "solid",
+                                            .vertex = shader_find("solid.vert"),
+                                            .fragment = shader_find("solid.frag"),
+                                            .uniforms = uniform_names,
+                                            .uniform_count = UNIFORMS,
+                                            .samplers = samplers,
+                                            .sampler_count = 1};
+    struct solid_renderer *r = *out = calloc(1, sizeof *r);
+    if (!r)
+        return fail(ERR_MEMORY, "out of memory");
+    enum status status = gpu_program_open(&r->program, gpu, &text);
+    if (status == OK)
+        status = gpu_texture_open(&r->white, gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST}, white);
+    if (status != OK)
+        solid_renderer_close(out);
+    return status;
+}
+
+void solid_renderer_close(struct solid_renderer **r)
+{
+    if (!*r)
+        return;
+    gpu_program_close(&(*r)->program);
+    gpu_texture_close(&(*r)->white);
+    free(*r);
+    *r = NULL;
+}
+
+void solid_renderer_draw(struct solid_renderer *r, const struct solid_view *view, const struct solid_mesh *mesh,
+                         const struct solid_look *look)
+{
+    const struct pose viewer_from_solid = pose_multiply(pose_inverse(view->world_from_camera), look->world_from_solid);
+    const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, 0, 0};
+    const struct vec3 t = viewer_from_solid.translation;
+    const double shift[3] = {t.x, t.y, t.z};
+    double m[3][3];
+    float rows[12], lens[12];
+    quat_to_matrix(viewer_from_solid.rotation, m);
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            rows[4 * i + k] = (float)(look->scale * m[i][k]);
+        rows[4 * i + 3] = (float)shift[i];
+    }
+    lens_uniform(&view->lens, lens);
+    gpu_program_set(r->program, VIEWER_FROM_SOLID, rows, 3);
+    gpu_program_set(r->program, VIEW_LENS, lens, 3);
+    gpu_program_set(r->program, VIEW_RANGE, range, 1);
+    for (int i = 0; i < mesh->count; i++)
+        if (mesh->drawn[i])
+            gpu_draw(&(struct gpu_job){.target = view->target,
+                                       .program = r->program,
+                                       .mesh = mesh->pieces[i],
+                                       .textures = {look->picture ? look->picture : r->white},
+                                       .closed = look->closed,
+                                       .depth_test = true,
+                                       .blend = true,
+                                       .count = mesh->drawn[i]});
+}

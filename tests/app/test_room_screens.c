@@ -1,0 +1,399 @@
+// What the app shows of the room about the actor, drawn into memory: labels at the things, the card, the search, the
+// map, and the filmed room behind an orbit.
+//
+//     test_room_screens          the tests
+//     test_room_screens FOLDER   images of the screens
+#include "tests/support/test.h"
+
+#include "app/viewer.h"
+#include "base/clock.h"
+#include "platform/png.h"
+#include "tests/support/glass.h"
+#include "tests/support/room_rehearsal.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
+
+// Less where the CPU is emulated or watched.
+#if defined EMULATED
+enum { SHARE = 4 };
+#else
+enum { SHARE = 2 };
+#endif
+
+static struct rehearsal rehearsal;
+
+static void open_glass(struct glass *g, int width, int height, const char *camera)
+{
+    const struct viewer_options options = {.file = rehearsal.file,
+                                           .take = "turn",
+                                           .camera = camera,
+                                           .photos = rehearsal.scratch.path,
+                                           .fixed_resolution = true,
+                                           .refresh_hz = 60};
+    glass_open(g, width, height, &options);
+}
+
+static void pause_at(struct glass *g, double share)
+{
+    glass_draw(g);
+    glass_seek(g, share);
+    glass_draw(g);
+}
+
+// Draws until the room behind the orbit is as good as it gets.
+static void wait_filmed(struct glass *g)
+{
+    const struct room_picture *p = NULL;
+    for (int64_t until = clock_now_ns() + 200000000000; clock_now_ns() < until && !(p && p->final);) {
+        glass_draw(g);
+        p = g->viewer.room.worker ? room_worker_latest(g->viewer.room.worker) : NULL;
+        if (p && p->final &&
+            (v3_distance(p->world_from_view.translation, g->viewer.image.world_from_camera.translation) > 1e-6))
+            p = NULL;
+        clock_sleep_until_ns(clock_now_ns() + 5000000);
+    }
+    EXPECT_TRUE(p && p->final);
+    glass_draw(g);
+}
+
+static void wait_map(struct glass *g)
+{
+    for (int64_t until = clock_now_ns() + 60000000000; clock_now_ns() < until && !g->viewer.room.mesh_came;) {
+        glass_draw(g);
+        clock_sleep_until_ns(clock_now_ns() + 5000000);
+    }
+    EXPECT_TRUE(g->viewer.room.mesh_came);
+    glass_draw(g);
+}
+
+static void touch(struct glass *g, double x_dp, double y_dp)
+{
+    const double scale = glass_scale(g);
+    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 3, .x = x_dp * scale, .y = y_dp * scale};
+    input_map_event(&g->viewer.input, &g->viewer.state, &e, scale, clock_now_ns());
+    glass_draw(g);
+    e.kind = WINDOW_POINTER_UP;
+    input_map_event(&g->viewer.input, &g->viewer.state, &e, scale, clock_now_ns());
+    glass_draw(g);
+    glass_draw(g);
+}
+
+static void type(struct glass *g, const char *keys)
+{
+    for (; *keys; keys++) {
+        const struct window_event e = {.kind = WINDOW_KEY, .key = *keys};
+        input_map_event(&g->viewer.input, &g->viewer.state, &e, glass_scale(g), clock_now_ns());
+        glass_draw(g);
+    }
+}
+
+// Where the picture shows the thing, dp.
+static struct ui_point on_screen(const struct glass *g, int thing)
+{
+    const struct take_view_image *p = &g->viewer.image;
+    const double scale = glass_scale(g);
+    struct view_state *s = (struct view_state *)(uintptr_t)&g->viewer.state;
+    const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
+    const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, l.picture), false};
+    struct ui_point at = {-1, -1};
+    EXPECT_TRUE(figure_point(&view, g->viewer.room.things.things[thing].world_from_thing.translation, &at));
+    return at;
+}
+
+// ---------------------------------------------------------------- tests
+
+static void test_a_touch_opens_what_is_known(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    struct view_state *s = &g.viewer.state;
+    pause_at(&g, 0.5);
+    EXPECT_INT(s->room.thing_count, ROOM_THINGS);
+    glass_wait_idle(&g);
+    const int *side = g.viewer.screens.room.sides[0];
+    EXPECT_TRUE(side[0] != LABEL_NO_SIDE);
+    const struct ui_point at = on_screen(&g, 0), label = middle(g.viewer.screens.room.boxes[0][0]);
+    print_message("the dumbbell is at %.0f, %.0f dp, its label at %.0f, %.0f\n", at.x, at.y, label.x, label.y);
+    EXPECT_AT_MOST(hypot(at.x - label.x, at.y - label.y), 160);
+    touch(&g, label.x, label.y);
+    EXPECT_INT(s->sheet, SHEET_CARD);
+    EXPECT_INT(s->room.card, 0);
+    const struct thing_card *card = g.viewer.room.page.card;
+    EXPECT_TRUE(card && card->picture && card->body && card->is_model);
+    assert_string_equal(card->name, "Dumbbell, 2.5 kg");
+    assert_string_equal(card->weight, "2.5 kg");
+    assert_string_equal(card->source, "Kept in the recording.");
+    // The model turns.
+    enum { PX = 320 };
+    static uint8_t first[PX * PX * 4], second[PX * PX * 4];
+    EXPECT_STATUS(gpu_target_read(g.viewer.room.turning, first), OK);
+    clock_sleep_until_ns(clock_now_ns() + 400000000);
+    glass_draw(&g);
+    EXPECT_STATUS(gpu_target_read(g.viewer.room.turning, second), OK);
+    int drawn = 0, moved = 0;
+    for (int i = 0; i < PX * PX; i++) {
+        drawn += first[4 * i + 3] > 200;
+        moved += memcmp(first + 4 * i, second + 4 * i, 3) != 0;
+    }
+    print_message("%d pixels of the model, %d changed\n", drawn, moved);
+    EXPECT_AT_LEAST(drawn, PX * PX / 20);
+    EXPECT_AT_LEAST(moved, PX * PX / 50);
+    view_state_do(s, DO_BACK, clock_now_ns());
+    glass_draw(&g);
+    EXPECT_INT(s->sheet, SHEET_NONE);
+    glass_close(&g);
+}
+
+static void test_typing_finds_a_thing(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    struct view_state *s = &g.viewer.state;
+    pause_at(&g, 0.5);
+    type(&g, "w");
+    EXPECT_INT(s->sheet, SHEET_THINGS);
+    type(&g, "chxai\b\b\bai");
+    assert_string_equal(s->room.filter, "chai");
+    type(&g, "\r");
+    EXPECT_INT(s->sheet, SHEET_NONE);
+    EXPECT_INT(s->room.wanted, 4);
+    glass_draw(&g);
+    glass_read(&g);
+    const int led = glass_count_color(&g, theme_of(true)->accent, 8);
+    s->room.wanted = ROOM_NOTHING;
+    glass_draw(&g);
+    glass_read(&g);
+    const int plain = glass_count_color(&g, theme_of(true)->accent, 8);
+    print_message("accent: %d pixels with the arrow, %d without\n", led, plain);
+    EXPECT_AT_LEAST(led - plain, 60);
+    type(&g, "w");
+    touch(&g, 1100, 260); // the first row of the list
+    EXPECT_TRUE(s->room.wanted >= 0 && s->room.wanted < ROOM_THINGS);
+    glass_close(&g);
+}
+
+static double share_of_color(const struct glass *g, struct ui_box dp)
+{
+    const double scale = glass_scale(g);
+    int colored = 0, all = 0;
+    for (int y = (int)(dp.y * scale); y < (int)((dp.y + dp.h) * scale); y++)
+        for (int x = (int)(dp.x * scale); x < (int)((dp.x + dp.w) * scale); x++, all++) {
+            const uint8_t *p = g->rgba + 4 * (y * g->width + x);
+            const int low = p[0] < p[1] ? p[0] < p[2] ? p[0] : p[2] : p[1] < p[2] ? p[1] : p[2];
+            const int high = p[0] > p[1] ? p[0] > p[2] ? p[0] : p[2] : p[1] > p[2] ? p[1] : p[2];
+            colored += high - low > 24;
+        }
+    return (double)colored / all;
+}
+
+static void test_the_map_is_beside_the_picture(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, rehearsal.camera);
+    struct view_state *s = &g.viewer.state;
+    glass_wait_located(&g, true);
+    glass_seek(&g, 0.5);
+    view_state_do(s, DO_MAP, clock_now_ns());
+    wait_map(&g);
+    glass_read(&g);
+    const double w = g.width / glass_scale(&g), h = g.height / glass_scale(&g);
+    const double colored = share_of_color(&g, (struct ui_box){0.55 * w, 0.15 * h, 0.4 * w, 0.6 * h});
+    print_message("%.2f of the map's middle is coloured\n", colored);
+    EXPECT_AT_LEAST(colored, 0.1);
+    EXPECT_TRUE(g.viewer.room.page.viewer_known && g.viewer.room.path_count >= 1);
+    // A finger and the wheel move the map's viewpoint and not the actor's.
+    const struct orbit map = s->room.map_orbit, orbit = s->orbit;
+    const double scale = glass_scale(&g);
+    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 0.75 * g.width, .y = 0.4 * g.height};
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    e.kind = WINDOW_POINTER_MOVE;
+    e.x -= 60;
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    e = (struct window_event){.kind = WINDOW_WHEEL, .amount = 2};
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    EXPECT_AT_LEAST(s->room.map_orbit.angle_rad - map.angle_rad, 0.2);
+    EXPECT_AT_LEAST(map.distance_m - s->room.map_orbit.distance_m, 0.2);
+    EXPECT_NEAR(s->orbit.angle_rad, orbit.angle_rad, 0);
+    e = (struct window_event){.kind = WINDOW_PAD_AXIS, .axis = PAD_RIGHT_X, .amount = 1};
+    const double before = s->room.map_orbit.angle_rad;
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    clock_sleep_until_ns(clock_now_ns() + 50000000);
+    glass_draw(&g);
+    EXPECT_TRUE(s->room.map_orbit.angle_rad != before);
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- the filmed room
+
+// The mean difference between what an orbit shows and what a camera there would have seen, over what was filmed; and
+// the share of it.
+static double difference_to_truth(const struct glass *g, const struct world *w, double *filmed)
+{
+    const struct room_picture *p = room_worker_latest(g->viewer.room.worker);
+    const size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    uint8_t *truth = malloc(3 * pixels);
+    const struct world_shot shot = {p->lens, p->world_from_view, 0, false};
+    EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.color = truth}), OK);
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < pixels; i++)
+        if (p->rgba[4 * i + 3])
+            for (size_t c = 0; c < 3; c++, count++)
+                sum += abs(p->rgba[4 * i + c] - truth[3 * i + c]);
+    free(truth);
+    *filmed = count / 3 / (double)pixels;
+    return sum / count;
+}
+
+static void test_an_orbit_shows_the_filmed_room(void **state)
+{
+    (void)state;
+    struct glass g;
+    struct world *world;
+    struct world_options options = world_default_options();
+    options.threads = 2;
+    EXPECT_STATUS(world_open(&world, &options), OK);
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    struct view_state *s = &g.viewer.state;
+    pause_at(&g, 0.5);
+    wait_filmed(&g);
+    double filmed;
+    const double off = difference_to_truth(&g, world, &filmed);
+    print_message("%.2f of the picture was filmed, off by %.1f grey levels from what a camera would see\n", filmed,
+                  off);
+    EXPECT_AT_LEAST(filmed, 0.5);
+    EXPECT_AT_MOST(off, 14);
+    EXPECT_TRUE(g.viewer.image.filmed && g.viewer.request.in_room);
+    // Where nothing was filmed the ground and its hatching are seen: the layer is transparent there.
+    glass_read(&g);
+    uint8_t *with = malloc((size_t)g.width * (size_t)g.height * 4);
+    memcpy(with, g.rgba, (size_t)g.width * (size_t)g.height * 4);
+    view_state_do(s, DO_FILMED, clock_now_ns());
+    glass_draw(&g);
+    glass_draw(&g);
+    EXPECT_TRUE(!g.viewer.image.filmed && !g.viewer.request.in_room);
+    glass_read(&g);
+    EXPECT_AT_LEAST(glass_difference(&g, with), 8);
+    free(with);
+    glass_close(&g);
+    world_close(&world);
+}
+
+// While the viewpoint moves, each frame shows the room from its own viewpoint, whatever the worker does meanwhile.
+static void test_the_room_moves_with_the_viewpoint(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    struct view_state *s = &g.viewer.state;
+    pause_at(&g, 0.5);
+    wait_filmed(&g);
+    const int64_t number = room_worker_latest(g.viewer.room.worker)->number;
+    const size_t pixels = (size_t)g.width * (size_t)g.height;
+    uint8_t *moved = malloc(4 * pixels), *made = malloc(4 * pixels);
+    s->orbit.angle_rad += 0.05; // some centimetres aside
+    glass_draw(&g);
+    EXPECT_TRUE(g.viewer.image.filmed);
+    const bool bent = room_worker_latest(g.viewer.room.worker)->number == number;
+    glass_read(&g);
+    memcpy(moved, g.rgba, 4 * pixels);
+    wait_filmed(&g);
+    glass_read(&g);
+    memcpy(made, g.rgba, 4 * pixels);
+    const double off = glass_difference(&g, moved);
+    print_message("bent to the new viewpoint: %d; off by %.2f from the picture made for it\n", bent, off);
+    EXPECT_AT_MOST(off, 9);
+    free(moved);
+    free(made);
+    glass_close(&g);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    rehearsal = room_rehearsal_make();
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+// ---------------------------------------------------------------- images
+
+enum { IMAGES = 6 };
+static const char *const names[IMAGES] = {"labels", "card", "find", "map", "orbit-room", "arrow"};
+
+static void show(struct glass *g, int n)
+{
+    struct view_state *s = &g->viewer.state;
+    s->sheet = SHEET_NONE;
+    s->room.map = n == 3;
+    s->orbit_requested = n == 4;
+    s->room.wanted = n == 5 ? 4 : n == 3 ? 1 : ROOM_NOTHING;
+    s->room.card = n == 1 ? 0 : ROOM_NOTHING;
+    s->sheet = n == 1 ? SHEET_CARD : n == 2 ? SHEET_THINGS : SHEET_NONE;
+    glass_draw(g);
+    glass_draw(g);
+    if (n == 3)
+        wait_map(g);
+    if (n == 4) {
+        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 0.35;
+        s->orbit.rise_rad = 0.2;
+        glass_wait_idle(g);
+        wait_filmed(g);
+    }
+    glass_draw(g);
+}
+
+static void save_images(const char *folder)
+{
+    for (int upright = 0; upright < 2; upright++) {
+        struct glass g;
+        char path[600];
+        open_glass(&g, upright ? SHORT : LONG, upright ? LONG : SHORT, rehearsal.camera);
+        glass_wait_located(&g, true);
+        glass_prepare(&g);
+        glass_seek(&g, 0.4);
+        for (int n = 0; n < IMAGES; n++)
+            for (int dark = 1; dark >= 0; dark--) {
+                g.viewer.state.dark = dark;
+                show(&g, n);
+                glass_read(&g);
+                snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, names[n], upright ? "upright" : "wide",
+                         dark ? "dark" : "light");
+                EXPECT_STATUS(png_write(path, PNG_RGBA8, g.rgba, g.width, g.height), OK);
+            }
+        glass_close(&g);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 2) {
+        rehearsal = room_rehearsal_make();
+        save_images(argv[1]);
+        rehearsal_end(&rehearsal);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_touch_opens_what_is_known),       cmocka_unit_test(test_typing_finds_a_thing),
+        cmocka_unit_test(test_the_map_is_beside_the_picture),     cmocka_unit_test(test_an_orbit_shows_the_filmed_room),
+        cmocka_unit_test(test_the_room_moves_with_the_viewpoint),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
