@@ -32,8 +32,9 @@ static void write_calibration(const struct scratch *scratch, const char *name, c
     scratch_text(scratch, path, text);
 }
 
-void film_sensor(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
-                 int frames)
+// sweep: the hand-held sensor in the empty room, over all of its sweep; else on its stand, from first_s on.
+static void film(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
+                 int frames, bool sweep)
 {
     struct calibration c = world_calibration(scale);
     size_t pixels = (size_t)c.color.width * (size_t)c.color.height;
@@ -42,8 +43,8 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
     char *rgb_list = calloc(64, (size_t)frames), *depth_list = calloc(64, (size_t)frames), path[300];
     write_calibration(scratch, name, &c);
     for (int i = 0; i < frames; i++) {
-        double time_s = first_s + i / 30.0;
-        struct world_shot shot = {c.color, world_sensor_pose(w), time_s, true};
+        double time_s = sweep ? (double)WORLD_SWEEP_S * i / frames : first_s + i / 30.0;
+        struct world_shot shot = {c.color, sweep ? world_sweep_pose(w, time_s) : world_sensor_pose(w), time_s, !sweep};
         check(world_render(w, &shot, &(struct world_image){.color = color, .depth = depth}));
         check(world_depth_noise(&c.depth, depth, (uint64_t)i + 1, depth));
         uint8_t *bytes;
@@ -67,6 +68,17 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
     free(depth_list);
     free(color);
     free(depth);
+}
+
+void film_sensor(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
+                 int frames)
+{
+    film(w, scratch, name, scale, first_s, frames, false);
+}
+
+void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames)
+{
+    film(w, scratch, name, scale, 0, frames, true);
 }
 
 struct place film_true_place(const struct world *w, double scale)

@@ -9,6 +9,9 @@
 void film_sensor(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
                  int frames);
 
+// The same, by hand round the empty room; frames spread over the whole sweep.
+void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames);
+
 // The world's tags as a place, as if mapped without error. The caller frees it with place_free.
 struct place film_true_place(const struct world *w, double scale);
 
