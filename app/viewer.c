@@ -13,6 +13,7 @@
 static const int64_t CHECK_NS = 1000000000; // interval of looking whether the file is still there
 static const int64_t POLL_NS = 4000000;     // interval of looking for frame data that is being loaded
 static const int64_t REST_NS = 500000000;   // how long the camera's images must be unneeded before it is closed
+static const int64_t CARDS_NS = 50000000;   // how long one update may load what the list of takes shows
 static const double EASE_S = 0.07;          // time constant of the free box
 static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames counts as this
 
@@ -24,7 +25,7 @@ static enum status open_recording(struct viewer *v)
 {
     enum status status = recording_open(&v->recording, v->options.file);
     if (status == OK)
-        status = take_list_open(&v->takes, v->gpu, v->recording, v->options.file);
+        status = take_list_open(&v->takes, v->recording, v->options.file);
     if (status == OK && v->takes.count == 0)
         status = fail(ERR_MISSING, "%s holds no take. Film one with reenact-capture record.", v->options.file);
     if (status != OK)
@@ -37,6 +38,7 @@ static enum status open_recording(struct viewer *v)
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state.trim.offered = v->options.offer_trim;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
@@ -66,6 +68,7 @@ enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_o
     choose_first_take(v, now_ns);
     if (options->sensor)
         v->state.live = live_state_start(options->camera);
+    v->state.live.mirrored = options->mirrored;
     if (status != OK)
         view_state_fail(&v->state, v->trouble);
     status = viewer_room_open(v);
@@ -111,6 +114,7 @@ static void open_take(struct viewer *v, int64_t now_ns)
     }
     struct orbit orbit = take_view_orbit(v->take_view);
     view_state_open_take(&v->state, take_view_length_ns(v->take_view), take_view_frames(v->take_view), &orbit, now_ns);
+    v->state.placement.mirrored = v->options.mirrored;
 }
 
 // ---------------------------------------------------------------- time
@@ -133,13 +137,15 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     view_state_on_camera(&v->state, &camera, now_ns);
 }
 
-// The camera is not read while its images would change nothing: while the user walks round by hand, and while the take
-// is paused and the last image has its pose; that image then stays.
+// The camera is not read while its images would change nothing: while the user walks round by hand, while the take is
+// paused and the last image has its pose (that image then stays), and on live screens that do not show them.
 static void rest_camera(struct viewer *v, int64_t now_ns)
 {
     const struct view_state *s = &v->state;
     const bool paused = !s->playback.playing && !s->scrubbing && v->frame && v->frame->placed;
-    const bool unneeded = s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving;
+    const bool live = s->page == PAGE_LIVE && (s->live.screen != LIVE_ROOM || s->live.phase == LIVE_SUMMARY);
+    const bool unneeded =
+        live || (s->page == PAGE_WATCH && v->take_view && (s->orbit_requested || paused) && !s->moving);
     if (!v->feed)
         return;
     if (!unneeded)
@@ -180,6 +186,20 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
         drag = (struct floor_drag){from.x, from.y, to.x, to.y};
     g.drag_x /= all.h, g.drag_y /= all.h, g.push_x /= all.h, g.push_y /= all.h;
     view_state_gesture(&v->state, &g, floor ? &drag : NULL, now_ns);
+}
+
+// Where the takes are listed: their lengths and images, some at a time so that the list is there at once.
+static bool load_cards(struct viewer *v)
+{
+    if (v->state.page != PAGE_TAKES || !v->recording)
+        return false;
+    const int64_t until_ns = clock_now_ns() + CARDS_NS;
+    enum status status = OK;
+    while (status == OK && clock_now_ns() < until_ns) {
+        status = take_list_load(&v->takes, v->gpu, v->recording);
+        v->state.changed |= status == OK;
+    }
+    return status == OK;
 }
 
 // The progress of building the avatar, and why it failed if it did.
@@ -233,6 +253,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
     v->pad_ns = now_ns;
     if (s->take_wanted)
         open_take(v, now_ns);
+    const bool cards_left = load_cards(v);
     check_file(v, now_ns);
     update_take_view(v);
     viewer_live_update(v, now_ns);
@@ -248,7 +269,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         next_ns = now_ns;
     if (v->camera_unneeded_ns && !v->camera_rests && v->camera_unneeded_ns + REST_NS < next_ns)
         next_ns = v->camera_unneeded_ns + REST_NS;
-    return sticks ? now_ns : next_ns;
+    return sticks || cards_left ? now_ns : next_ns;
 }
 
 // ---------------------------------------------------------------- drawing
@@ -391,7 +412,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
 static enum status draw_live(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     const struct live_state *l = &v->state.live;
-    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting;
+    const bool room = l->screen == LIVE_ROOM && l->phase != LIVE_SUMMARY && !v->state.orbiting && v->frame;
     enum status status = room ? upload_camera_frame(v) : OK;
     if (status != OK)
         return status;

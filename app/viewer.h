@@ -13,12 +13,15 @@
 
 struct viewer_options {
     const char *file;
-    const char *take;   // NULL: the only one, or the user chooses
-    const char *camera; // URI; NULL: none
-    const char *sensor; // URI of a depth sensor: do the move beside the actor; NULL: watch
-    bool every_frame;   // a film as sensor leaves nothing out, however slow the machine
-    const char *photos; // folder for screenshots; NULL: the user's pictures
+    const char *take;    // NULL: the only one, or the user chooses
+    const char *camera;  // URI; NULL: none
+    const char *sensor;  // URI of a depth sensor: do the move beside the actor; NULL: watch
+    bool no_body_points; // are looked for in the sensor's colour images
+    bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
+    const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light;
+    bool mirrored;         // the actor is shown left and right exchanged from the start, and with a sensor judged by so
+    bool offer_trim;       // the take's ends can be cut off: state.trim
     bool ask_knowledge;    // ask a thing's own address what is newer when its card is opened
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;

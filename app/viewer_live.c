@@ -29,6 +29,12 @@ static int64_t take_time_of(const struct viewer_live *l, double frame)
     return l->offset_ns + (int64_t)(frame / MOVEMENT_RATE_HZ * 1e9);
 }
 
+// What an attempt is judged by.
+static const struct movement *reference_of(const struct viewer_live *l, bool mirrored)
+{
+    return mirrored ? &l->mirrored : &l->reference;
+}
+
 // ---------------------------------------------------------------- opening
 
 // When the movement's first frame is, as joint_samples.c reads a take.
@@ -38,6 +44,8 @@ static enum status read_take(struct viewer *v, const char *name)
     struct movement_source source;
     struct take *take = NULL;
     enum status status = movement_read(v->options.file, name, &l->reference, &source);
+    if (status == OK)
+        status = movement_mirror(&l->reference, &l->mirrored);
     if (status == OK)
         status = take_open(&take, v->recording, name);
     if (status != OK)
@@ -61,6 +69,7 @@ static void close_take(struct viewer_live *l)
     attempt_judge_close(&l->judge);
     live_attempt_free(&l->shown);
     movement_free(&l->reference);
+    movement_free(&l->mirrored);
     l->frame = NULL;
     l->anchor = (struct live_anchor){0};
     l->offset_ns = l->uploaded = 0;
@@ -82,7 +91,9 @@ enum status viewer_live_open_take(struct viewer *v, const char *take)
     const struct live_sensor_options how = {.sensor = v->options.sensor,
                                             .place = place,
                                             .reference = &l->reference,
+                                            .mirrored = &l->mirrored,
                                             .keeper = l->keeper,
+                                            .no_body_points = v->options.no_body_points,
                                             .every_frame = v->options.every_frame,
                                             .notify = v->options.wake,
                                             .notify_self = v->options.wake_self};
@@ -112,9 +123,9 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
     struct viewer_live *l = &v->live;
     const struct live_sensor_state state = live_sensor_query(l->sensor);
     const struct live_frame *f = l->frame;
-    const bool stands = state.film && v->state.live.phase != LIVE_DOING; // a film waits for its attempt
-    struct live_sight sight = {.seeing = state.seeing && f &&
-                                         (stands || state.ended || now_ns - state.received_ns < FROZEN_NS),
+    struct live_sight sight = {.seeing =
+                                   state.seeing && f &&
+                                   (state.film || now_ns - state.received_ns < FROZEN_NS), // a film waits, or is late
                                .ended = state.ended && f && f->attempt == v->state.live.attempt,
                                .frame = f ? f->number : 0,
                                .trouble = state.trouble};
@@ -122,11 +133,18 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
         const struct live_look *look = &f->look;
         sight.person = look->person;
         sight.second_person = look->second_person;
+        sight.in_place = look->located && l->take_located;
         sight.judged = look->judged && f->attempt == v->state.live.attempt;
         sight.reference_ns = take_time_of(l, look->reference);
         sight.away_rad = look->away_rad;
     }
     live_state_on_sight(&v->state.live, &sight, now_ns);
+    if (*state.no_body_points && !l->no_points_told) { // once; what is tracked from depth alone is less sure
+        char notice[200];
+        snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", state.no_body_points);
+        view_state_notify(&v->state, notice, now_ns);
+        l->no_points_told = true;
+    }
 }
 
 static void adopt_result(struct viewer *v, int64_t now_ns)
@@ -183,7 +201,9 @@ static void judge_attempt(struct viewer *v, int64_t now_ns)
         attempt_judge_close(&l->judge);
     }
     (void)live_sensor_take_samples(l->sensor, v->state.live.finished, &samples);
-    const struct attempt_task task = {.reference = &l->reference,
+    const bool mirrored = v->state.live.attempt_mirrored;
+    const struct attempt_task task = {.reference = reference_of(l, mirrored),
+                                      .mirrored = mirrored,
                                       .first = l->first,
                                       .end = l->end,
                                       .number = v->state.live.finished,
@@ -210,10 +230,12 @@ void viewer_live_after_tick(struct viewer *v, int64_t now_ns)
     l->end = frame_at(l, s->marked_to_ns) + 1;
     const int32_t behind = at - (int32_t)(BEHIND_S * MOVEMENT_RATE_HZ),
                   ahead = at + (int32_t)(AHEAD_S * MOVEMENT_RATE_HZ);
-    const struct live_wish wish = {
-        .attempt = s->attempt,
-        .run = s->phase == LIVE_DOING,
-        .shown = {at, behind > l->first ? behind : l->first, ahead < l->end ? ahead : l->end}};
+    const struct live_wish wish = {.attempt = s->attempt,
+                                   .run = s->phase == LIVE_DOING,
+                                   .shown = {.frame = at,
+                                             .first = behind > l->first ? behind : l->first,
+                                             .end = ahead < l->end ? ahead : l->end,
+                                             .mirrored = s->mirrored}};
     live_sensor_wish(l->sensor, &wish);
     if (s->keep_wanted) {
         s->keep_wanted = false;
@@ -253,6 +275,8 @@ static void update_anchor(struct viewer *v)
         !l->frame->look.person || !v->image.has_skeleton || !stance(&l->frame->look.in_world, &person, &left) ||
         !stance(&v->image.skeleton, &actor, &actor_left))
         return;
+    if (l->image_mirrored) // the joints are where the mirror shows them, under their own names
+        actor_left = v3_scale(actor_left, -1);
     l->anchor = (struct live_anchor){.known = true,
                                      .yaw_rad = atan2(actor_left.y, actor_left.x) - atan2(left.y, left.x),
                                      .person = person,
@@ -303,7 +327,8 @@ static void fill_ghost(struct viewer *v)
     const int32_t at = frame_at(l, s->at_ns), now = l->page.verdicts ? look->reference : at;
     int32_t next = now + (int32_t)(NEXT_S * MOVEMENT_RATE_HZ);
     next = s->phase == LIVE_COUNT_IN ? at : next < l->end ? next : l->end - 1;
-    if (pose_figure_make(&l->person, &l->reference.frames[now], &l->reference.frames[next], &l->ghost))
+    const struct movement_frame *frames = reference_of(l, s->mirrored)->frames;
+    if (pose_figure_make(&l->person, &frames[now], &frames[next], &l->ghost))
         l->page.ghost = &l->ghost;
 }
 
@@ -326,6 +351,7 @@ static void fill_review(struct viewer *v)
     const struct live_state *s = &v->state.live;
     const bool judged = s->judged == s->finished && a->number == s->finished;
     l->page.comparison = judged && a->compared ? &a->comparison : NULL;
+    l->page.mirrored = judged && a->mirrored;
     l->page.why_not = judged && !a->compared ? a->why : NULL;
     l->page.strip = a->strip;
     l->page.strip_cells = ATTEMPT_CELLS;
@@ -340,7 +366,7 @@ static void fill_review(struct viewer *v)
     const double frame = live_attempt_reference(a, s->review_at_ns);
     if (isnan(frame))
         return;
-    const struct movement_frame pose = movement_at(&l->reference, frame);
+    const struct movement_frame pose = movement_at(reference_of(l, a->mirrored), frame);
     if (pose_figure_make(figure, &pose, &pose, &l->reference_figure)) {
         for (int j = 0; j < JOINT_COUNT; j++)
             l->reference_figure.joint[j] = v3_sub(l->reference_figure.joint[j], v3_scale(right, 2));
@@ -377,9 +403,6 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
     orbit.distance_m *= fmax(1, lens.fx / ORBIT_NEAREST_M / fmin(box.h / TALL_M, box.w / PAIR_WIDE_M));
     *request = (struct take_view_request){.lens = lens,
                                           .world_from_camera = orbit_world_from_camera(&orbit),
-                                          .time_ns = s->at_ns,
-                                          .playing = s->phase == LIVE_DOING && !s->waits,
-                                          .loop = s->loop,
                                           .resolution_scale = request->resolution_scale,
                                           .error_px = v->state.error_px,
                                           .former = request->former};
@@ -470,6 +493,11 @@ enum status viewer_live_draw(struct viewer *v, struct take_view_request *request
     l->page = (struct live_page){
         .file = v->takes.file, .take = v->takes.cards[v->state.take].name, .image = &v->image, .person_ns = -1};
     update_anchor(v);
+    request->placement = (struct placement){.mirrored = s->mirrored};
+    request->time_ns = s->at_ns;
+    request->playing = s->phase == LIVE_DOING && !s->waits;
+    request->loop = s->loop;
+    l->image_mirrored = s->mirrored;
     if (s->phase == LIVE_SUMMARY) {
         v->image = (struct take_view_image){.lens = request->lens, .world_from_camera = request->world_from_camera};
         fill_review(v);

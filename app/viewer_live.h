@@ -19,11 +19,13 @@ struct viewer_live {
     struct live_keeper *keeper;
     struct live_sensor *sensor;
     struct movement reference; // of the take
+    struct movement mirrored;  // its mirror image
     int64_t offset_ns;         // of its first frame in the take
     struct body body;          // the actor's
     bool take_located;
     const struct live_frame *frame; // the newest at the last update; NULL: none
     struct live_anchor anchor;
+    bool image_mirrored; // viewer.image shows the actor mirrored
 
     struct gpu_texture *picture, *front; // of the sensor's colour image
     int width, height;                   // their size
@@ -36,6 +38,7 @@ struct viewer_live {
     struct attempt_judge *judge;
     struct live_attempt shown; // of the summary
     int kept;                  // live_keeper_state.kept, as seen last
+    bool no_points_told;       // that no body points are looked for
 
     // what the page borrows
     enum verdict verdicts[PART_COUNT], review_verdicts[PART_COUNT];

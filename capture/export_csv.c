@@ -1,13 +1,16 @@
 // Joints as CSV.
 #include "capture/export.h"
 
+#include "base/text.h"
+
 static void print_skeleton(FILE *out, int64_t time_ns, const struct skeleton *s)
 {
+    char time[SECONDS_TEXT_BYTES];
+    seconds_text(time_ns, 6, time);
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = s->joint[j];
         const double sigma_m = joint_sigma_m(s, (enum joint)j);
-        fprintf(out, "%lld.%06lld,%s,%.5f,%.5f,%.5f,%.2f,", (long long)(time_ns / 1000000000),
-                (long long)(time_ns % 1000000000 / 1000), joint_name((enum joint)j), p.x, p.y, p.z,
+        fprintf(out, "%s,%s,%.5f,%.5f,%.5f,%.2f,", time, joint_name((enum joint)j), p.x, p.y, p.z,
                 (double)s->confidence[j]);
         fprintf(out, isnan(sigma_m) ? "\n" : "%.5f\n", sigma_m);
     }

@@ -1,6 +1,7 @@
 // A take as a folder in the TUM RGB-D layout.
 #include "capture/export.h"
 
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/output.h"
 #include "platform/png.h"
@@ -57,18 +58,6 @@ static enum status open_lists(struct folder_export *e)
     return status;
 }
 
-struct timestamp {
-    char text[32];
-};
-
-static struct timestamp timestamp_of(int64_t time_ns)
-{
-    struct timestamp t;
-    snprintf(t.text, sizeof t.text, "%lld.%09lld", (long long)(time_ns / 1000000000),
-             (long long)(time_ns % 1000000000));
-    return t;
-}
-
 static enum status write_image(struct folder_export *e, enum list list, int64_t frame, const uint8_t *bytes,
                                size_t count)
 {
@@ -78,8 +67,8 @@ static enum status write_image(struct folder_export *e, enum list list, int64_t 
     enum status status = join(path, e->dir, name);
     if (status == OK)
         status = file_write(path, bytes, count);
-    const struct timestamp t = timestamp_of(take_entry(e->take, frame)->time_ns);
-    fprintf(output_file(e->list[list]), "%s %s\n", t.text, name);
+    char time[SECONDS_TEXT_BYTES];
+    fprintf(output_file(e->list[list]), "%s %s\n", seconds_text(take_entry(e->take, frame)->time_ns, 9, time), name);
     return status;
 }
 
@@ -126,10 +115,10 @@ static enum status write_frame(struct folder_export *e, int64_t frame)
     }
     if (status == OK && entry->located) {
         const struct pose *p = &entry->world_from_camera;
-        const struct timestamp t = timestamp_of(entry->time_ns);
-        fprintf(output_file(e->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", t.text,
-                p->translation.x, p->translation.y, p->translation.z, p->rotation.x, p->rotation.y, p->rotation.z,
-                p->rotation.w);
+        char time[SECONDS_TEXT_BYTES];
+        fprintf(output_file(e->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n",
+                seconds_text(entry->time_ns, 9, time), p->translation.x, p->translation.y, p->translation.z,
+                p->rotation.x, p->rotation.y, p->rotation.z, p->rotation.w);
     }
     return status;
 }

@@ -5,6 +5,7 @@
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
 #include "capture/sensor_pose.h"
+#include "capture/take_frames.h"
 #include "capture/take_smoothing.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker.h"
@@ -41,7 +42,7 @@ struct item {
     uint16_t *depth;
     size_t jpeg_bytes;
     struct pose world_from_camera;
-    bool located, has_skeleton, body_changed, has_points;
+    bool located, has_skeleton, body_changed, has_points, after_pause;
     struct body_points points;
     struct skeleton skeleton;
     struct body body;
@@ -205,6 +206,8 @@ static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const s
 static enum status track_item(struct recorder *r, struct item *item)
 {
     enum status status = NOTHING;
+    if (item->after_pause) // the person may stand elsewhere by now
+        tracker_reset(r->tracker);
     if (item->has_points)
         tracker_set_body_points(r->tracker, &item->points);
     if (item->depth)
@@ -226,13 +229,15 @@ static void show_item(const struct recorder *r, const struct item *item)
 {
     if (!r->options->on_seen)
         return;
-    const struct recorder_seen seen = {.time_ns = item->time_ns,
-                                       .color = item->color,
-                                       .depth = item->depth,
-                                       .mask = item->has_skeleton ? item->mask : NULL,
-                                       .skeleton = item->has_skeleton ? &item->skeleton : NULL,
-                                       .located = item->located,
-                                       .sensor_moves = r->moves_seen};
+    struct recorder_seen seen = {.time_ns = item->time_ns,
+                                 .color = item->color,
+                                 .depth = item->depth,
+                                 .mask = item->has_skeleton ? item->mask : NULL,
+                                 .skeleton = item->has_skeleton ? &item->skeleton : NULL,
+                                 .located = item->located,
+                                 .sensor_moves = r->moves_seen};
+    if (r->sensor_pose)
+        sensor_pose_get_sight(r->sensor_pose, &seen.sight);
     r->options->on_seen(r->options->context, &seen);
 }
 
@@ -385,42 +390,43 @@ static void report_state(struct recorder *r, const struct recorder_options *opti
     options->on_state(options->context, &state);
 }
 
+// Hands one frame to the workers. NOTHING: one of them failed; its own status says why.
+static enum status hand_over(struct recorder *r, const struct frame *frame, bool after_pause,
+                             struct recorder_result *result)
+{
+    const int64_t begun_ns = clock_now_ns();
+    struct item *item = item_from_frame(frame, r->calibration);
+    if (!item)
+        return fail(ERR_MEMORY, "no memory for another frame");
+    item->after_pause = after_pause;
+    struct queue *first = r->to_look ? r->to_look : r->to_process;
+    const bool taken = r->live ? queue_try_put(first, item) : queue_put(first, item);
+    if (r->live)
+        result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
+    if (taken)
+        return OK;
+    item_free(item);
+    result->dropped += r->live;
+    return r->live ? OK : NOTHING;
+}
+
 // Until the source ends, the user stops or a worker fails.
 static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
                             struct recorder_result *result)
 {
-    int64_t frames_read = 0, first_ns = INT64_MIN;
+    struct take_clock clock = {0};
     for (;;) {
-        if (options->should_stop && options->should_stop())
-            return OK;
         struct frame frame;
-        enum status status = source_next(source, &frame);
-        if (status == NOTHING)
-            return OK;
-        if (status == ERR_INPUT || status == ERR_CORRUPT || status == ERR_MISSING) {
-            if (!result->damaged++)
-                snprintf(result->first_damage, sizeof result->first_damage, "%.255s", status_message());
-            continue;
-        }
+        enum status status = take_frames_next(&clock, source, options, &frame, result);
         if (status != OK)
-            return status;
-        wait_for_file(r, frame.time_ns, frames_read++);
-        first_ns = first_ns == INT64_MIN ? frame.time_ns : first_ns;
-        const int64_t begun_ns = clock_now_ns();
-        struct item *item = item_from_frame(&frame, r->calibration);
-        if (!item)
-            return fail(ERR_MEMORY, "no memory for another frame");
-        struct queue *first = r->to_look ? r->to_look : r->to_process;
-        bool taken = r->live ? queue_try_put(first, item) : queue_put(first, item);
-        if (!taken) {
-            item_free(item);
-            if (!r->live) // a worker failed; its own status says why
-                return OK;
-            result->dropped++;
-        }
-        if (r->live)
-            result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
-        report_state(r, options, frame.time_ns - first_ns, result);
+            return status == NOTHING ? OK : status;
+        if (options->on_read)
+            options->on_read(options->context, frame.time_ns);
+        wait_for_file(r, frame.time_ns, clock.frames - 1);
+        status = hand_over(r, &frame, clock.after_pause, result);
+        if (status != OK)
+            return status == NOTHING ? OK : status;
+        report_state(r, options, frame.time_ns - clock.first_ns, result);
         if (options->on_frame)
             options->on_frame(options->context);
     }

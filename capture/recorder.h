@@ -13,11 +13,18 @@
 // A kill or a power cut costs what is on its way. A recorded source is therefore read no further than 0.9 s of film
 // ahead of what is in the file, however fast it could be read; a live one has at most the queues' frames on the way.
 //
+// While a take pauses, frames are read and thrown away. In the file the pause is closed: the first frame after it comes
+// RECORDER_PAUSE_NS after the last one before it, longer than anything that joins one frame to the next (the smoother's
+// and the skeleton track's gaps), and the person is looked for anew, so that nothing is interpolated across.
+//
 // Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.
 #pragma once
 #include "capture/recording/recording.h"
+#include "capture/sensor_pose.h"
 #include "platform/source.h"
+
+#define RECORDER_PAUSE_NS 1000000000
 
 // A frame as it was seen, for coaching and preview. The images are borrowed until the callback returns.
 struct recorder_seen {
@@ -27,6 +34,7 @@ struct recorder_seen {
     const uint8_t *mask;             // of the depth image; NULL: no person
     const struct skeleton *skeleton; // online estimate, colour camera's axes; NULL: no person
     bool located;                    // the sensor's pose in the place is known
+    struct sensor_sight sight;       // how well, and by which tags; without a place all 0
     int sensor_moves;                // so far
 };
 
@@ -42,12 +50,16 @@ struct recorder_state {
 struct recorder_options {
     bool (*should_stop)(void); // asked before every frame read, and before every frame smoothed, where true keeps the
                                // online joints; NULL = never
-    void (*on_frame)(void *context);                           // called for every frame read; may be NULL
-    void (*on_smoothing_begin)(void *context, int64_t frames); // `frames` will now be smoothed; may be NULL
-    void (*on_smoothed)(void *context);                        // called for each of them; may be NULL
+    bool (*paused)(void *context);                               // asked before every frame; NULL = never
+    void (*on_paused)(void *context, const struct frame *frame); // for every frame thrown away; may be NULL
+    void (*on_frame)(void *context);                             // called for every frame read; may be NULL
+    void (*on_smoothing_begin)(void *context, int64_t frames);   // `frames` will now be smoothed; may be NULL
+    void (*on_smoothed)(void *context);                          // called for each of them; may be NULL
     // For every frame tracked, on the recorder's processing thread, which it holds up: a millisecond at most. May be
     // NULL.
     void (*on_seen)(void *context, const struct recorder_seen *seen);
+    void (*on_read)(void *context,
+                    int64_t time_ns); // for every frame of the take, as the sensor delivers it; may be NULL
     void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
     bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)
@@ -55,16 +67,17 @@ struct recorder_options {
 };
 
 struct recorder_result {
-    int64_t frames;               // written
-    int64_t tracked;              // of them with a person
-    int64_t looked;               // of them looked at for body points
-    char no_body_points[256];     // why none were looked for although wanted: the networks are missing; "" else
-    int64_t dropped;              // lost by the sensor or by the recorder
-    int waiting_most;             // frames that waited between the sensor and the file, at most
-    double handover_ms;           // the longest that the sensor's thread spent on handing over one frame
-    double mb_per_s;              // written, per second of film
-    int64_t damaged;              // images that could not be read
-    char first_damage[256];       // the error sentence of the first of them; "" when none
+    int64_t frames;           // written
+    int64_t tracked;          // of them with a person
+    int64_t looked;           // of them looked at for body points
+    char no_body_points[256]; // why none were looked for although wanted: the networks are missing; "" else
+    int64_t dropped;          // lost by the sensor or by the recorder
+    int waiting_most;         // frames that waited between the sensor and the file, at most
+    double handover_ms;       // the longest that the sensor's thread spent on handing over one frame
+    double mb_per_s;          // written, per second of film
+    int64_t damaged;          // images that could not be read
+    char first_damage[256];   // the error sentence of the first of them; "" when none
+    int pauses;
     bool located;                 // the sensor's pose in the place is known
     int sensor_moves;             // how often it was moved during the take
     int32_t tags_moved;           // of the place's, now at another position; the lowest id of them is ...

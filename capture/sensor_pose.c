@@ -37,6 +37,9 @@ struct sensor_pose {
     struct pose candidate;
     bool candidate_is_accurate; // about as accurate as the best pose in the mean
     int moves, far_moves;
+    struct sensor_sight sight;
+    double scale_sum; // of sight.depth_scale
+    int scales;
 };
 
 enum status sensor_pose_open(struct sensor_pose **out, const struct place *place, const struct calibration *calibration)
@@ -149,6 +152,17 @@ static void align_to_floor(const struct sensor_pose *s, const uint16_t *depth, s
         *world_from_color = pose_multiply(world_from_depth, pose_inverse(s->calibration.color_from_depth));
 }
 
+// Of one image it is off by up to a hundredth, by the tags' corners and the depth's steps.
+static void note_depth_scale(struct sensor_pose *s)
+{
+    enum { ENOUGH = 5 };
+    const double scale = locator_depth_scale(s->locator);
+    if (!(scale > 0))
+        return;
+    s->scale_sum += scale;
+    s->sight.depth_scale = ++s->scales < ENOUGH ? 0 : s->scale_sum / s->scales;
+}
+
 enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     int64_t frame = s->frame++;
@@ -158,6 +172,9 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
         return OK;
     struct location found;
     enum status status = locator_localize(s->locator, color, s->calibration.registered ? depth : NULL, &found);
+    s->sight.tag_count = locator_seen_tags(s->locator, s->sight.tags, SENSOR_SIGHT_TAGS);
+    s->sight.points = status == OK ? found.points_used : 0;
+    note_depth_scale(s);
     if (status == NOTHING || status == AMBIGUOUS)
         return OK;
     if (status != OK)
@@ -198,6 +215,13 @@ bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera
 {
     *world_from_camera = round_reproducibly(s->mean);
     return s->poses > 0;
+}
+
+// Errors of single images average out, those of the map do not: a third of a single pose's deviation is kept as such.
+void sensor_pose_get_sight(const struct sensor_pose *s, struct sensor_sight *out)
+{
+    *out = s->sight;
+    out->position_sigma_m = s->poses ? sqrt(1 / s->mean_weight + s->least_sigma_m * s->least_sigma_m / 9) : 0;
 }
 
 int sensor_pose_moves(const struct sensor_pose *s) { return s->moves; }

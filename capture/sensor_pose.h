@@ -11,6 +11,16 @@ enum { SENSOR_POSE_WARM_UP = 10 }; // frames that are averaged before the pose s
 
 struct sensor_pose;
 
+// How well the sensor's place is known, for the person who films.
+enum { SENSOR_SIGHT_TAGS = 16 };
+struct sensor_sight {
+    double position_sigma_m; // of the mean pose, as far as the images' noise and the map's errors tell; 0: not located
+    int32_t tags[SENSOR_SIGHT_TAGS]; // of the place that the last image examined showed, lowest first
+    int tag_count;
+    int32_t points;     // landmarks that agreed with the last pose
+    double depth_scale; // measured depth of the tags in sight over the one that their size says; 0: not known
+};
+
 // ERR_INPUT, ERR_MEMORY as locator_open. Copies what it needs of `place`.
 MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct place *place,
                                         const struct calibration *calibration);
@@ -23,6 +33,8 @@ MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *
 
 // The present pose. False: not located yet; *world_from_camera is then the identity.
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);
+
+void sensor_pose_get_sight(const struct sensor_pose *s, struct sensor_sight *out);
 
 // As locator_moved_tags.
 int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first);

@@ -56,12 +56,10 @@ int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *
 MUST_CHECK enum status align_plain(const struct features *a, const struct features *b,
                                    const struct alignment_prices *prices, struct alignment *out);
 
-// The same price, several times faster. An upper bound comes from an alignment in a corridor; blocks of 8 by 8 frames
-// are left out where lower bounds prove that every path through them costs more: the distance between the boxes that
-// hold the blocks' frames, summed over the monotone chains of blocks before and after (dynamic programming once over
-// rows, once over columns). Movements whose product is above 2^27 frames are aligned in a corridor about the
-// alignment of every second frame (Salvador & Chan 2007, FastDTW), which is not always the optimum; `exact` says so.
-// Errors as align_plain.
+// The same price, several times faster. An upper bound comes from an alignment in a corridor; blocks of frames, from
+// coarse to fine, are left out where lower bounds prove that every path through them costs more (alignment_bound.h).
+// Movements whose product is above 2^27 frames are aligned in a corridor about the alignment of every second frame
+// (Salvador & Chan 2007, FastDTW), which is not always the optimum; `exact` says so. Errors as align_plain.
 MUST_CHECK enum status align(const struct features *a, const struct features *b, const struct alignment_prices *prices,
                              struct alignment *out);
 

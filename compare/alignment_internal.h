@@ -30,10 +30,11 @@ void cells_count(struct alignment_window *w, int32_t rows); // offsets and cells
 // May a path through cell (i, j) whose price is `price` when it leaves the cell still win? NULL in align_in_window:
 // always.
 struct alignment_bound {
-    int64_t best;        // price of a known path
-    const int64_t *rest; // [row block][column block]: at least this follows
-    int32_t columns;     // blocks in a row
-    int block;           // frames in a block
+    int64_t best;          // price of a known path
+    const int64_t *rest;   // of the blocks of the window: at least this follows
+    const int64_t *offset; // [row block]: where in `rest` that row's first block is
+    const int32_t *begin;  // [row block]: the column block that it is
+    int block;             // frames in a block
 };
 
 // The best path within the window. ERR_INPUT: there is none. ERR_MEMORY.

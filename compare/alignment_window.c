@@ -63,7 +63,7 @@ static void fill_row(struct programme *p, int32_t i)
     const struct alignment_prices prices = *p->prices;
     const int32_t window = p->w->begin[i], end = p->w->end[i], block = bound ? bound->block : end + 1;
     const struct feature_frame copy = p->a->frames[i], *row = &copy; // what the loop writes cannot change it
-    const int64_t *rest = bound ? bound->rest + (int64_t)(i / block) * bound->columns : NULL;
+    const int64_t *rest = bound ? bound->rest + bound->offset[i / block] - bound->begin[i / block] : NULL;
     const int64_t tail = (int64_t)prices.skip_a * (p->a->count - 1 - i) + (int64_t)prices.skip_b * (p->b->count - 1);
     const int64_t start = (int64_t)prices.skip_a * i + (int64_t)prices.skip_b * window,
                   most = bound ? bound->best : ALIGNMENT_INFINITE;

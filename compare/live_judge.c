@@ -2,6 +2,7 @@
 
 #include "base/portable_math.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -54,6 +55,15 @@ void live_judge_restart(struct live_judge *j)
 {
     j->begun = false;
     j->count = 0;
+}
+
+void live_judge_set_reference(struct live_judge *j, const struct movement *reference)
+{
+    assert(reference->count == j->reference->count);
+    if (reference == j->reference)
+        return;
+    j->reference = reference;
+    live_judge_restart(j);
 }
 
 void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end)

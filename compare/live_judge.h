@@ -14,6 +14,10 @@ MUST_CHECK enum status live_judge_open(struct live_judge **out, const struct mov
 void live_judge_close(struct live_judge **j);  // NULL is fine; sets *j = NULL
 void live_judge_restart(struct live_judge *j); // the next frame is the first; the window stays
 
+// From the next frame on this is the reference: of as many frames, as its mirror image is. Borrowed, too. Another one
+// than before restarts the judge.
+void live_judge_set_reference(struct live_judge *j, const struct movement *reference);
+
 // From the next frame on only the reference's frames first .. end - 1 are considered, cut to those that there are;
 // at least one remains. Paths that have left the window are forgotten. Initially all frames.
 void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end);

@@ -123,7 +123,7 @@ static void align_from(const struct movement_index *m, struct sought sought, int
     int32_t alive = 0, end = 0; // columns of the row above that a better path than the best may go through
     for (int32_t i = 0; i < query->count; i++) {
         // What is left of this block of the query is not counted.
-        const int64_t limit = best->price - 1 - rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k];
+        const int64_t limit = best->price - rest[(size_t)(i / BLOCK + 1) * (size_t)m->blocks + (size_t)k];
         const struct feature_frame frame = query->frames[i];
         const int32_t from = alive, to = i ? end : BLOCK - 1;
         struct row left = none, above_left = none;
@@ -151,12 +151,38 @@ static void align_from(const struct movement_index *m, struct sought sought, int
         above = here;
         here = swap;
     }
+    // Of equal ones the first counts, in whatever order the blocks are tried.
+    int64_t least = best->price + (k < best->first / BLOCK);
     for (int32_t j = alive; j < end; j++)
-        if (above[j].price < best->price) {
-            best->price = above[j].price;
+        if (above[j].price < least) {
+            least = best->price = above[j].price;
             best->first = first + above[j].start;
             best->end = first + j + 1;
         }
+}
+
+struct start {
+    int64_t bound;
+    int32_t block;
+};
+
+static int by_bound(const void *a, const void *b)
+{
+    const struct start *x = a, *y = b;
+    if (x->bound != y->bound)
+        return x->bound < y->bound ? -1 : 1;
+    return x->block - y->block;
+}
+
+// The starts whose bounds are not above `price`, the lowest first. Returns how many.
+static int32_t likely_starts(const struct movement_index *m, const int64_t *bound, int64_t price, struct start *starts)
+{
+    int32_t count = 0;
+    for (int32_t k = 0; k < m->blocks; k++)
+        if (bound[k] <= price)
+            starts[count++] = (struct start){bound[k], k};
+    qsort(starts, (size_t)count, sizeof *starts, by_bound);
+    return count;
 }
 
 enum status movement_index_find(const struct movement_index *m, const struct features *query, int32_t step,
@@ -168,23 +194,24 @@ enum status movement_index_find(const struct movement_index *m, const struct fea
     int64_t *bound = malloc((query_blocks + 1) * (size_t)m->blocks * sizeof *bound);
     int32_t *distance = malloc((size_t)m->blocks * sizeof *distance);
     struct row *scratch = malloc(2 * (size_t)(2 * query->count + BLOCK) * sizeof *scratch);
+    struct start *starts = malloc((size_t)m->blocks * sizeof *starts);
     struct movement_match best = {.price = INT64_MAX / 4};
-    const bool have = bound && distance && scratch;
+    const bool have = bound && distance && scratch && starts;
     if (have) {
         bound_starts(m, query, step, bound, distance);
         int32_t likely = 0;
         for (int32_t k = 1; k < m->blocks; k++)
             likely = bound[k] < bound[likely] ? k : likely;
         align_from(m, (struct sought){query, step}, likely, bound, scratch, &best);
-        const int64_t known = best.price;
-        best.price = known + 1; // so that an earlier one of the same price is taken
-        for (int32_t k = 0; k < m->blocks; k++)
-            if (bound[k] < best.price)
-                align_from(m, (struct sought){query, step}, k, bound, scratch, &best);
+        const int32_t count = likely_starts(m, bound, best.price, starts);
+        for (int32_t i = 0; i < count && starts[i].bound <= best.price; i++)
+            if (starts[i].block != likely)
+                align_from(m, (struct sought){query, step}, starts[i].block, bound, scratch, &best);
         *out = best;
     }
     free(bound);
     free(distance);
     free(scratch);
+    free(starts);
     return have ? OK : fail(ERR_MEMORY, "no memory to search a movement");
 }

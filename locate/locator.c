@@ -139,6 +139,42 @@ void locator_set_motion_prior(struct locator *l, const double velocity[6], const
 
 const struct lens *locator_lens(const struct locator *l) { return &l->lens; }
 
+int locator_seen_tags(const struct locator *l, int32_t *ids, int capacity)
+{
+    int count = 0;
+    for (int i = 0; i < l->observed_count; i++) {
+        const int32_t id = l->tags[l->observed_tag[i]].id;
+        int at = 0;
+        while (at < count && ids[at] < id)
+            at++;
+        if ((at < count && ids[at] == id) || count == capacity)
+            continue;
+        memmove(ids + at + 1, ids + at, (size_t)(count++ - at) * sizeof *ids);
+        ids[at] = id;
+    }
+    return count;
+}
+
+double locator_depth_scale(const struct locator *l)
+{
+    double sum = 0, weights = 0;
+    for (int i = 0; i < l->observed_count; i++) {
+        const struct tag_depth *depth = &l->depths[i];
+        struct pose two[2];
+        const int n = depth->count ? planar_poses(l->tags[l->observed_tag[i]].side_m, l->observations[i].ray, two) : 0;
+        if (!n)
+            continue;
+        double measured = 0, z = two[0].translation.z;
+        for (int32_t k = 0; k < depth->count; k++)
+            measured += depth->sample[k].z / depth->count;
+        z = n > 1 ? (z + two[1].translation.z) / 2 : z;
+        const double side = l->tags[l->observed_tag[i]].side_m / z;
+        sum += side * side * measured / z;
+        weights += side * side;
+    }
+    return weights > 0 ? sum / weights : 0;
+}
+
 bool locator_focal_is_wrong(const struct locator *l, double *scale)
 {
     return focal_estimate_is_wrong(&l->focal, scale);

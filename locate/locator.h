@@ -81,6 +81,14 @@ MUST_CHECK enum status locator_relocalize(struct locator *l, const uint8_t *colo
 // the given lens but that the images show is in it, too, with a likely readout_s that was not measured.
 const struct lens *locator_lens(const struct locator *l);
 
+// The numbers of the place's tags that the last image showed, each once, lowest first. Returns how many, at most
+// `capacity`.
+int locator_seen_tags(const struct locator *l, int32_t *ids, int capacity);
+
+// The measured depth of the last image's tags over the one that their size in the image says, weighted by that size;
+// 0: no tag with depth. A sensor whose depth is right has 1 but for some parts in a thousand.
+double locator_depth_scale(const struct locator *l);
+
 // How many tags of the place are elsewhere now, judged by the images localised from scratch that show them beside other
 // tags or enough landmarks. *first: the lowest number; -1: none. Such tags are outliers of the pose.
 int32_t locator_moved_tags(const struct locator *l, int32_t *first);

@@ -19,6 +19,7 @@ struct database {
 struct statement {
     sqlite3_stmt *handle;
     struct database *db;
+    int bound; // SQLITE_OK, or why a value could not be bound since the last reset
 };
 
 // Turns SQLite's result code into a status and a sentence for the user.
@@ -381,35 +382,35 @@ void statement_close(struct statement **s)
     *s = NULL;
 }
 
-// Numbers need no memory; text and blobs are borrowed. Only a wrong position can
-// fail.
-static void assert_bound(int code)
+// A value that could not be bound fails the next step: a row with NULL in its place would be worse than none.
+static void note_bound(struct statement *s, int code)
 {
-    assert(code == SQLITE_OK);
-    (void)code;
+    assert(code != SQLITE_RANGE && code != SQLITE_MISUSE);
+    if (s->bound == SQLITE_OK)
+        s->bound = code;
 }
 
 void statement_bind_number(struct statement *s, int position, int64_t value)
 {
-    assert_bound(sqlite3_bind_int64(s->handle, position, value));
+    note_bound(s, sqlite3_bind_int64(s->handle, position, value));
 }
 
 void statement_bind_text(struct statement *s, int position, const char *text)
 {
-    assert_bound(sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
+    note_bound(s, sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
 }
 
 void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count)
 {
     if (bytes)
-        assert_bound(sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
+        note_bound(s, sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
     else
-        assert_bound(sqlite3_bind_null(s->handle, position));
+        note_bound(s, sqlite3_bind_null(s->handle, position));
 }
 
 enum status statement_step(struct statement *s)
 {
-    int code = sqlite3_step(s->handle);
+    int code = s->bound == SQLITE_OK ? sqlite3_step(s->handle) : s->bound;
     if (code == SQLITE_ROW)
         return OK;
     return code == SQLITE_DONE ? NOTHING : fail_sqlite(s->db, code);
@@ -419,6 +420,7 @@ void statement_reset(struct statement *s)
 {
     sqlite3_reset(s->handle); // returns the last step's error again
     sqlite3_clear_bindings(s->handle);
+    s->bound = SQLITE_OK;
 }
 
 enum status statement_check(struct statement *s)

@@ -24,6 +24,7 @@ struct scheme {
 static const struct scheme schemes[] = {
     {"openni", true, false, OPTIONAL_ARGUMENT, "openni:0", openni_open, &openni_kind},
     {"oni", true, false, NEEDS_ARGUMENT, "oni:FILE", oni_open, &openni_kind},
+    {"mkv", true, false, NEEDS_ARGUMENT, "mkv:FILE", mkv_open, &mkv_kind},
     {"libcamera", false, true, OPTIONAL_ARGUMENT, "libcamera:0", libcamera_open, &libcamera_kind},
     {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},
 };
@@ -44,8 +45,8 @@ enum status source_open(struct source **out, const char *uri, enum source_wanted
     assert(out && uri);
     *out = NULL;
     const char *what = wanted == SOURCE_SENSOR ? "sensor" : "camera";
-    const char *choice =
-        wanted == SOURCE_SENSOR ? "openni, openni:N, oni:FILE or folder:DIR" : "libcamera, libcamera:N or folder:DIR";
+    const char *choice = wanted == SOURCE_SENSOR ? "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR"
+                                                 : "libcamera, libcamera:N or folder:DIR";
     for (size_t i = 0; i < COUNT_OF(schemes); i++) {
         const struct scheme *scheme = &schemes[i];
         const char *argument = uri_argument(uri, scheme->name);

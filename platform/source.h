@@ -1,7 +1,7 @@
-// Frame sources: a depth sensor (OpenNI2, an .oni file, a folder) or a tablet's
+// Frame sources: a depth sensor (OpenNI2, an .oni file, an Azure Kinect's .mkv, a folder) or a tablet's
 // camera (libcamera, a folder). All are opened by URI and read the same way.
 //
-//   sensors   openni  openni:N  oni:FILE  folder:DIR
+//   sensors   openni  openni:N  oni:FILE  mkv:FILE  folder:DIR
 //   cameras   libcamera  libcamera:N  folder:DIR
 //
 // A folder is the TUM RGB-D layout (rgb.txt, depth.txt: seconds and file) with

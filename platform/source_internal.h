@@ -31,6 +31,9 @@ source_opener openni_open;                   // where: "" or the number of the d
 source_opener oni_open;                      // where: the file
 extern const struct source_kind openni_kind; // of both
 
+source_opener mkv_open; // where: the file; in azure_kinect.c
+extern const struct source_kind mkv_kind;
+
 source_opener libcamera_open; // where: "" or the number of the camera
 extern const struct source_kind libcamera_kind;
 

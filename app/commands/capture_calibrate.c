@@ -24,6 +24,10 @@ int capture_calibrate(int argc, char **argv)
             if (!strncmp(argv[i], kinds[k].option, length) && (!argv[i][length] || argv[i][length] == '='))
                 return kinds[k].run(argc, argv);
         }
+    if (argc > 1 && (!strcmp(argv[1], "--version") || !strcmp(argv[1], "-V"))) {
+        command_print_version(argv[0]);
+        return 0;
+    }
     const bool asked = argc > 1 && (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "-?"));
     FILE *to = asked ? stdout : stderr;
     fprintf(to, "Usage: %s KIND ...\n", argv[0]);

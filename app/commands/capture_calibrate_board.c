@@ -48,7 +48,7 @@ int capture_calibrate_board(int argc, char **argv)
                                      NULL};
     struct board_arguments a = {0};
     struct page *page;
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     const enum paper paper = (enum paper)a.paper;
     const struct paper_size size = paper_size(paper);
     const struct disc_board discs = disc_board_default();

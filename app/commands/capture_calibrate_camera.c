@@ -339,7 +339,7 @@ int capture_calibrate_camera(int argc, char **argv)
                                      NULL};
     static struct calibration_run run;
     struct camera_arguments a = {.board = printed_board(PAPER_A4), .views = 20};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     run = (struct calibration_run){.a = &a};
     return calibrate(&run) == OK ? 0 : command_failed(argv[0]);
 }

@@ -3,7 +3,7 @@
 
 #include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
-#include "capture/mapping/mapper.h"
+#include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -33,7 +33,7 @@ enum {
 };
 
 static const struct argp_option options[] = {
-    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
      "scale, and landmarks are triangulated from several pictures",
@@ -83,9 +83,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // What to show the sensor next, in the status line.
-static void note_progress(const struct mapper *mapper, char *out, size_t capacity)
+static void note_progress(struct mapper *mapper, char *out, size_t capacity)
 {
     struct mapper_progress p;
+    const struct sweep_plan *plan = mapper_plan(mapper);
+    if (plan) {
+        snprintf(out, capacity, "%s", plan->text);
+        return;
+    }
     mapper_get_progress(mapper, &p);
     if (!p.listed)
         snprintf(out, capacity, "move slowly, come back to where you began");
@@ -240,79 +245,22 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
-// The first tag with too few observations to check its pose; NULL: none.
-static const struct place_tag *rarely_observed(const struct place *place)
+static void warn(const char *program, const struct map_advice *advice)
 {
-    enum { MIN_OBSERVATIONS = 3 };
-    for (int32_t i = 0; i < place->tag_count; i++)
-        if (place->tags[i].observations < MIN_OBSERVATIONS)
-            return &place->tags[i];
-    return NULL;
+    for (int i = 0; i < advice->count; i++)
+        fprintf(stderr, "%s: warning: %s\n", program, advice->line[i]);
 }
 
-static void warn_side(const char *program, const struct mapper_report *r)
+// Solves for everything that was seen, which has no steps to count: some seconds, a minute for a long sweep.
+static enum status finish_map(struct mapper *mapper, struct place *place, struct mapper_report *report)
 {
-    if (r->all_wrong_side)
-        fprintf(stderr,
-                "%s: warning: by the sensor's depth most tags are not as wide as the list says: tag %d looks "
-                "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
-                "again, else the place may have the wrong scale\n",
-                program, (int)r->first_wrong, r->measured_m, r->listed_side_m);
-    else
-        fprintf(stderr,
-                "%s: warning: tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
-                "correct the list and map again\n",
-                program, (int)r->first_wrong, r->measured_m, r->listed_side_m,
-                r->tags_wrong_side > 1 ? "it and others like it are" : "it is");
-}
-
-static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
-{
-    const struct place_tag *seldom = rarely_observed(place);
-    if (!place->point_count)
-        fprintf(stderr,
-                "%s: warning: there are no landmarks, so a camera is found only where it sees a tag; film "
-                "what can be recognised from two places\n",
-                program);
-    if (seldom)
-        fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
-                (int)seldom->id, (int)seldom->observations, seldom->observations == 1 ? "" : "s");
-    if (r->tags_unseen)
-        fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
-                program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
-    if (r->tags_disconnected)
-        fprintf(stderr,
-                "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
-                "with one of them\n",
-                program, (int)r->first_disconnected, r->tags_disconnected > 1 ? " and others are" : " is");
-    if (r->tags_unlisted)
-        fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
-                program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
-    if (r->tags_outlier)
-        fprintf(stderr,
-                "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
-                "have this number; hang it firmly and film again\n",
-                program, (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
-    if (r->tags_wrong_side)
-        warn_side(program, r);
-    if (r->tags_moved)
-        fprintf(stderr,
-                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
-                "as the sweep shows it beside others\n",
-                program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
-    if (!r->floor_from_depth)
-        fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or landmark; "
-                "film the floor too\n",
-                program);
-    if (r->lost_to_s > r->lost_from_s)
-        fprintf(
-            stderr,
-            "%s: warning: the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
-            "more slowly, with more of what was seen before in sight\n",
-            program, r->lost_from_s, r->lost_to_s);
-    if (damaged)
-        fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
+    const bool shows = isatty(STDERR_FILENO);
+    if (shows)
+        fputs("adjusting tags, landmarks and the camera's path to one another …", stderr);
+    const enum status status = mapper_finish(mapper, place, report);
+    if (shows)
+        fputs("\r\033[K", stderr);
+    return status;
 }
 
 static int map_place(const char *program, const struct map_arguments *a, const struct mapper_tag *tags,
@@ -332,6 +280,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK)
         status =
             a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);
+    wanted.plan = source && source_is_live(source); // then hints are of use
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)
@@ -343,7 +292,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         command_warn_times(program, source_dropped(source));
     source_close(&source);
     if (status == OK)
-        status = mapper_finish(mapper, &place, &report);
+        status = finish_map(mapper, &place, &report);
     if (status == OK && !live && command_stopped())
         status = NOTHING;
     if (status == OK)
@@ -353,7 +302,9 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK && a->objects)
         status = objects_in_place(&things, &found);
     if (status == OK) {
-        warn(program, &place, &report, damaged);
+        struct map_advice advice;
+        map_advise(&place, &report, damaged, &advice);
+        warn(program, &advice);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else

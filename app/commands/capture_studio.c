@@ -8,19 +8,20 @@
 #include <stdio.h>
 
 struct studio_arguments {
-    const char *file, *sensor;
+    const char *file, *sensor, *tags;
     bool fullscreen, light;
     int width, height;
     double dpi, seconds;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_FULLSCREEN, KEY_LIGHT, KEY_SIZE, KEY_DPI, KEY_SECONDS };
+enum { KEY_SENSOR = COMMAND_KEY, KEY_FULLSCREEN, KEY_LIGHT, KEY_SIZE, KEY_DPI, KEY_SECONDS, KEY_TAGS };
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct studio_arguments *a = state->input;
     switch (key) {
     case KEY_SENSOR: a->sensor = value; return 0;
+    case KEY_TAGS: a->tags = value; return 0;
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
@@ -88,7 +89,9 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
 int capture_studio(int argc, char **argv)
 {
     static const struct argp_option options[] = {
-        {"sensor", KEY_SENSOR, "URI", 0, "openni, openni:N, oni:FILE or folder:DIR (default: choose in the window)", 0},
+        {"sensor", KEY_SENSOR, "URI", 0,
+         "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR (default: choose in the window)", 0},
+        {"tags", KEY_TAGS, "TAGS.json", 0, "the room's tags, for mapping it (default: tags.json beside FILE)", 0},
         {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
         {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
         {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
@@ -103,15 +106,16 @@ int capture_studio(int argc, char **argv)
                                      "to do next, and after each take how "
                                      "it went.\vTakes go into FILE (default: film.reenact), whose place, if any, the "
                                      "sensor is located in. A hand held "
-                                     "above the head starts and stops.\n\nKeys: space start and stop, K keep, X "
-                                     "discard, A once more, P play, N rename, D "
-                                     "dark or light, Escape back, Q leave.",
+                                     "above the head starts and stops.\n\nKeys: space start and stop, M map the "
+                                     "room, P pause and play, R takes in a row, K keep, X discard, A once more, N "
+                                     "rename; while a take plays , and . its new ends, S trim; D dark or light, "
+                                     "Escape back, Q leave.",
                                      NULL,
                                      NULL,
                                      NULL};
     static struct studio_run run; // snapshots are too large for the stack
     struct studio_arguments given = {.width = 1280, .height = 800};
-    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    command_parse(&argp, argc, argv, &given);
     const struct window_options window = {"Reenact studio", given.width, given.height, given.fullscreen, 0, given.dpi};
     enum status status = window_open(&run.window, &window);
     if (status == OK)
@@ -119,6 +123,7 @@ int capture_studio(int argc, char **argv)
     if (status == OK) {
         const struct studio_options how = {.file = given.file ? given.file : "film.reenact",
                                            .sensor = given.sensor,
+                                           .tags = given.tags,
                                            .light = given.light,
                                            .body_points = true,
                                            .refresh_hz = window_refresh_hz(run.window),

@@ -136,7 +136,7 @@ int capture_tags(int argc, char **argv)
     struct tags_arguments a = {.ids = "0-5", .side_mm = 150};
     int32_t ids[TAG_ID_COUNT];
     struct printed_tags wanted = {.ids = ids};
-    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    command_parse(&argp, argc, argv, &a);
     wanted.side_m = a.side_mm * 1e-3;
     wanted.paper = (enum paper)a.paper;
     enum status status = parse_ids(a.ids, ids, &wanted.count);

@@ -18,7 +18,8 @@ void coaching_line_see(struct coaching_line *l, const struct recorder_seen *seen
                                       .depth = seen->depth,
                                       .mask = seen->mask,
                                       .skeleton = seen->skeleton,
-                                      .sensor_moves = seen->sensor_moves};
+                                      .sensor_moves = seen->sensor_moves,
+                                      .depth_scale = seen->sight.depth_scale};
     coach_next(&l->coach, &frame);
     pthread_mutex_lock(&l->lock);
     snprintf(l->text, sizeof l->text, "%.0f %% seen · %.80s", l->coach.share * 100, coach_text(&l->coach));

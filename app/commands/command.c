@@ -5,11 +5,17 @@
 #include "platform/json.h"
 
 #include <errno.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+void command_print_version(const char *program)
+{
+    printf("%.*s %s\n", (int)strcspn(program, " "), program, REENACT_VERSION);
+}
 
 static void print_commands(FILE *to, const char *about, const struct command *commands, size_t count,
                            const char *program)
@@ -17,7 +23,7 @@ static void print_commands(FILE *to, const char *about, const struct command *co
     fprintf(to, "%s\n\n", about);
     for (size_t i = 0; i < count; i++)
         fprintf(to, "  %s %-10s %s\n", program, commands[i].name, commands[i].about);
-    fprintf(to, "\n%s COMMAND --help says more.\n", program);
+    fprintf(to, "\n%s COMMAND --help says more; --version prints the version.\n", program);
 }
 
 static int run(const struct command *command, const char *program, int argc, char **argv)
@@ -44,6 +50,10 @@ int command_main(const char *about, const struct command *commands, size_t count
                 return run(&commands[i], program, argc - 1, argv + 1);
         if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
             print_commands(stdout, about, commands, count, program);
+            return 0;
+        }
+        if (!strcmp(argv[1], "--version") || !strcmp(argv[1], "-V")) {
+            command_print_version(program);
             return 0;
         }
         if (fallback)
@@ -79,9 +89,34 @@ void command_warn_times(const char *program, int64_t count)
                 program, (long long)count);
 }
 
+enum { KEY_USAGE = 1 }; // no command's, and no letter
+
+// What every command understands beside its own options.
+static error_t parse_common(int key, char *value, struct argp_state *state)
+{
+    (void)value;
+    switch (key) {
+    case ARGP_KEY_INIT: state->child_inputs[0] = state->input; return 0;
+    case 'h':
+    case '?': argp_state_help(state, stdout, ARGP_HELP_STD_HELP); return 0;
+    case KEY_USAGE: argp_state_help(state, stdout, ARGP_HELP_USAGE | ARGP_HELP_EXIT_OK); return 0;
+    case 'V': command_print_version(state->name); exit(0);
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
 void command_parse(const struct argp *argp, int argc, char **argv, void *input)
 {
-    const error_t error = argp_parse(argp, argc, argv, 0, NULL, input);
+    static const struct argp_option options[] = {
+        {"help", 'h', NULL, 0, "print this help", -1},
+        {NULL, '?', NULL, OPTION_HIDDEN, NULL, -1},
+        {"usage", KEY_USAGE, NULL, 0, "print the options in short", -1},
+        {"version", 'V', NULL, 0, "print the version", -1},
+        {0},
+    };
+    const struct argp_child children[] = {{argp, 0, NULL, 0}, {0}};
+    const struct argp common = {.options = options, .parser = parse_common, .children = children};
+    const error_t error = argp_parse(&common, argc, argv, ARGP_NO_HELP, NULL, input);
     if (!error)
         return;
     fprintf(stderr, "%s: the arguments cannot be read: %s\n", argv[0], strerror(error));
@@ -187,15 +222,35 @@ void command_catch_signals(void)
 
 bool command_stopped(void) { return stopped; }
 
-static void draw_progress(struct progress_bar *p)
+// "2 min 5 s left", from the time that what is done took; "": too early to say.
+static const char *time_left(const struct progress_bar *p, int64_t now_ns, char out[32])
+{
+    const int64_t least_ns = 2000000000;
+    const double spent_s = (double)(now_ns - p->started_ns) * 1e-9;
+    *out = 0;
+    if (p->done < 1 || p->done >= p->total || now_ns - p->started_ns < least_ns)
+        return out;
+    const double left_s = ceil(spent_s * (double)(p->total - p->done) / (double)p->done);
+    if (left_s < 60)
+        snprintf(out, 32, "%.0f s left ", left_s);
+    else if (left_s < 3600)
+        snprintf(out, 32, "%.0f min %.0f s left ", floor(left_s / 60), fmod(left_s, 60));
+    else
+        snprintf(out, 32, "%.1f h left ", left_s / 3600);
+    return out;
+}
+
+static void draw_progress(struct progress_bar *p, int64_t now_ns)
 {
     enum { WIDTH = 30 };
+    char left[32];
     if (p->total > 0) {
         int filled = (int)(p->done * WIDTH / p->total);
         fprintf(stderr, "\r%s [", p->what);
         for (int i = 0; i < WIDTH; i++)
             fputc(i < filled ? '#' : '.', stderr);
-        fprintf(stderr, "] %lld/%lld %s\033[K", (long long)p->done, (long long)p->total, p->note);
+        fprintf(stderr, "] %lld/%lld %s%s\033[K", (long long)p->done, (long long)p->total, time_left(p, now_ns, left),
+                p->note);
     } else {
         fprintf(stderr, "\r%s %lld %s\033[K", p->what, (long long)p->done, p->note);
     }
@@ -204,7 +259,7 @@ static void draw_progress(struct progress_bar *p)
 
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total)
 {
-    *p = (struct progress_bar){.what = what, .total = total};
+    *p = (struct progress_bar){.what = what, .total = total, .started_ns = clock_now_ns()};
 }
 
 void progress_bar_step(struct progress_bar *p)
@@ -213,7 +268,7 @@ void progress_bar_step(struct progress_bar *p)
     int64_t now = clock_now_ns();
     if (isatty(STDERR_FILENO) && now - p->drawn_ns > 100000000) {
         p->drawn_ns = now;
-        draw_progress(p);
+        draw_progress(p, now);
     }
 }
 

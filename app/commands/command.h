@@ -1,7 +1,7 @@
 // What all commands of both programs share: choosing the command, parsing of common options, exit codes,
 // the one sentence on stderr, the progress bar, and stopping on Ctrl-C. Used on the main thread only.
 //
-// A command parses its own arguments with argp (so --help works everywhere) and
+// A command parses its own arguments with argp, by command_parse, and
 // returns the exit code: 0 success, 1 the input is at fault, 2 wrong usage.
 #pragma once
 #include "base/status.h"
@@ -19,6 +19,9 @@ struct command {
 // that is no command's name.
 int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
                  int argc, char **argv);
+
+// For a command that picks its options by hand: "reenact-capture 0.1.0" for argv[0] "reenact-capture calibrate".
+void command_print_version(const char *program);
 
 // Prints "program: sentence" of the last fail() to stderr; returns 1.
 int command_failed(const char *program);
@@ -46,7 +49,8 @@ enum { COMMAND_KEY = 0x100 };
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
 
-// argp_parse for a command's arguments; lack of memory in it ends the program with a sentence and exit code 1.
+// argp_parse for a command's arguments, and --help (-h), --usage, --version (-V), alike everywhere; lack of memory in
+// it ends the program with a sentence and exit code 1.
 void command_parse(const struct argp *argp, int argc, char **argv, void *input);
 
 // --force of commands that write files.
@@ -89,12 +93,13 @@ MUST_CHECK enum status command_print_json(struct json **root);
 void command_catch_signals(void);
 bool command_stopped(void);
 
-// A bar on stderr where that is a terminal, else nothing. total <= 0: only the count is shown.
+// A bar on stderr where that is a terminal, else nothing, with the time left as soon as that can be told. total <= 0:
+// only the count is shown.
 struct progress_bar {
     const char *what;
     int64_t total, done;
-    int64_t drawn_ns;
-    char note[96]; // shown behind the bar
+    int64_t started_ns, drawn_ns;
+    char note[192]; // shown behind the bar
 };
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
 void progress_bar_step(struct progress_bar *p); // one more done

@@ -1,9 +1,11 @@
 #include "app/commands/drive_window.h"
 
+#include "app/camera/camera_feed.h"
 #include "base/clock.h"
 #include "platform/gpu_draw2d.h"
 #include "platform/window.h"
 #include "reenact/render/shaders.h"
+#include "reenact/surround/drive/head_tracker.h"
 
 // Chosen by hand.
 #define FASTEST_M_S    0.5
@@ -17,6 +19,8 @@ struct drive_window {
     struct gpu *gpu;
     struct gpu_draw2d *draw;
     struct gpu_texture *texture;
+    struct camera_feed *feed; // NULL: no head tracker
+    struct head_tracker head;
     struct drive_command stick;
     bool down, quit;
     double last_x, last_y;
@@ -39,6 +43,7 @@ static void on_key(struct drive_window *w, int key)
     case WINDOW_KEY_LEFT: w->stick.turn_rate = fmin(FASTEST_RAD_S, w->stick.turn_rate + 0.2); return;
     case WINDOW_KEY_RIGHT: w->stick.turn_rate = fmax(-FASTEST_RAD_S, w->stick.turn_rate - 0.2); return;
     case WINDOW_KEY_SPACE: w->stick = (struct drive_command){0, 0}; return;
+    case 'c': w->head.centred = false; return;
     case WINDOW_KEY_ESCAPE: w->quit = true; return;
     case '1':
     case '2':
@@ -106,6 +111,18 @@ static enum status show(struct drive_window *w, const struct surround_view *view
     return status;
 }
 
+// The viewpoint follows the tablet; while it is not localised the viewpoint stays.
+static void follow_head(struct drive_window *w)
+{
+    const struct camera_frame *frame = w->feed ? camera_feed_latest(w->feed) : NULL;
+    struct drive_session *s = w->session;
+    if (!frame || !frame->placed)
+        return;
+    const struct pose eye = drive_session_viewpoint(s);
+    s->body_from_eye = head_tracker_eye(&w->head, frame->world_from_camera, eye.translation);
+    s->head = true;
+}
+
 static enum status open_window(struct drive_window *w)
 {
     const struct window_options screen = {"Reenact", 1280, 800, false, 0, 0};
@@ -125,10 +142,13 @@ static enum status open_window(struct drive_window *w)
     return status;
 }
 
-enum status drive_window_run(struct drive_session *session, double seconds)
+enum status drive_window_run(struct drive_session *session, const struct drive_window_options *how)
 {
     struct drive_window w = {.session = session};
+    const struct camera_feed_options feed = {.camera = how->camera, .place = how->place};
     enum status status = open_window(&w);
+    if (status == OK && how->camera)
+        status = camera_feed_open(&w.feed, &feed);
     const int64_t start = clock_now_ns() - session->now_ns;
     while (status == OK && !w.quit) {
         const int64_t before = clock_now_ns();
@@ -136,15 +156,17 @@ enum status drive_window_run(struct drive_session *session, double seconds)
             on_event(&w, &e);
         const struct surround_view *view;
         status = drive_session_step(session, clock_now_ns() - start, &w.stick);
+        follow_head(&w);
         if (status == OK)
             status = drive_session_draw(session, &view);
         if (status == OK)
             status = show(&w, view);
-        w.quit |= seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > seconds;
+        w.quit |= how->seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > how->seconds;
         const int64_t left = STEP_NS - (clock_now_ns() - before);
         const struct window_event e = window_wait(w.screen, left > 0 ? (int)(left / 1000000) : 0);
         on_event(&w, &e);
     }
+    camera_feed_close(&w.feed);
     gpu_texture_close(&w.texture);
     gpu_draw2d_close(&w.draw);
     gpu_close(&w.gpu);

@@ -1,7 +1,15 @@
 // reenact drive's window: stick or arrow keys drive; a finger turns the viewpoint, the wheel brings it nearer; 1, 2, 3
-// (pad: X) choose first person, third person and from above. Main thread.
+// (pad: X) choose first person, third person and from above; with a camera the tablet's own way turns and moves it, and
+// C centres that. Main thread.
 #pragma once
+#include "capture/recording/place.h"
 #include "reenact/surround/drive/drive_session.h"
 
-// Runs until the window is closed, or for `seconds` where that is above 0. ERR_DEVICE: no screen.
-MUST_CHECK enum status drive_window_run(struct drive_session *session, double seconds);
+struct drive_window_options {
+    double seconds;            // leave after this time; 0: when the window is closed
+    const char *camera;        // URI of the tablet's camera, the head tracker; NULL: none
+    const struct place *place; // in which it is localised; with camera
+};
+
+// ERR_DEVICE: no screen.
+MUST_CHECK enum status drive_window_run(struct drive_session *session, const struct drive_window_options *how);

@@ -2,6 +2,8 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/drive_window.h"
+#include "app/commands/place_input.h"
+#include "base/clock.h"
 #include "reenact/surround/drive/drive_trial.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -11,15 +13,30 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { MOST_REMAPS = 16 };
+
 struct drive_arguments {
-    const char *uri, *out;
+    const char *uri, *out, *camera, *file;
+    const char *remap[MOST_REMAPS + 1];
+    int remaps;
     int trials;
     bool json;
     double seconds, every_s;
     struct drive_options how;
 };
 
-enum { KEY_DELAY = COMMAND_KEY, KEY_LOSS, KEY_TRIAL, KEY_OUT, KEY_EVERY, KEY_SECONDS, KEY_JSON };
+enum {
+    KEY_DELAY = COMMAND_KEY,
+    KEY_LOSS,
+    KEY_TRIAL,
+    KEY_OUT,
+    KEY_EVERY,
+    KEY_SECONDS,
+    KEY_CALIBRATION,
+    KEY_REMAP,
+    KEY_CAMERA,
+    KEY_JSON
+};
 
 static const struct argp_option options[] = {
     {"delay", KEY_DELAY, "S", 0, "the link's delay, one way (default 0)", 0},
@@ -31,6 +48,12 @@ static const struct argp_option options[] = {
     {"out", KEY_OUT, "DIR", 0, "instead of a window, write the operator's pictures NNNN.png here", 0},
     {"every", KEY_EVERY, "S", 0, "with --out, seconds from one picture to the next (default 1)", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    {"calibration", KEY_CALIBRATION, "FILE", 0,
+     "with ros: the robot's lenses, where its cameras are, its size, like calibration.json of a folder of captures", 0},
+    {"remap", KEY_REMAP, "FROM:=TO", 0, "with ros: another name of a topic, as odom:=/base/odometry; may be repeated",
+     0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "the tablet's own camera, localised in FILE's place: its way moves and turns the viewpoint", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -46,8 +69,19 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_EVERY: a->every_s = command_parse_number(state, "--every", value, 0.01, 1e4); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.01, 1e6); return 0;
     case KEY_JSON: a->json = true; return 0;
-    case ARGP_KEY_ARG: command_take_file(state, &a->uri, value); return 0;
-    case ARGP_KEY_END: command_require(state, a->uri, "URI"); return 0;
+    case KEY_CALIBRATION: a->how.calibration = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_REMAP:
+        if (a->remaps == MOST_REMAPS)
+            argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
+        a->remap[a->remaps++] = value;
+        return 0;
+    case ARGP_KEY_ARG: command_take_file(state, a->uri ? &a->file : &a->uri, value); return 0;
+    case ARGP_KEY_END:
+        command_require(state, a->uri, "URI");
+        if (a->camera)
+            command_require(state, a->file, "FILE, in whose place the camera is,");
+        return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -163,17 +197,31 @@ static enum status run_trials(const struct drive_arguments *a)
     return status;
 }
 
+// A robot of a ROS master is driven in real time, twenty commands a second.
+static enum status step_to(struct drive_session *s, int64_t to_ns)
+{
+    const struct drive_command ahead = {0.2, 0.1}, stop = {0, 0};
+    const int64_t tick_ns = 50000000, start_ns = clock_now_ns() - s->now_ns;
+    enum status status = OK;
+    if (s->kind != DRIVE_ROS)
+        return drive_session_step(s, to_ns, &ahead);
+    for (int64_t t = s->now_ns; status == OK && t < to_ns && !command_stopped(); t += tick_ns) {
+        clock_sleep_until_ns(start_ns + t);
+        status = drive_session_step(s, t, t < 1000000000 ? &stop : &ahead);
+    }
+    return status;
+}
+
 static enum status write_pictures(const struct drive_arguments *a, struct drive_session *s)
 {
     enum status status = folder_make(a->out);
     const int64_t every_ns = (int64_t)(a->every_s * 1e9);
     for (int i = 0; status == OK && !command_stopped() && !s->ended; i++) {
-        const struct drive_command ahead = {0.2, 0.1};
         const struct surround_view *view;
         char path[4096];
         if (a->seconds > 0 && (double)i * a->every_s > a->seconds)
             break;
-        status = drive_session_step(s, i * every_ns, &ahead);
+        status = step_to(s, i * every_ns);
         if (status == OK)
             status = drive_session_draw(s, &view);
         snprintf(path, sizeof path, "%s/%04d.png", a->out, i);
@@ -191,10 +239,12 @@ int reenact_drive(int argc, char **argv)
     static const struct argp argp = {
         options,
         parse,
-        "URI",
+        "URI [FILE]",
         "Drives a robot by free-viewpoint pictures of its surroundings.\v"
-        "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall) or folder:DIR (a "
-        "robot's captures, played in real time). Stick or arrow keys drive, space stops; a finger turns the viewpoint; "
+        "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall), folder:DIR (a "
+        "robot's captures, played in real time), or ros: or ros:http://HOST:PORT (a robot on a ROS master: topics "
+        "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Stick or arrow keys drive, space "
+        "stops; a finger turns the viewpoint; "
         "1, 2 and 3 choose first person, third person and from above.",
         NULL,
         NULL,
@@ -204,10 +254,19 @@ int reenact_drive(int argc, char **argv)
     if (arguments.trials)
         return run_trials(&arguments) == OK ? 0 : command_failed(argv[0]);
     struct drive_session session;
-    enum status status = drive_session_open(&session, arguments.uri, &arguments.how);
-    if (status != OK)
-        return command_failed(argv[0]);
-    status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, arguments.seconds);
-    drive_session_close(&session);
+    struct place place = {0};
+    arguments.how.remap = arguments.remap;
+    arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
+    enum status status = arguments.camera ? place_input_read(arguments.file, &place) : OK;
+    if (status == NOTHING)
+        status = fail(ERR_INPUT, "%s holds no place to localise the camera in", arguments.file);
+    if (status == OK)
+        status = drive_session_open(&session, arguments.uri, &arguments.how);
+    if (status == OK) {
+        const struct drive_window_options window = {arguments.seconds, arguments.camera, &place};
+        status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
+        drive_session_close(&session);
+    }
+    place_free(&place);
     return status == OK ? 0 : command_failed(argv[0]);
 }

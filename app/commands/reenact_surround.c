@@ -183,6 +183,7 @@ int reenact_surround(int argc, char **argv)
     if (status != OK)
         return command_failed(argv[0]);
     s.clock = clock_now_ns;
+    s.processor_clock = clock_cpu_ns;
     s.plain = arguments.plain;
     s.how.view.depth_test = !arguments.no_depth_test;
     status = folder_make(arguments.out);

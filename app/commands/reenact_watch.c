@@ -12,7 +12,7 @@
 
 struct watch_arguments {
     const char *file, *take, *camera, *sensor, *photos;
-    bool fullscreen, light, stats, ask;
+    bool fullscreen, light, mirrored, no_body_points, stats, ask;
     int rotate, width, height;
     double dpi, seconds;
 };
@@ -24,6 +24,8 @@ enum {
     KEY_PHOTOS,
     KEY_FULLSCREEN,
     KEY_LIGHT,
+    KEY_MIRRORED,
+    KEY_NO_BODY_POINTS,
     KEY_ROTATE,
     KEY_SIZE,
     KEY_DPI,
@@ -37,12 +39,15 @@ static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0,
      "look through this camera: libcamera, libcamera:N, folder:DIR, or none (default: the first there is)", 0},
     {"sensor", KEY_SENSOR, "URI", 0,
-     "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+     "do the move beside the actor, seen by this depth sensor: openni, openni:N, oni:FILE, mkv:FILE or folder:DIR", 0},
     {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
     {"ask", KEY_KNOWLEDGE, NULL, 0,
      "ask a thing's own server for what is newer when its card is opened (default: only what the recording keeps)", 0},
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+    {"mirrored", KEY_MIRRORED, NULL, 0, "the actor with left and right exchanged; with --sensor you are judged by that",
+     0},
+    {"no-body-points", KEY_NO_BODY_POINTS, NULL, 0, "with --sensor: track from depth alone", 0},
     {"rotate", KEY_ROTATE, "DEGREES", 0, "how the screen is mounted, clockwise: 0, 90, 180 or 270", 0},
     {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
     {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
@@ -61,6 +66,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_PHOTOS: a->photos = value; return 0;
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
+    case KEY_MIRRORED: a->mirrored = true; return 0;
+    case KEY_NO_BODY_POINTS: a->no_body_points = true; return 0;
     case KEY_KNOWLEDGE: a->ask = true; return 0;
     case KEY_STATS: a->stats = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
@@ -120,7 +127,8 @@ static void print_milestones(struct watch *w)
     const bool actor = t->has_image && t->image.parts > 0;
     const bool reached[] = {true, actor, actor && t->image.prepared, actor && t->image.full};
     for (; w->milestones < (int)COUNT_OF(names) && reached[w->milestones]; w->milestones++)
-        printf("opening   %s after %.0f ms\n", names[w->milestones], (double)(w->shown_ns - w->started_ns) * 1e-6);
+        printf("opening   %s after %.0f ms, %.0f of them at work\n", names[w->milestones],
+               (double)(w->shown_ns - w->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);
 }
 
 static void surface_of(const struct watch *w, struct viewer_surface *surface)
@@ -177,8 +185,10 @@ static enum status watch_open(struct watch *w)
                                        .take = a->take,
                                        .camera = *camera && strcmp(camera, "none") ? camera : NULL,
                                        .sensor = a->sensor,
+                                       .no_body_points = a->no_body_points,
                                        .photos = a->photos,
                                        .light = a->light,
+                                       .mirrored = a->mirrored,
                                        .ask_knowledge = a->ask,
                                        .refresh_hz = window_refresh_hz(w->screen),
                                        .opening = show_opening,
@@ -203,6 +213,7 @@ static enum status watch_reopen(struct watch *w)
     char *take = t->take_view ? strdup(t->takes.cards[t->state.take].name) : NULL;
     again.take = take ? take : again.take;
     again.light = !t->state.dark;
+    again.mirrored = t->options.sensor ? t->state.live.mirrored : t->state.placement.mirrored;
     again.fullscreen = w->fullscreen;
     watch_close(w);
     w->status_text[0] = 0;
@@ -308,6 +319,12 @@ static void print_stats(const struct watch *w)
         struct camera_texture_counts c = camera_texture_count(w->viewer.camera_texture);
         printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,
                (long long)c.uploaded, *c.why ? ": " : "", c.why);
+    }
+    if (w->viewer.live.sensor) {
+        const struct live_sensor_state s = live_sensor_query(w->viewer.live.sensor);
+        printf("sensor    %lld frames tracked, %lld not; body points in %lld of their images%s%s\n",
+               (long long)s.received, (long long)s.dropped, (long long)s.looked, *s.no_body_points ? ": " : "",
+               s.no_body_points);
     }
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
         printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);

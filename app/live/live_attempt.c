@@ -122,7 +122,8 @@ enum status attempt_judge_start(struct attempt_judge **out, const struct attempt
         return fail(ERR_MEMORY, "no memory to judge the attempt");
     }
     j->task = *task;
-    j->attempt = (struct live_attempt){.number = task->number, .samples = *samples, .first = task->first};
+    j->attempt = (struct live_attempt){
+        .number = task->number, .mirrored = task->mirrored, .samples = *samples, .first = task->first};
     *samples = (struct joint_samples){0};
     enum status status = copy_part(task->reference, task->first, task->end, &j->part);
     if (status == OK && pthread_create(&j->thread, NULL, judge, j))

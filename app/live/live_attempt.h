@@ -7,6 +7,7 @@ enum { ATTEMPT_CELLS = 240, ATTEMPT_NOT_ALIGNED = 255 };
 
 struct live_attempt {
     int number;
+    bool mirrored;                // the reference was the actor's mirror image
     bool compared;                // `comparison` is filled; else `why` says why not
     struct comparison comparison; // the reference's part that was done, and the attempt
     struct joint_samples samples; // of the attempt, y down, times from 0
@@ -27,6 +28,7 @@ struct attempt_judge;
 
 struct attempt_task {
     const struct movement *reference; // the whole; read while opening only
+    bool mirrored;                    // it is the mirror image of what was recorded
     int32_t first, end;               // of its frames: the part that was done
     int number;
     void (*notify)(void *self); // called on the thread at the end; may be NULL

@@ -1,5 +1,6 @@
 #include "app/live/live_sensor.h"
 
+#include "app/live/live_points.h"
 #include "app/camera/mailbox.h"
 #include "base/clock.h"
 #include "base/condition.h"
@@ -34,6 +35,7 @@ struct live_sensor {
     // used by the sensor's thread only
     struct source *source;
     struct live_tracker *tracker;
+    struct live_points *points;                  // NULL: none are looked for
     int attempt;                                 // being collected; 0: none yet
     bool collecting;                             // the wish's run, as of the last frame
     int left_out;                                // frames of a film in a row
@@ -220,12 +222,31 @@ static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
         live_tracker_show(s->tracker, &wish->shown);
 }
 
+// What was found in an earlier image goes to the tracker, and this one to whoever looks.
+static void exchange_points(struct live_sensor *s, const struct frame *frame)
+{
+    struct body_points points;
+    int64_t image_ns;
+    if (!s->points)
+        return;
+    if (live_points_take(s->points, &image_ns, &points))
+        live_tracker_set_points(s->tracker, image_ns, &points);
+    if (frame->color)
+        live_points_offer(s->points, frame->time_ns, frame->color);
+    const struct live_points_state state = live_points_query(s->points);
+    pthread_mutex_lock(&s->lock);
+    s->state.looked = state.looked;
+    memcpy(s->state.no_body_points, state.why_not, sizeof s->state.no_body_points);
+    pthread_mutex_unlock(&s->lock);
+}
+
 static enum status process(struct live_sensor *s, const struct frame *frame, int64_t received_ns)
 {
     const struct live_wish wish = wish_now(s);
     struct sensor_slot *slot = acquire(s);
     struct live_frame *f = &slot->frame;
     follow_wish(s, &wish);
+    exchange_points(s, frame);
     enum status status = fill(slot, frame, source_calibration(s->source));
     if (status == OK)
         status = live_tracker_next(s->tracker, frame->time_ns, f->rgb, f->depth, slot->mask, &f->look);
@@ -260,6 +281,8 @@ static enum status rewind_film(struct live_sensor *s)
     enum status status = source_open(&s->source, s->uri, SOURCE_SENSOR);
     if (status == OK)
         live_tracker_reset(s->tracker);
+    if (s->points)
+        live_points_restart(s->points);
     s->at_start = true;
     s->first_ns = s->began_ns = s->due_ns = 0;
     return status;
@@ -322,13 +345,21 @@ static enum status open_sensor(struct live_sensor *s)
     enum status status = source_open(&s->source, s->uri, SOURCE_SENSOR);
     if (status != OK)
         return status;
-    const struct live_tracker_options how = {source_calibration(s->source), s->options.place, s->options.reference};
+    const struct live_tracker_options how = {.calibration = source_calibration(s->source),
+                                             .place = s->options.place,
+                                             .reference = s->options.reference,
+                                             .mirrored = s->options.mirrored};
     pthread_mutex_lock(&s->lock);
     s->state.film = !source_is_live(s->source);
     pthread_mutex_unlock(&s->lock);
     s->at_start = true;
     s->first_ns = s->began_ns = s->due_ns = 0;
-    return live_tracker_open(&s->tracker, &how);
+    status = live_tracker_open(&s->tracker, &how);
+    const struct lens *color = &how.calibration->color;
+    if (status != OK || s->options.no_body_points || color->width <= 0)
+        return status;
+    const struct live_points_options look = {.width = color->width, .height = color->height};
+    return live_points_open(&s->points, &look);
 }
 
 // Until the sensor fails, ends (a live one: ERR_DEVICE), or the thread must stop.
@@ -376,6 +407,7 @@ static void *sensor_thread(void *self)
             status = run_sensor(s);
         if (status != OK)
             report(s, status_message());
+        live_points_close(&s->points);
         live_tracker_close(&s->tracker);
         source_close(&s->source);
         if (status != OK)

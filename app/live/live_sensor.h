@@ -1,12 +1,14 @@
 // The live sensor: a depth sensor that is read, tracked and judged (live_tracker.h) on a thread of its own. The newest
-// frame wins: what is not drawn in time is dropped, and so is what the sensor delivers while a frame is tracked.
+// frame wins: what is not drawn in time is dropped, and so is what the sensor delivers while a frame is tracked. Body
+// points are looked for beside it (live_points.h).
 //
 // A sensor that fails is closed and opened again every second. A film (folder:, oni:) is played in real time and stands
 // in for a person: it stays at its first frame until an attempt begins, and starts again with each attempt. What comes
 // late is left out, unless every_frame is set.
 //
-// Threads: the drawing one calls all functions; `notify` is called on the sensor's. Memory: four frames, and 712 bytes
-// a frame of an attempt, of which the first ATTEMPT_MOST_S seconds are collected; constant however long it goes on.
+// Threads: the drawing one calls all functions; `notify` is called on the sensor's. Memory: five frames, the network's,
+// and 712 bytes a frame of an attempt, of which the first ATTEMPT_MOST_S seconds are collected; constant however long
+// it goes on.
 #pragma once
 #include "app/live/live_keeper.h"
 #include "app/live/live_tracker.h"
@@ -19,7 +21,9 @@ struct live_sensor_options {
     const char *sensor;               // URI; copied
     const struct place *place;        // as in live_tracker_options
     const struct movement *reference; // as there
+    const struct movement *mirrored;  // as there
     struct live_keeper *keeper;       // gets the frames of attempts; NULL: none. Must outlive the sensor
+    bool no_body_points;              // are looked for in colour images
     bool every_frame;                 // a film leaves nothing out, for tests and measurements
     void (*notify)(void *self);       // called whenever there is something new; may be NULL
     void *notify_self;
@@ -57,6 +61,8 @@ struct live_sensor_state {
     int64_t received_ns;       // when the last frame arrived
     int64_t received, dropped; // frames; dropped: not tracked, because newer ones came or a film was late
     double track_ms, judge_ms; // processor time, sums over the received frames
+    int64_t looked;            // colour images in which body points were looked for
+    char no_body_points[256];  // why none are, although wanted; "": they are, or there is no colour
     char trouble[256];         // one sentence; "": none
 };
 struct live_sensor_state live_sensor_query(struct live_sensor *s);

@@ -1,5 +1,6 @@
 #include "app/live/live_tracker.h"
 
+#include "app/live/point_motion.h"
 #include "base/clock.h"
 #include "capture/segmentation/background_depth.h"
 #include "capture/sensor_pose.h"
@@ -11,7 +12,7 @@
 
 enum {
     SECOND_EVERY = 5, // frames from one look for a second person to the next; chosen by hand
-    SECOND_LOOKS = 2, // looks in a row that must show one
+    SECOND_LOOKS = 4, // looks in a row that must show one: an arm that is raised may seem one for half a second
     STEPS_MAX = 8     // of the judge for one frame of a slow sensor
 };
 static const double UNKNOWN_HEIGHT_M = 1;
@@ -19,7 +20,7 @@ static const double UNKNOWN_HEIGHT_M = 1;
 struct live_tracker {
     struct calibration calibration;
     const struct place *place;
-    const struct movement *reference;
+    const struct movement *reference, *mirrored;
     struct tracker *tracker;
     struct sensor_pose *sensor_pose; // NULL: no place or no colour
     struct live_judge *judge;        // NULL: no reference
@@ -30,6 +31,10 @@ struct live_tracker {
     int64_t frames, last_ns; // last_ns: of the last judged frame
     bool has_last;
     int second_looks;
+    struct point_motion motion;
+    struct body_points points; // of the image at points_ns, to be used with the next frame
+    int64_t points_ns;
+    bool has_points;
 };
 
 enum status live_tracker_open(struct live_tracker **out, const struct live_tracker_options *options)
@@ -41,6 +46,7 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     t->calibration = *options->calibration;
     t->place = options->place;
     t->reference = options->reference;
+    t->mirrored = options->mirrored;
     t->shown.end = t->reference ? t->reference->count : 0;
     const struct lens *depth = &t->calibration.depth;
     enum status status = tracker_open(&t->tracker, &t->calibration, NULL);
@@ -72,8 +78,10 @@ void live_tracker_close(struct live_tracker **t)
 void live_tracker_show(struct live_tracker *t, const struct live_shown *shown)
 {
     t->shown = *shown;
-    if (t->judge)
-        live_judge_set_window(t->judge, shown->first, shown->end);
+    if (!t->judge)
+        return;
+    live_judge_set_reference(t->judge, shown->mirrored && t->mirrored ? t->mirrored : t->reference);
+    live_judge_set_window(t->judge, shown->first, shown->end);
 }
 
 void live_tracker_restart_judge(struct live_tracker *t)
@@ -86,6 +94,8 @@ void live_tracker_restart_judge(struct live_tracker *t)
 void live_tracker_reset(struct live_tracker *t)
 {
     tracker_reset(t->tracker);
+    point_motion_clear(&t->motion);
+    t->has_points = false;
     t->second_looks = 0;
     live_tracker_restart_judge(t);
 }
@@ -167,6 +177,20 @@ static void judge(struct live_tracker *t, struct live_look *look)
     t->has_last = true;
 }
 
+void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const struct body_points *points)
+{
+    t->points = *points;
+    t->points_ns = image_ns;
+    t->has_points = t->calibration.color.width > 0;
+}
+
+static void use_points(struct live_tracker *t, int64_t time_ns)
+{
+    if (t->has_points && point_motion_apply(&t->motion, &t->calibration.color, t->points_ns, time_ns, &t->points))
+        tracker_set_body_points(t->tracker, &t->points);
+    t->has_points = false;
+}
+
 // Before tracking a frame, and after it.
 static void look_for_second(struct live_tracker *t)
 {
@@ -190,6 +214,7 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     const int64_t begun_ns = clock_cpu_ns();
     enum status status = locate(t, color, depth, out);
     look_for_second(t);
+    use_points(t, time_ns);
     if (status == OK)
         status = tracker_next(t->tracker, time_ns, depth, &out->skeleton, mask);
     const int64_t tracked_ns = clock_cpu_ns();
@@ -197,6 +222,7 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     if (status < 0)
         return status;
     out->person = status == OK;
+    point_motion_add(&t->motion, time_ns, out->person ? &out->skeleton : NULL);
     out->second_person = out->person && second_person(t);
     t->frames++;
     if (!out->located)

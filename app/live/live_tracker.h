@@ -1,7 +1,7 @@
 // What the live screens know of one frame of a depth sensor: the person's skeleton in the world, and how each part
 // differs from the reference. Put together as the recorder does it (capture/recorder.h): sensor pose in the place,
-// background and floor from it, segmentation, tracking; then compare/live_judge.h. From depth alone: looking for body
-// points would delay the picture.
+// background and floor from it, segmentation, tracking; then compare/live_judge.h. Body points of the colour images are
+// used where the caller has some; they may come some frames late (point_motion.h).
 //
 // World axes: z up, metres. The place's world where the sensor is located in it; else the origin is on the floor below
 // the sensor, y is ahead of it, and the floor is what segmentation found (until then the sensor counts as level, 1 m
@@ -21,6 +21,7 @@ struct live_tracker_options {
     const struct calibration *calibration; // of the sensor; copied
     const struct place *place;             // to locate it in; NULL or empty: none. Must outlive the tracker
     const struct movement *reference;      // to judge by; NULL: only tracked. Must outlive the tracker
+    const struct movement *mirrored;       // its mirror image; NULL: never judged by. Must outlive the tracker
 };
 // ERR_INPUT: no usable depth lens. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status live_tracker_open(struct live_tracker **out, const struct live_tracker_options *options);
@@ -29,10 +30,16 @@ void live_tracker_close(struct live_tracker **t); // NULL is fine; sets *t = NUL
 // Which of the reference's frames is shown to the person now, and among which theirs is looked for.
 struct live_shown {
     int32_t frame, first, end;
+    bool mirrored; // judged by the mirror image
 };
 void live_tracker_show(struct live_tracker *t, const struct live_shown *shown);
 void live_tracker_restart_judge(struct live_tracker *t); // an attempt begins
 void live_tracker_reset(struct live_tracker *t);         // and the person and the learned background are forgotten, too
+
+struct body_points;
+// What was found in the colour image of that time, the next frame's or an earlier one's; used by the next
+// live_tracker_next. Copied.
+void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const struct body_points *points);
 
 struct live_look {
     bool located;                  // the world is the place's

@@ -48,6 +48,7 @@ static void begin_attempt(struct live_state *s, int64_t now_ns)
 {
     enter(s, LIVE_DOING, now_ns);
     s->attempt++;
+    s->attempt_mirrored = s->mirrored;
     s->sight.judged = false; // what was judged before is of another instant
 }
 
@@ -112,6 +113,14 @@ static void mark(struct live_state *s, bool from)
     }
 }
 
+// An attempt is judged by one reference throughout.
+static void mirror_actor(struct live_state *s, int64_t now_ns)
+{
+    s->mirrored = !s->mirrored;
+    if (s->phase == LIVE_DOING)
+        enter(s, LIVE_COUNT_IN, now_ns);
+}
+
 static void start_or_stop(struct live_state *s, int64_t now_ns)
 {
     switch (s->phase) {
@@ -136,6 +145,7 @@ void live_state_do(struct live_state *s, enum live_action action, int64_t now_ns
     case LIVE_DO_MARK_FROM: mark(s, true); break;
     case LIVE_DO_MARK_TO: mark(s, false); break;
     case LIVE_DO_LOOP: s->loop = !s->loop; break;
+    case LIVE_DO_MIRROR: mirror_actor(s, now_ns); break;
     case LIVE_DO_KEEP: s->keep_wanted |= s->phase == LIVE_SUMMARY; break;
     case LIVE_DO_BACK_STEP:
         if (s->phase == LIVE_SUMMARY)
@@ -300,9 +310,14 @@ int live_state_count(const struct live_state *s)
     return count < 1 ? 1 : count > 3 ? 3 : count;
 }
 
+static bool not_in_room(const struct live_state *s)
+{
+    return s->screen == LIVE_ROOM && s->sight.frame && !s->sight.in_place && s->phase != LIVE_SUMMARY;
+}
+
 bool live_state_hint_warns(const struct live_state *s)
 {
-    return *s->trouble || !s->sight.seeing || person_gone(s) || second_person(s);
+    return *s->trouble || !s->sight.seeing || person_gone(s) || second_person(s) || not_in_room(s);
 }
 
 const char *live_state_hint(const struct live_state *s)
@@ -317,6 +332,8 @@ const char *live_state_hint(const struct live_state *s)
         return s->attempt && s->phase == LIVE_DOING ? "You left the picture" : "Step into the sensor's picture";
     if (second_person(s))
         return "A second person is in the picture; only the first is judged";
+    if (not_in_room(s))
+        return "The sensor sees nothing of the room that was filmed, so you cannot be shown in it";
     if (s->phase == LIVE_READY)
         return s->hands_free ? "Stand as the actor does; the count-in starts by itself"
                              : "Touch Start when you are ready";

@@ -34,6 +34,7 @@ enum live_action {
     LIVE_DO_MARK_FROM, // the marked part begins here
     LIVE_DO_MARK_TO,   // and ends here
     LIVE_DO_LOOP,      // the marked part, or all of it, again and again
+    LIVE_DO_MIRROR,    // the actor left and right exchanged, or as recorded; an attempt that is being made begins again
     LIVE_DO_KEEP,      // keep the last attempt as a take
     LIVE_DO_BACK_STEP, // in the summary: play half a second earlier, or later
     LIVE_DO_ON_STEP,
@@ -42,6 +43,7 @@ enum live_action {
 // What the sensor says at an instant.
 struct live_sight {
     bool seeing;          // frames arrive
+    bool in_place;        // the sensor is located in the place that the take was recorded in
     bool ended;           // the sensor is a film, and it is over
     int64_t frame;        // number of the newest frame; 0: none
     bool person;          // is followed in it
@@ -68,6 +70,7 @@ struct live_state {
     enum live_pace pace;
     double tempo;
     bool over, ghost, loop, hands_free;
+    bool mirrored;                        // the actor is shown, and the person judged, left and right exchanged
     int64_t length_ns;                    // of the take
     int64_t marked_from_ns, marked_to_ns; // the part that is done: from 0 to length_ns where nothing is marked
     int64_t at_ns;                        // the actor's instant
@@ -84,6 +87,7 @@ struct live_state {
     char trouble[256];
 
     int attempt;                               // number of the attempt that is being made or was made last; 0: none
+    bool attempt_mirrored;                     // that attempt is judged by the mirrored actor
     int finished;                              // number of the attempt that is to be judged; 0: none yet
     int judged;                                // number of the last one that was
     struct live_result results[LIVE_ATTEMPTS]; // of the last attempts of this sitting, the newest last

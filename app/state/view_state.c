@@ -46,6 +46,8 @@ void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frame
     s->page = PAGE_WATCH;
     s->sheet = SHEET_NONE;
     s->moving = s->scrubbing = s->take_wanted = false;
+    s->trim.from_ns = 0;
+    s->trim.to_ns = length_ns;
     if (s->live.present) {
         s->page = PAGE_LIVE;
         playback_play(&s->playback, now_ns, false);
@@ -160,9 +162,30 @@ static bool do_playback(struct view_state *s, enum view_action action, int64_t n
     }
 }
 
+// True: the action concerned the ends of the take.
+static bool do_trim(struct view_state *s, enum view_action action, int64_t now_ns)
+{
+    struct view_trim *t = &s->trim;
+    const int64_t at = playback_at(&s->playback, now_ns), length = s->playback.length_ns;
+    if (!t->offered)
+        return false;
+    switch (action) {
+    case DO_MARK_FROM:
+        t->from_ns = at;
+        t->to_ns = t->to_ns > at ? t->to_ns : length;
+        return true;
+    case DO_MARK_TO:
+        t->to_ns = at;
+        t->from_ns = t->from_ns < at ? t->from_ns : 0;
+        return true;
+    case DO_KEEP: t->wanted = t->from_ns > 0 || t->to_ns < length; return true;
+    default: return false;
+    }
+}
+
 static void do_on_watch(struct view_state *s, enum view_action action, int64_t now_ns)
 {
-    if (do_playback(s, action, now_ns))
+    if (do_playback(s, action, now_ns) || do_trim(s, action, now_ns))
         return;
     switch (action) {
     case DO_MIRROR: s->placement.mirrored = !s->placement.mirrored; break;
@@ -198,15 +221,16 @@ static void do_on_watch(struct view_state *s, enum view_action action, int64_t n
 
 bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out)
 {
-    const bool summary = phase == LIVE_SUMMARY;
+    const bool summary = phase == LIVE_SUMMARY, ready = phase == LIVE_READY;
     switch (action) {
     case DO_PLAY_PAUSE:
     case DO_CHOOSE: *out = LIVE_DO_START; return true;
     case DO_STEP_BACK: *out = summary ? LIVE_DO_BACK_STEP : LIVE_DO_MARK_FROM; return true;
-    case DO_STEP_ON: *out = summary ? LIVE_DO_ON_STEP : LIVE_DO_MARK_TO; return true;
+    case DO_STEP_ON: *out = summary ? LIVE_DO_ON_STEP : ready ? LIVE_DO_MIRROR : LIVE_DO_MARK_TO; return true;
     case DO_SLOWER: *out = LIVE_DO_SLOWER; return true;
     case DO_FASTER: *out = LIVE_DO_FASTER; return true;
     case DO_LOOP: *out = LIVE_DO_LOOP; return true;
+    case DO_MIRROR: *out = LIVE_DO_MIRROR; return true;
     case DO_SCREEN:
     case DO_ORBIT: *out = LIVE_DO_SCREEN; return true;
     case DO_PACE:
@@ -439,6 +463,8 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
     s->changed |=
         presence != s->presence || playback_tick(&s->playback, now_ns) || controls != view_state_controls_shown(s);
     s->presence = presence;
+    if (s->trim.offered && s->playback.playing && s->playback.loop && playback_at(&s->playback, now_ns) > s->trim.to_ns)
+        playback_seek(&s->playback, now_ns, s->trim.from_ns);
     double crossfade = s->avatar_shown ? toward(s->crossfade, 1, passed_s / CROSSFADE_S) : 0;
     s->changed |= crossfade != s->crossfade;
     s->crossfade = crossfade;
@@ -475,16 +501,9 @@ void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns)
     s->now_ns = to_ns;
 }
 
-const char *view_state_hint(const struct view_state *s)
+// What is wrong with the camera, which the caller has asked for.
+static const char *camera_hint(const struct view_state *s)
 {
-    if (s->page == PAGE_LIVE)
-        return s->problem ? s->problem : live_state_hint(&s->live);
-    if (s->page != PAGE_WATCH)
-        return NULL;
-    if (s->problem)
-        return s->problem;
-    if (!s->camera.requested || s->orbit_requested)
-        return NULL;
     if (*s->camera_trouble)
         return s->camera_trouble;
     if (!s->camera.seeing)
@@ -498,6 +517,31 @@ const char *view_state_hint(const struct view_state *s)
         return s->camera.has_tags ? "Point the camera at a tag"
                                   : "Point the camera at more of the room that was filmed";
     return NULL;
+}
+
+// The camera counts only where it shows the room.
+static bool live_needs_camera(const struct view_state *s)
+{
+    return s->live.screen == LIVE_ROOM && s->live.phase != LIVE_SUMMARY && s->camera.requested;
+}
+
+bool view_state_hint_warns(const struct view_state *s)
+{
+    return s->page != PAGE_LIVE || s->problem || live_state_hint_warns(&s->live) ||
+           (live_needs_camera(s) && camera_hint(s));
+}
+
+const char *view_state_hint(const struct view_state *s)
+{
+    if (s->page != PAGE_WATCH && s->page != PAGE_LIVE)
+        return NULL;
+    if (s->problem)
+        return s->problem;
+    if (s->page == PAGE_LIVE) {
+        const char *camera = live_needs_camera(s) && !live_state_hint_warns(&s->live) ? camera_hint(s) : NULL;
+        return camera ? camera : live_state_hint(&s->live);
+    }
+    return s->camera.requested && !s->orbit_requested ? camera_hint(s) : NULL;
 }
 
 bool view_state_controls_shown(const struct view_state *s)

@@ -57,7 +57,7 @@ enum view_action {
     DO_PREVIOUS,
     DO_NEXT,
     DO_CHOOSE, // on the page of takes
-    // On PAGE_LIVE; there the actions above mean what live_action_of says.
+    // On PAGE_LIVE; there the actions above mean what live_action_of says. The marks and KEEP also trim on PAGE_WATCH.
     DO_SCREEN,
     DO_PACE,
     DO_OVER,
@@ -89,6 +89,13 @@ struct placement {
     bool mirrored;
 };
 
+// The part of a take that stays when its ends are cut off. Only where it is offered, as after filming.
+struct view_trim {
+    bool offered;
+    int64_t from_ns, to_ns; // of the take
+    bool wanted;            // asked for: whoever opened the viewer cuts
+};
+
 struct view_state {
     enum view_page page;
     enum view_sheet sheet;
@@ -106,6 +113,7 @@ struct view_state {
     bool moving; // fingers move the actor, not the view
     bool skeleton, sources, inset, frame_graph, dark, fullscreen;
     bool screenshot_wanted, quit;
+    struct view_trim trim;
 
     struct live_state live; // of PAGE_LIVE
     struct room_state room; // of PAGE_WATCH
@@ -187,6 +195,7 @@ void view_state_resume(struct view_state *s, int64_t from_ns, int64_t to_ns);
 
 // One sentence on what is wrong or what to do; NULL: nothing. Borrowed until the next call.
 const char *view_state_hint(const struct view_state *s);
+bool view_state_hint_warns(const struct view_state *s); // it says that something is wrong
 
 // Whether the controls are shown: they hide while the take plays and there is no input.
 bool view_state_controls_shown(const struct view_state *s);

@@ -1,5 +1,6 @@
 #include "app/studio/studio.h"
 
+#include "app/studio/room_screen.h"
 #include "base/clock.h"
 #include "reenact/render/shaders.h"
 
@@ -72,10 +73,12 @@ void studio_close(struct studio *s)
         viewer_close(&s->viewer);
     gpu_texture_close(&s->color);
     gpu_texture_close(&s->depth);
+    gpu_texture_close(&s->plan);
     ui_close(&s->ui);
     studio_snapshot_free(&s->shown);
     sound_close(&s->sound);
     free(s->depth_rgb);
+    free(s->plan_rgb);
     *s = (struct studio){0};
 }
 
@@ -85,12 +88,13 @@ static void open_sensor(struct studio *s, int64_t now_ns)
 {
     const struct studio_session_options how = {.sensor = s->devices[s->state.sensor].uri,
                                                .file = s->options.file,
+                                               .tags = s->options.tags,
                                                .wake = s->options.wake,
                                                .wake_self = s->options.wake_self,
                                                .body_points = s->options.body_points};
     studio_session_close(&s->session);
     studio_snapshot_free(&s->shown);
-    s->gestures = s->takes_ready = 0;
+    s->gestures = s->takes_ready = s->rooms_ready = 0;
     if (studio_session_open(&s->session, &how) != OK)
         studio_fail(&s->state, status_message(), now_ns);
 }
@@ -100,6 +104,7 @@ static enum status open_playback(struct studio *s, int64_t now_ns)
 {
     const struct viewer_options how = {.file = s->options.file,
                                        .take = s->state.take,
+                                       .offer_trim = true,
                                        .light = !s->state.dark,
                                        .refresh_hz = s->options.refresh_hz,
                                        .wake = s->options.wake,
@@ -139,6 +144,18 @@ static void rename_take(struct studio *s, int64_t now_ns)
     studio_renamed(&s->state, done, now_ns);
 }
 
+static void trim_take(struct studio *s, int64_t now_ns)
+{
+    char text[160];
+    int64_t freed;
+    const int64_t from_ns = s->state.trim_from_ns, to_ns = s->state.trim_to_ns;
+    if (recording_trim_take(s->options.file, s->state.take, from_ns, to_ns, &freed) != OK)
+        snprintf(text, sizeof text, "%.159s", status_message());
+    else
+        snprintf(text, sizeof text, "The take is %.1f s long now", (double)(to_ns - from_ns) * 1e-9);
+    studio_say(&s->state, text, now_ns);
+}
+
 static enum status run_command(struct studio *s, enum studio_command command, int64_t now_ns)
 {
     switch (command) {
@@ -151,6 +168,14 @@ static enum status run_command(struct studio *s, enum studio_command command, in
     case STUDIO_END_TAKE: studio_session_end(s->session); break;
     case STUDIO_DELETE_TAKE: delete_take(s, now_ns); break;
     case STUDIO_RENAME_TAKE: rename_take(s, now_ns); break;
+    case STUDIO_TRIM_TAKE: trim_take(s, now_ns); break;
+    case STUDIO_PAUSE_TAKE: studio_session_pause(s->session, true); break;
+    case STUDIO_RESUME_TAKE: studio_session_pause(s->session, false); break;
+    case STUDIO_BEGIN_SWEEP: studio_session_sweep(s->session); break;
+    case STUDIO_END_SWEEP: studio_session_end_sweep(s->session, false); break;
+    case STUDIO_DROP_SWEEP: studio_session_end_sweep(s->session, true); break;
+    case STUDIO_KEEP_ROOM: studio_session_keep_room(s->session, true); break;
+    case STUDIO_DROP_ROOM: studio_session_keep_room(s->session, false); break;
     case STUDIO_OPEN_PLAYBACK: return open_playback(s, now_ns);
     case STUDIO_CLOSE_PLAYBACK: return close_playback(s);
     case STUDIO_TONE: sound_tone(s->sound, 660, 0.12); break;
@@ -161,6 +186,15 @@ static enum status run_command(struct studio *s, enum studio_command command, in
 }
 
 // ---------------------------------------------------------------- the session's news
+
+// In a row there is no review: the verdict is said in passing.
+static void say_kept(struct studio *s, int64_t now_ns)
+{
+    char text[160];
+    const struct coach_verdict *v = &s->shown.verdict;
+    snprintf(text, sizeof text, "%.40s is kept: %.100s", s->state.take, v->count ? v->line[0] : "good");
+    studio_say(&s->state, text, now_ns);
+}
 
 static void take_news(struct studio *s, int64_t now_ns)
 {
@@ -180,6 +214,14 @@ static void take_news(struct studio *s, int64_t now_ns)
     if (s->shown.takes_ready != s->takes_ready) {
         s->takes_ready = s->shown.takes_ready;
         studio_take_ready(state, now_ns);
+        if (state->page == STUDIO_LIVE)
+            say_kept(s, now_ns);
+    }
+    if (s->shown.doing == STUDIO_DOING_MAP)
+        studio_sweep_finishing(state, now_ns);
+    if (s->shown.room.ready != s->rooms_ready) {
+        s->rooms_ready = s->shown.room.ready;
+        studio_sweep_ready(state, now_ns);
     }
 }
 
@@ -192,6 +234,8 @@ static void check_sensor(struct studio *s, int64_t now_ns)
     case STUDIO_COUNTDOWN:
     case STUDIO_RECORDING:
     case STUDIO_FINISHING:
+    case STUDIO_ROOM:
+    case STUDIO_ROOM_FINISHING:
         if (s->session && s->shown.doing == STUDIO_DOING_FAILED)
             studio_fail(&s->state, s->shown.failure, now_ns);
         break;
@@ -211,6 +255,12 @@ int64_t studio_update(struct studio *s, int64_t now_ns)
     if (!s->playing)
         return next_ns;
     const int64_t viewer_ns = viewer_update(&s->viewer, now_ns);
+    if (s->viewer.state.trim.wanted) {
+        s->state.trim_from_ns = s->viewer.state.trim.from_ns;
+        s->state.trim_to_ns = s->viewer.state.trim.to_ns;
+        studio_do(&s->state, STUDIO_TRIM, now_ns);
+        return now_ns;
+    }
     if (s->viewer.state.quit || s->viewer.state.page == PAGE_TAKES) {
         studio_do(&s->state, STUDIO_BACK, now_ns);
         return now_ns;
@@ -236,13 +286,18 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     }
     switch (event->key) {
     case WINDOW_KEY_SPACE:
-    case WINDOW_KEY_ENTER: studio_do(state, state->page == STUDIO_REVIEW ? STUDIO_KEEP : STUDIO_START, now_ns); break;
+    case WINDOW_KEY_ENTER:
+        studio_do(state, state->page == STUDIO_REVIEW || state->page == STUDIO_ROOM_REVIEW ? STUDIO_KEEP : STUDIO_START,
+                  now_ns);
+        break;
     case WINDOW_KEY_ESCAPE:
     case WINDOW_KEY_BACK: studio_do(state, STUDIO_BACK, now_ns); break;
     case 'k': studio_do(state, STUDIO_KEEP, now_ns); break;
     case 'x': studio_do(state, STUDIO_DISCARD, now_ns); break;
     case 'a': studio_do(state, STUDIO_RETAKE, now_ns); break;
-    case 'p': studio_do(state, STUDIO_PLAY, now_ns); break;
+    case 'p': studio_do(state, state->page == STUDIO_RECORDING ? STUDIO_PAUSE : STUDIO_PLAY, now_ns); break;
+    case 'm': studio_do(state, STUDIO_MAP_ROOM, now_ns); break;
+    case 'r': studio_do(state, STUDIO_IN_A_ROW, now_ns); break;
     case 'n': studio_do(state, STUDIO_EDIT_NAME, now_ns); break;
     case 'd': studio_do(state, STUDIO_THEME, now_ns); break;
     case 'q': studio_do(state, STUDIO_QUIT, now_ns); break;
@@ -304,12 +359,27 @@ static enum status write_textures(struct studio *s)
     return write_texture(s, &s->depth, &s->depth_width, depth, s->depth_rgb);
 }
 
+static enum status write_plan(struct studio *s)
+{
+    const enum studio_page page = s->state.page;
+    if (page != STUDIO_ROOM && page != STUDIO_ROOM_FINISHING && page != STUDIO_ROOM_REVIEW)
+        return OK;
+    if (!s->plan_rgb && !(s->plan_rgb = malloc(3 * (size_t)ROOM_PLAN_PX * ROOM_PLAN_PX)))
+        return fail(ERR_MEMORY, "no memory for the plan of the room");
+    const struct lens size = {.width = ROOM_PLAN_PX, .height = ROOM_PLAN_PX};
+    room_plan_colors(&s->shown.room.plan, theme_of(s->state.dark), s->plan_rgb);
+    s->plan_part = room_plan_part(&s->shown.room.plan);
+    return write_texture(s, &s->plan, &s->plan_width, &size, s->plan_rgb);
+}
+
 enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)
 {
     s->state.changed = false;
     if (s->playing)
         return viewer_draw(&s->viewer, surface, now_ns);
     enum status status = write_textures(s);
+    if (status == OK)
+        status = write_plan(s);
     if (status != OK)
         return status;
     const struct ui_input input = {
@@ -319,7 +389,8 @@ enum status studio_draw(struct studio *s, const struct viewer_surface *surface, 
     if (status != OK)
         return status;
     const struct brush brush = {s->ui, theme_of(s->state.dark)};
-    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown, s->color, s->depth};
+    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown,
+                                     s->color,        s->depth,   s->plan,         s->plan_part};
     studio_screen_draw(&brush, &s->state, &view, now_ns);
     ui_end(s->ui);
     status = ui_draw(s->ui, surface->target, surface->quarter_turns);

@@ -10,6 +10,7 @@ enum { STUDIO_DEVICES = 16 };
 struct studio_options {
     const char *file;
     const char *sensor; // URI; NULL: the user chooses
+    const char *tags;   // tags.json for sweeps of the room; NULL: the one beside the file, if there is one
     bool light;
     bool body_points;
     double refresh_hz;
@@ -28,11 +29,12 @@ struct studio {
     int device_count;
     struct studio_session *session;
     struct studio_snapshot shown;
-    struct gpu_texture *color, *depth;
-    int color_width, depth_width; // of the textures
-    uint8_t *depth_rgb;
-    int gestures, takes_ready; // of the snapshot, handled
-    struct viewer viewer;      // page PLAYBACK
+    struct gpu_texture *color, *depth, *plan;
+    int color_width, depth_width, plan_width; // of the textures
+    uint8_t *depth_rgb, *plan_rgb;
+    struct ui_box plan_part;                // of the plan that is shown, shares of its width
+    int gestures, takes_ready, rooms_ready; // of the snapshot, handled
+    struct viewer viewer;                   // page PLAYBACK
     bool playing;
     struct sound *sound; // NULL: silent
 };

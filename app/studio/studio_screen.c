@@ -1,12 +1,13 @@
 #include "app/studio/studio_screen.h"
 
 #include "app/studio/coverage_figure.h"
+#include "app/studio/room_screen.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-static const double SIDE = 380, FOOT = 92, ROW = 64;
+static const double SIDE = 380, FOOT = 92, ROW = 64, NARROW = 900, BUTTONS_W = 410;
 
 void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *out)
 {
@@ -28,9 +29,8 @@ void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *
 
 // ---------------------------------------------------------------- pieces
 
-// Draws the image as large as fits, mirrored as a mirror would show it. Returns where it is.
-static struct ui_box draw_picture(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
-                                  struct ui_box box)
+struct ui_box studio_picture_draw(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
+                                  struct ui_box box, bool mirrored)
 {
     ui_fill(b->ui, box, ROUND, 0x000000ff);
     if (!image || lens->width <= 0)
@@ -38,7 +38,8 @@ static struct ui_box draw_picture(const struct brush *b, const struct gpu_textur
     const double aspect = (double)lens->width / lens->height;
     const double w = fmin(box.w, box.h * aspect), h = w / aspect;
     const struct ui_box at = {box.x + (box.w - w) / 2, box.y + (box.h - h) / 2, w, h};
-    ui_image(b->ui, image, at, (struct ui_uv_rect){1, 0, 0, 1}, ROUND * 0.6, 0xffffffff);
+    const struct ui_uv_rect as_mirror = {1, 0, 0, 1}, as_is = {0, 0, 1, 1};
+    ui_image(b->ui, image, at, mirrored ? as_mirror : as_is, ROUND * 0.6, 0xffffffff);
     return at;
 }
 
@@ -80,19 +81,37 @@ static void draw_counters(const struct brush *b, const struct studio_snapshot *s
     char text[200];
     int used = c->frames_per_s > 0 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
                                    : snprintf(text, sizeof text, "measuring");
-    if (c->dropped)
-        used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
+    used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
     if (c->mb_per_s > 0)
         used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f MB/s", c->mb_per_s);
     if (c->mb_per_s > 0 && c->minutes_left >= 0)
         used += snprintf(text + used, sizeof text - (size_t)used, " · %.0f min left", c->minutes_left);
     if (shown->distance_m > 0)
-        used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f m away", shown->distance_m);
-    snprintf(text + used, sizeof text - (size_t)used, "%s",
-             !shown->has_place ? " · no place in the file"
-             : shown->located  ? " · the place is known"
-                               : " · the place is not recognised yet");
-    label(b, FACE_SMALL, box, b->theme->quiet, text);
+        snprintf(text + used, sizeof text - (size_t)used, " · %.1f m away", shown->distance_m);
+    label(b, FACE_SMALL, box, c->dropped ? b->theme->warn : b->theme->quiet, text);
+}
+
+// Whether the place is known, to how many millimetres, by which tags.
+static void draw_place(const struct brush *b, const struct studio_snapshot *shown, struct ui_box box)
+{
+    const struct sensor_sight *sight = &shown->sight;
+    char text[200];
+    int used = 0;
+    if (!shown->has_place) {
+        label(b, FACE_SMALL, box, b->theme->quiet, "No place in the file: map the room first, or film without");
+        return;
+    }
+    if (shown->located)
+        used = snprintf(text, sizeof text, "Place known to %.0f mm", fmax(sight->position_sigma_m * 1e3, 1));
+    else
+        used = snprintf(text, sizeof text, "The place is not recognised yet");
+    for (int i = 0; i < sight->tag_count && used < (int)sizeof text - 24; i++)
+        used += snprintf(text + used, sizeof text - (size_t)used, "%s%d", i ? ", " : " · tags ", (int)sight->tags[i]);
+    if (!sight->tag_count)
+        used += snprintf(text + used, sizeof text - (size_t)used, " · no tag in sight");
+    if (sight->points)
+        snprintf(text + used, sizeof text - (size_t)used, " · %d landmarks", (int)sight->points);
+    label(b, FACE_SMALL, box, shown->located ? b->theme->text : b->theme->warn, text);
 }
 
 // What to do now, over the picture's lower edge: readable from four metres.
@@ -118,7 +137,7 @@ static void draw_hint(const struct brush *b, const struct studio_snapshot *shown
 static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
 {
     struct ui_box depth = upright ? cut_left(&box, box.w * 0.42) : cut_top(&box, box.w * 0.75);
-    draw_picture(b, v->depth, &v->shown->calibration.depth, depth);
+    studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
     panel(b, box, false);
     struct ui_box in = inner(box, 12);
     struct ui_box dial = upright ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
@@ -144,6 +163,14 @@ static void draw_recording_mark(const struct brush *b, const struct studio_snaps
     label_time(b, (struct ui_point){box.x + 42, box.y + 9}, b->theme->text, (int64_t)(shown->counters.take_s * 1e9));
 }
 
+static void draw_paused(const struct brush *b, struct ui_box picture)
+{
+    const struct ui_point m = middle(picture);
+    ui_disc(b->ui, m, 74, b->theme->glass);
+    ui_fill(b->ui, (struct ui_box){m.x - 26, m.y - 32, 18, 64}, 4, b->theme->warn);
+    ui_fill(b->ui, (struct ui_box){m.x + 8, m.y - 32, 18, 64}, 4, b->theme->warn);
+}
+
 static const char *main_button(const struct studio_state *s)
 {
     switch (s->page) {
@@ -155,13 +182,40 @@ static const char *main_button(const struct studio_state *s)
     }
 }
 
+// Three lines of text and the buttons beside them, on an upright screen below.
+static void draw_live_foot(const struct brush *b, struct studio_state *s, const struct studio_view *v,
+                           struct ui_box foot, int64_t now_ns)
+{
+    struct ui_box row = foot.w < NARROW ? cut_bottom(&foot, TARGET) : cut_right(&foot, BUTTONS_W);
+    row = (struct ui_box){row.x, row.y + (row.h - TARGET) / 2, row.w, TARGET};
+    if (text_button(b, "studio-main", main_button(s), s->page == STUDIO_RECORDING ? BUTTON_ON : BUTTON_MAIN,
+                    cut_right(&row, 180)))
+        studio_do(s, STUDIO_START, now_ns);
+    if (s->page == STUDIO_RECORDING) {
+        if (text_button(b, "studio-pause", s->paused ? "Go on" : "Pause", s->paused ? BUTTON_ON : BUTTON_RAISED,
+                        cut_right(&row, 110)))
+            studio_do(s, STUDIO_PAUSE, now_ns);
+    } else if (s->page == STUDIO_LIVE) {
+        if (text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
+            studio_do(s, STUDIO_MAP_ROOM, now_ns);
+        if (text_button(b, "studio-row", "In a row", s->in_a_row ? BUTTON_ON : BUTTON_RAISED, cut_right(&row, 110)))
+            studio_do(s, STUDIO_IN_A_ROW, now_ns);
+    }
+    draw_counters(b, v->shown, (struct ui_box){foot.x, foot.y + 4, foot.w, 26});
+    draw_place(b, v->shown, (struct ui_box){foot.x, foot.y + 32, foot.w, 26});
+    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 60, foot.w, 26}, b->theme->quiet,
+          s->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
+          : s->in_a_row               ? "Raise a hand above your head to start; takes are kept one after the other"
+                                      : "Raise a hand above your head to start");
+}
+
 static void draw_live(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                       int64_t now_ns)
 {
     const bool upright = in.h > in.w;
-    struct ui_box foot = cut_bottom(&in, FOOT);
+    struct ui_box foot = cut_bottom(&in, in.w < NARROW ? FOOT + TARGET + GAP : FOOT);
     struct ui_box side = upright ? cut_bottom(&in, fmin(in.h * 0.36, 300)) : cut_right(&in, fmin(SIDE, in.w * 0.32));
-    const struct ui_box at = draw_picture(b, v->color, &v->shown->calibration.color, in);
+    const struct ui_box at = studio_picture_draw(b, v->color, &v->shown->calibration.color, in, true);
     if (v->shown->has_skeleton && v->color)
         draw_skeleton(b, v->shown, at);
     if (s->page == STUDIO_RECORDING)
@@ -171,14 +225,9 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
     if (s->page == STUDIO_COUNTDOWN)
         draw_countdown(b, s, in);
     draw_side(b, v, side, upright);
-    struct ui_box button = cut_right(&foot, 220);
-    button = (struct ui_box){button.x, button.y + 12, button.w, 64};
-    if (text_button(b, "studio-main", main_button(s), s->page == STUDIO_RECORDING ? BUTTON_ON : BUTTON_MAIN, button))
-        studio_do(s, STUDIO_START, now_ns);
-    draw_counters(b, v->shown, (struct ui_box){foot.x, foot.y + 10, foot.w, 26});
-    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 40, foot.w, 26}, b->theme->quiet,
-          s->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
-                                      : "Raise a hand above your head to start");
+    if (s->page == STUDIO_RECORDING && s->paused)
+        draw_paused(b, in);
+    draw_live_foot(b, s, v, foot, now_ns);
 }
 
 // ---------------------------------------------------------------- sensors, review, trouble
@@ -278,6 +327,8 @@ static void draw_trouble(const struct brush *b, struct studio_state *s, struct u
 {
     icon_draw(b->ui, ICON_WARNING, (struct ui_point){in.x + 24, in.y + 24}, 40, b->theme->warn);
     ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y + 64}, in.w, b->theme->text, s->trouble);
+    label(b, FACE_SMALL, (struct ui_box){in.x, in.y + 160, in.w, 26}, b->theme->quiet,
+          "It is used again when it is back");
     if (text_button(b, "studio-retry", "Choose a sensor", BUTTON_MAIN, (struct ui_box){in.x, in.y + 200, 280, TARGET}))
         studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
 }
@@ -288,6 +339,9 @@ static const char *title(const struct studio_state *s)
     case STUDIO_SENSORS: return "Which sensor?";
     case STUDIO_REVIEW:
     case STUDIO_RENAME: return "How it went";
+    case STUDIO_ROOM:
+    case STUDIO_ROOM_FINISHING: return "The room";
+    case STUDIO_ROOM_REVIEW: return "How well the room is known";
     case STUDIO_TROUBLE: return "The sensor does not work";
     default: return "Studio";
     }
@@ -317,6 +371,9 @@ void studio_screen_draw(const struct brush *b, struct studio_state *s, const str
     case STUDIO_REVIEW:
     case STUDIO_RENAME:
     case STUDIO_PLAYBACK: draw_review(b, s, v, in, now_ns); break;
+    case STUDIO_ROOM:
+    case STUDIO_ROOM_FINISHING:
+    case STUDIO_ROOM_REVIEW: room_screen_draw(b, s, v, in, now_ns); break;
     case STUDIO_TROUBLE: draw_trouble(b, s, in, now_ns); break;
     default: draw_live(b, s, v, in, now_ns); break;
     }

@@ -10,8 +10,13 @@ struct studio_view {
     const struct source_device *devices;
     int device_count;
     const struct studio_snapshot *shown;
-    const struct gpu_texture *color, *depth; // of the snapshot; NULL: none yet
+    const struct gpu_texture *color, *depth, *plan; // of the snapshot; NULL: none yet
+    struct ui_box plan_part;                        // room_plan_part
 };
+
+// Draws the image as large as fits, mirrored as a mirror would show it or not. Returns where it is.
+struct ui_box studio_picture_draw(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
+                                  struct ui_box box, bool mirrored);
 
 void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns);
 

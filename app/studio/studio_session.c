@@ -2,8 +2,9 @@
 
 #include "base/clock.h"
 #include "capture/coaching/raised_hand.h"
+#include "app/studio/studio_rate.h"
+#include "app/studio/studio_sweep.h"
 #include "capture/recorder.h"
-#include "capture/sensor_pose.h"
 #include "capture/tracking/tracker.h"
 #include "platform/file.h"
 
@@ -13,22 +14,29 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum room_decision { ROOM_UNDECIDED, ROOM_KEEP, ROOM_DROP };
+
 struct studio_session {
     struct studio_session_options options;
-    char sensor[512], file[1024];
+    char sensor[512], file[1024], tags[1024];
     pthread_t thread;
-    atomic_bool stop, end_take;
+    atomic_bool stop, end_take, paused, wants_sweep;
+    atomic_int end_sweep;     // enum studio_sweep_end
+    atomic_int room_decision; // enum room_decision
 
     pthread_mutex_t lock;
     struct studio_snapshot shown; // guarded by lock
     char wanted_take[256];        // guarded by lock; "": none
+    int64_t newest_ns;            // guarded by lock: of the frame that a take's reader has got last
 
     // of the session's thread
     struct source *source;
     struct place place;
     bool has_place;
     struct tracker *tracker;
-    struct sensor_pose *sensor_pose; // until the sensor is located
+    struct sensor_pose *sensor_pose; // NULL without a place
+    struct studio_rate rate;
+    struct studio_room room; // swept, not decided yet
     bool located;
     uint8_t *mask;
     // of whichever thread sees the frames: the session's in the preview, the recorder's in a take
@@ -41,55 +49,10 @@ struct studio_session {
 
 // ---------------------------------------------------------------- snapshots
 
-void studio_snapshot_free(struct studio_snapshot *s)
-{
-    free(s->color);
-    free(s->mask);
-    free(s->depth);
-    *s = (struct studio_snapshot){0};
-}
-
-static bool make_buffers(struct studio_snapshot *s, const struct calibration *c)
-{
-    const size_t color = 3 * (size_t)c->color.width * (size_t)c->color.height,
-                 depth = (size_t)c->depth.width * (size_t)c->depth.height;
-    if (s->color_bytes == color && s->depth_pixels == depth)
-        return true;
-    free(s->color);
-    free(s->mask);
-    free(s->depth);
-    s->color = malloc(color + 1);
-    s->mask = calloc(depth + 1, 1);
-    s->depth = calloc(depth + 1, sizeof *s->depth);
-    s->color_bytes = color;
-    s->depth_pixels = depth;
-    if (s->color && s->mask && s->depth)
-        return true;
-    s->color_bytes = s->depth_pixels = 0;
-    return false;
-}
-
 bool studio_session_read(struct studio_session *s, struct studio_snapshot *out)
 {
     pthread_mutex_lock(&s->lock);
-    const struct studio_snapshot *from = &s->shown;
-    bool fresh = from->number != out->number || from->doing != out->doing || from->takes_ready != out->takes_ready;
-    fresh = fresh && make_buffers(out, &from->calibration);
-    if (fresh) {
-        struct studio_snapshot kept = *out;
-        *out = *from;
-        out->color = kept.color;
-        out->mask = kept.mask;
-        out->depth = kept.depth;
-        out->color_bytes = kept.color_bytes;
-        out->depth_pixels = kept.depth_pixels;
-        if (from->has_color)
-            memcpy(out->color, from->color, from->color_bytes);
-        if (from->has_depth) {
-            memcpy(out->depth, from->depth, from->depth_pixels * sizeof *out->depth);
-            memcpy(out->mask, from->mask, from->depth_pixels);
-        }
-    }
+    const bool fresh = studio_snapshot_copy(&s->shown, out);
     pthread_mutex_unlock(&s->lock);
     return fresh;
 }
@@ -121,8 +84,13 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
     }
     *c = (struct studio_counters){
         .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->source)};
-    if (!s->taking)
+    if (!s->taking) {
+        const double room = (double)file_free_bytes(s->file);
+        const double bytes_per_s = s->rate.frame_bytes * s->rate_hz;
+        c->mb_per_s = bytes_per_s * 1e-6;
+        c->minutes_left = bytes_per_s > 0 && room >= 0 ? room / bytes_per_s / 60 : -1;
         return;
+    }
     s->take_first_ns = s->take_frames ? s->take_first_ns : seen->time_ns;
     c->frames = ++s->take_frames;
     c->take_s = (double)(seen->time_ns - s->take_first_ns) * 1e-9;
@@ -136,36 +104,28 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
                                       .depth = seen->depth,
                                       .mask = seen->mask,
                                       .skeleton = seen->skeleton,
-                                      .sensor_moves = seen->sensor_moves};
+                                      .sensor_moves = seen->sensor_moves,
+                                      .depth_scale = seen->sight.depth_scale};
     struct studio_counters counters;
     coach_next(&s->coach, &frame);
     const bool gesture = raised_hand_next(&s->hand, seen->time_ns, seen->skeleton);
     count_frame(s, seen, &counters);
     pthread_mutex_lock(&s->lock);
     struct studio_snapshot *out = &s->shown;
-    if (make_buffers(out, &out->calibration)) {
-        out->has_color = seen->color != NULL;
-        out->has_depth = seen->depth != NULL;
-        if (seen->color)
-            memcpy(out->color, seen->color, out->color_bytes);
-        if (seen->depth)
-            memcpy(out->depth, seen->depth, out->depth_pixels * sizeof *out->depth);
-        if (seen->mask)
-            memcpy(out->mask, seen->mask, out->depth_pixels);
-        else
-            memset(out->mask, 0, out->depth_pixels);
-    }
+    studio_snapshot_pictures(out, seen->color, seen->depth, seen->mask);
     out->number++;
     out->has_skeleton = seen->skeleton != NULL;
     if (seen->skeleton)
         out->skeleton = *seen->skeleton;
     out->located = seen->located;
+    out->sight = seen->sight;
     const struct studio_counters before = out->counters;
     out->counters = counters;
     if (s->taking) { // on_state's
         out->counters.dropped = before.dropped;
         out->counters.mb_per_s = before.mb_per_s;
         out->counters.minutes_left = before.minutes_left;
+        out->counters.behind_s = fmax((double)(s->newest_ns - seen->time_ns) * 1e-9, 0);
     }
     out->gestures += gesture;
     snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
@@ -188,7 +148,38 @@ static void on_state(void *context, const struct recorder_state *state)
     pthread_mutex_unlock(&s->lock);
 }
 
+static void on_read(void *context, int64_t time_ns)
+{
+    struct studio_session *s = context;
+    pthread_mutex_lock(&s->lock);
+    s->newest_ns = time_ns;
+    pthread_mutex_unlock(&s->lock);
+}
+
 static void on_seen(void *context, const struct recorder_seen *seen) { show(context, seen); }
+
+static bool is_paused(void *context) { return atomic_load(&((struct studio_session *)context)->paused); }
+
+// Pictures alone, as of a sweep and of a take that pauses.
+static void show_pictures(struct studio_session *s, const struct frame *frame, const char *text)
+{
+    pthread_mutex_lock(&s->lock);
+    struct studio_snapshot *out = &s->shown;
+    studio_snapshot_pictures(out, frame->color, frame->depth, NULL);
+    out->number++;
+    out->has_skeleton = out->fault = false;
+    snprintf(out->text, sizeof out->text, "%s", text);
+    pthread_mutex_unlock(&s->lock);
+    wake(s);
+}
+
+static void on_paused(void *context, const struct frame *frame)
+{
+    struct studio_session *s = context;
+    show_pictures(s, frame, "paused: nothing is recorded");
+    if (!source_is_live(s->source)) // a film waits, as the person would
+        clock_sleep_until_ns(clock_now_ns() + 33000000);
+}
 
 // ---------------------------------------------------------------- the sensor
 
@@ -205,6 +196,17 @@ static enum status read_place(struct studio_session *s)
     return status == NOTHING ? OK : status;
 }
 
+static enum status open_sensor_pose(struct studio_session *s)
+{
+    const struct calibration *c = source_calibration(s->source);
+    pthread_mutex_lock(&s->lock);
+    s->shown.has_place = s->has_place;
+    pthread_mutex_unlock(&s->lock);
+    sensor_pose_close(&s->sensor_pose);
+    s->located = false;
+    return s->has_place && c->color.width > 0 ? sensor_pose_open(&s->sensor_pose, &s->place, c) : OK;
+}
+
 static enum status open_sensor(struct studio_session *s)
 {
     enum status status = source_open(&s->source, s->sensor, SOURCE_SENSOR);
@@ -213,13 +215,11 @@ static enum status open_sensor(struct studio_session *s)
     const struct calibration *c = source_calibration(s->source);
     pthread_mutex_lock(&s->lock);
     s->shown.calibration = *c;
-    s->shown.has_place = s->has_place;
     pthread_mutex_unlock(&s->lock);
     coach_start(&s->coach, c);
     status = tracker_open(&s->tracker, c, NULL);
-    if (status == OK && s->has_place && c->color.width > 0)
-        status = sensor_pose_open(&s->sensor_pose, &s->place, c);
-    s->located = false;
+    if (status == OK)
+        status = open_sensor_pose(s);
     free(s->mask);
     s->mask = calloc((size_t)c->depth.width * (size_t)c->depth.height + 1, 1);
     return status == OK && !s->mask ? fail(ERR_MEMORY, "no memory for the preview") : status;
@@ -236,42 +236,45 @@ static enum status preview_frame(struct studio_session *s, const struct frame *f
 {
     struct skeleton skeleton;
     enum status status = NOTHING;
-    if (s->sensor_pose && frame->color && !s->located) {
+    struct recorder_seen seen = {.time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth};
+    if (s->sensor_pose && frame->color) {
         struct pose pose;
         status = sensor_pose_update(s->sensor_pose, frame->color, frame->depth);
         if (status < 0)
             return status;
         s->located = sensor_pose_get(s->sensor_pose, &pose);
+        sensor_pose_get_sight(s->sensor_pose, &seen.sight);
+        seen.sensor_moves = sensor_pose_moves(s->sensor_pose);
     }
+    studio_rate_see(&s->rate, frame, source_calibration(s->source), clock_now_ns());
     status = frame->depth ? tracker_next(s->tracker, frame->time_ns, frame->depth, &skeleton, s->mask) : NOTHING;
     if (status < 0)
         return status;
-    const bool person = status == OK;
-    const struct recorder_seen seen = {.time_ns = frame->time_ns,
-                                       .color = frame->color,
-                                       .depth = frame->depth,
-                                       .mask = person ? s->mask : NULL,
-                                       .skeleton = person ? &skeleton : NULL,
-                                       .located = s->located};
+    if (status == OK) {
+        seen.mask = s->mask;
+        seen.skeleton = &skeleton;
+    }
+    seen.located = s->located;
     show(s, &seen);
     return OK;
 }
 
-static bool take_is_wanted(struct studio_session *s)
+static bool something_is_wanted(struct studio_session *s)
 {
     pthread_mutex_lock(&s->lock);
     const bool wanted = *s->wanted_take != 0;
     pthread_mutex_unlock(&s->lock);
-    return wanted || atomic_load(&s->stop);
+    return wanted || atomic_load(&s->wants_sweep) || atomic_load(&s->room_decision) != ROOM_UNDECIDED ||
+           atomic_load(&s->stop);
 }
 
-// Until a take is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
+// Until a take or a sweep is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
 static enum status preview(struct studio_session *s)
 {
     const bool live = source_is_live(s->source);
     int64_t first_ns = 0, begun_ns = 0;
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
-    while (!take_is_wanted(s)) {
+    while (!something_is_wanted(s)) {
         struct frame frame;
         enum status status = source_next(s->source, &frame);
         if (status == ERR_INPUT)
@@ -315,6 +318,9 @@ static enum status record(struct studio_session *s, const char *name, struct rec
                                              .on_smoothing_begin = on_smoothing,
                                              .on_seen = on_seen,
                                              .on_state = on_state,
+                                             .on_read = on_read,
+                                             .paused = is_paused,
+                                             .on_paused = on_paused,
                                              .context = s,
                                              .body_points = s->options.body_points};
     status = recorder_run(s->source, writer, name, s->has_place ? &s->place : NULL, &options, result);
@@ -345,6 +351,7 @@ static enum status run_take(struct studio_session *s)
     if (!*name)
         return OK;
     atomic_store(&s->end_take, false);
+    atomic_store(&s->paused, false);
     the_session = s;
     s->taking = true;
     s->take_frames = 0;
@@ -365,6 +372,82 @@ static enum status run_take(struct studio_session *s)
     return status;
 }
 
+// ---------------------------------------------------------------- the room
+
+static void show_sweep(void *self, const struct frame *frame, const struct sweep_plan *plan)
+{
+    struct studio_session *s = self;
+    pthread_mutex_lock(&s->lock);
+    s->shown.room.plan = *plan;
+    s->shown.located = plan->located;
+    pthread_mutex_unlock(&s->lock);
+    show_pictures(s, frame, plan->text);
+}
+
+static void show_finishing(void *self) { set_doing(self, STUDIO_DOING_MAP, NULL); }
+
+// A sweep that gives no map is an answer, not the session's failure.
+static enum status run_sweep(struct studio_session *s)
+{
+    enum status status = source_is_live(s->source) ? OK : rewind_source(s);
+    if (status != OK)
+        return status;
+    char found[1024];
+    const char *tags = *s->tags ? s->tags : studio_find_tags(s->file, found, sizeof found) ? found : NULL;
+    const struct studio_sweep_wish wish = {.source = s->source,
+                                           .tags = tags,
+                                           .prior = s->has_place ? &s->place : NULL,
+                                           .end = &s->end_sweep,
+                                           .show = show_sweep,
+                                           .finishing = show_finishing,
+                                           .self = s};
+    studio_room_free(&s->room);
+    set_doing(s, STUDIO_DOING_SWEEP, NULL);
+    status = studio_sweep_run(&wish, &s->room);
+    if (status == ERR_DEVICE || status == ERR_MEMORY)
+        return status;
+    pthread_mutex_lock(&s->lock);
+    struct studio_room_view *room = &s->shown.room;
+    snprintf(room->failure, sizeof room->failure, "%s", status < 0 ? status_message() : "");
+    if (status == OK) {
+        room->plan = s->room.plan;
+        room->advice = s->room.advice;
+    }
+    room->ready += status != NOTHING;
+    pthread_mutex_unlock(&s->lock);
+    tracker_reset(s->tracker);
+    coach_start(&s->coach, source_calibration(s->source));
+    set_doing(s, STUDIO_DOING_PREVIEW, NULL);
+    return OK;
+}
+
+// Where the room is kept, the sensor is looked for in it from here on.
+static enum status decide_room(struct studio_session *s)
+{
+    const int decision = atomic_exchange(&s->room_decision, ROOM_UNDECIDED);
+    enum status status = OK;
+    if (decision == ROOM_KEEP && s->room.place.tag_count + s->room.place.point_count > 0) {
+        status = studio_room_keep(&s->room, s->file);
+        place_free(&s->place);
+        s->has_place = false;
+        if (status == OK)
+            status = read_place(s);
+        if (status == OK)
+            status = open_sensor_pose(s);
+    }
+    studio_room_free(&s->room);
+    return status;
+}
+
+// What was asked for while the preview ran.
+static enum status serve(struct studio_session *s)
+{
+    enum status status = decide_room(s);
+    if (status != OK || atomic_load(&s->stop))
+        return status;
+    return atomic_exchange(&s->wants_sweep, false) ? run_sweep(s) : run_take(s);
+}
+
 static void *run(void *context)
 {
     struct studio_session *s = context;
@@ -374,7 +457,7 @@ static void *run(void *context)
     while (status == OK && !atomic_load(&s->stop)) {
         status = preview(s);
         if (status == OK && !atomic_load(&s->stop))
-            status = run_take(s);
+            status = serve(s);
         const bool over = s->source && !source_is_live(s->source) && !source_remaining(s->source);
         if (status == NOTHING || (status == OK && over && !atomic_load(&s->stop)))
             status = rewind_source(s);
@@ -396,6 +479,7 @@ enum status studio_session_open(struct studio_session **out, const struct studio
     s->options = *options;
     snprintf(s->sensor, sizeof s->sensor, "%s", options->sensor);
     snprintf(s->file, sizeof s->file, "%s", options->file);
+    snprintf(s->tags, sizeof s->tags, "%s", options->tags ? options->tags : "");
     pthread_mutex_init(&s->lock, NULL);
     if (pthread_create(&s->thread, NULL, run, s)) {
         pthread_mutex_destroy(&s->lock);
@@ -415,16 +499,37 @@ void studio_session_begin(struct studio_session *s, const char *take)
 
 void studio_session_end(struct studio_session *s) { atomic_store(&s->end_take, true); }
 
+void studio_session_pause(struct studio_session *s, bool pause) { atomic_store(&s->paused, pause); }
+
+void studio_session_sweep(struct studio_session *s)
+{
+    atomic_store(&s->end_sweep, STUDIO_SWEEP_ON);
+    atomic_store(&s->wants_sweep, true);
+}
+
+void studio_session_end_sweep(struct studio_session *s, bool drop)
+{
+    atomic_store(&s->end_sweep, drop ? STUDIO_SWEEP_DROP : STUDIO_SWEEP_END);
+}
+
+void studio_session_keep_room(struct studio_session *s, bool keep)
+{
+    atomic_store(&s->room_decision, keep ? ROOM_KEEP : ROOM_DROP);
+}
+
 void studio_session_close(struct studio_session **out)
 {
     struct studio_session *s = *out;
     if (!s)
         return;
     atomic_store(&s->stop, true);
+    atomic_store(&s->end_sweep, STUDIO_SWEEP_DROP);
     pthread_join(s->thread, NULL);
     pthread_mutex_destroy(&s->lock);
     studio_snapshot_free(&s->shown);
     place_free(&s->place);
+    studio_room_free(&s->room);
+    studio_rate_close(&s->rate);
     free(s->mask);
     free(s);
     *out = NULL;

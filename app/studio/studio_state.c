@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const int64_t SECOND_NS = 1000000000, NOTICE_NS = 4 * 1000000000LL;
+static const int64_t SECOND_NS = 1000000000, NOTICE_NS = 4 * 1000000000LL, LOOK_NS = 2 * 1000000000LL;
 
 struct studio_state studio_start(bool dark)
 {
@@ -50,7 +50,7 @@ void studio_choose_sensor(struct studio_state *s, int sensor, int64_t now_ns)
 
 void studio_sensor_ready(struct studio_state *s, int64_t now_ns)
 {
-    if (s->page == STUDIO_OPENING)
+    if (s->page == STUDIO_OPENING || s->page == STUDIO_TROUBLE)
         go(s, STUDIO_LIVE, now_ns);
 }
 
@@ -68,10 +68,41 @@ static void start_or_stop(struct studio_state *s, int64_t now_ns)
     } else if (s->page == STUDIO_COUNTDOWN) { // taken back
         go(s, STUDIO_LIVE, now_ns);
     } else if (s->page == STUDIO_RECORDING) {
+        s->paused = false;
         command(s, STUDIO_END_TAKE);
         command(s, STUDIO_TONE_END);
         go(s, STUDIO_FINISHING, now_ns);
+    } else if (s->page == STUDIO_ROOM) {
+        command(s, STUDIO_END_SWEEP);
+        go(s, STUDIO_ROOM_FINISHING, now_ns);
     }
+}
+
+static void pause_or_go_on(struct studio_state *s)
+{
+    if (s->page != STUDIO_RECORDING)
+        return;
+    s->paused = !s->paused;
+    command(s, s->paused ? STUDIO_PAUSE_TAKE : STUDIO_RESUME_TAKE);
+    command(s, STUDIO_TONE);
+}
+
+static void begin_sweep(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page != STUDIO_LIVE)
+        return;
+    command(s, STUDIO_BEGIN_SWEEP);
+    go(s, STUDIO_ROOM, now_ns);
+}
+
+static void do_in_room_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
+{
+    if (action != STUDIO_KEEP && action != STUDIO_DISCARD && action != STUDIO_RETAKE)
+        return;
+    command(s, action == STUDIO_KEEP ? STUDIO_KEEP_ROOM : STUDIO_DROP_ROOM);
+    go(s, STUDIO_LIVE, now_ns);
+    if (action == STUDIO_RETAKE)
+        begin_sweep(s, now_ns);
 }
 
 static void leave_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
@@ -114,6 +145,10 @@ static void go_back(struct studio_state *s, int64_t now_ns)
         break;
     case STUDIO_RENAME: go(s, STUDIO_REVIEW, now_ns); break;
     case STUDIO_COUNTDOWN: go(s, STUDIO_LIVE, now_ns); break;
+    case STUDIO_ROOM:
+        command(s, STUDIO_DROP_SWEEP);
+        go(s, STUDIO_LIVE, now_ns);
+        break;
     case STUDIO_TROUBLE: go(s, STUDIO_SENSORS, now_ns); break;
     default: break; // a take is never lost by a key
     }
@@ -131,6 +166,16 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
         s->quit = true;
         return;
     case STUDIO_START: start_or_stop(s, now_ns); return;
+    case STUDIO_PAUSE: pause_or_go_on(s); return;
+    case STUDIO_IN_A_ROW: s->in_a_row = !s->in_a_row; return;
+    case STUDIO_MAP_ROOM: begin_sweep(s, now_ns); return;
+    case STUDIO_TRIM:
+        if (s->page == STUDIO_PLAYBACK) {
+            command(s, STUDIO_CLOSE_PLAYBACK);
+            command(s, STUDIO_TRIM_TAKE);
+            go(s, STUDIO_REVIEW, now_ns);
+        }
+        return;
     case STUDIO_BACK: go_back(s, now_ns); return;
     case STUDIO_SENSORS_AGAIN:
         command(s, STUDIO_LIST_SENSORS);
@@ -141,6 +186,8 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     }
     if (s->page == STUDIO_REVIEW)
         do_in_review(s, action, now_ns);
+    else if (s->page == STUDIO_ROOM_REVIEW)
+        do_in_room_review(s, action, now_ns);
 }
 
 void studio_type(struct studio_state *s, int key, int64_t now_ns)
@@ -178,8 +225,24 @@ void studio_take_finishing(struct studio_state *s, int64_t now_ns)
 
 void studio_take_ready(struct studio_state *s, int64_t now_ns)
 {
-    if (s->page == STUDIO_RECORDING || s->page == STUDIO_FINISHING)
-        go(s, STUDIO_REVIEW, now_ns);
+    if (s->page != STUDIO_RECORDING && s->page != STUDIO_FINISHING)
+        return;
+    s->paused = false;
+    go(s, STUDIO_REVIEW, now_ns);
+    if (s->in_a_row)
+        leave_review(s, STUDIO_KEEP, now_ns);
+}
+
+void studio_sweep_finishing(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_ROOM) // a film ended by itself
+        go(s, STUDIO_ROOM_FINISHING, now_ns);
+}
+
+void studio_sweep_ready(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_ROOM || s->page == STUDIO_ROOM_FINISHING)
+        go(s, STUDIO_ROOM_REVIEW, now_ns);
 }
 
 void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns)
@@ -195,12 +258,23 @@ void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns)
     s->changed = true;
 }
 
+// What is plugged in while the page waits for it is found without a touch.
+static void look_again(struct studio_state *s, int64_t now_ns)
+{
+    const bool waits = s->page == STUDIO_TROUBLE || (s->page == STUDIO_SENSORS && !s->sensor_count);
+    if (!waits || now_ns - s->looked_ns < LOOK_NS || now_ns - s->page_ns < LOOK_NS)
+        return;
+    s->looked_ns = now_ns;
+    command(s, s->page == STUDIO_TROUBLE ? STUDIO_OPEN_SENSOR : STUDIO_LIST_SENSORS);
+}
+
 int64_t studio_tick(struct studio_state *s, int64_t now_ns)
 {
     if (*s->notice && now_ns - s->notice_ns > NOTICE_NS) {
         *s->notice = 0;
         s->changed = true;
     }
+    look_again(s, now_ns);
     if (s->page != STUDIO_COUNTDOWN)
         return now_ns + SECOND_NS / 10;
     const int left = STUDIO_COUNTDOWN_S - (int)((now_ns - s->page_ns) / SECOND_NS);

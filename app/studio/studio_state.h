@@ -2,8 +2,10 @@
 // window, no file; actions come in, commands go out, and the studio runs them and reports back.
 //
 //   SENSORS -> LIVE -> COUNTDOWN -> RECORDING -> FINISHING -> REVIEW -> LIVE ...        REVIEW <-> PLAYBACK, RENAME
+//   LIVE -> ROOM -> ROOM_FINISHING -> ROOM_REVIEW -> LIVE: the empty room is swept
 //
-// A raised hand starts from LIVE and stops a RECORDING; so do space and the button.
+// A raised hand starts from LIVE and stops a RECORDING; so do space and the button. A RECORDING may pause. Takes in a
+// row are kept without a review.
 #pragma once
 #include "base/status.h"
 
@@ -17,7 +19,10 @@ enum studio_page {
     STUDIO_REVIEW,
     STUDIO_RENAME,
     STUDIO_PLAYBACK,
-    STUDIO_TROUBLE,
+    STUDIO_ROOM,           // the room is being swept
+    STUDIO_ROOM_FINISHING, // its map is computed
+    STUDIO_ROOM_REVIEW,    // how good it is
+    STUDIO_TROUBLE,        // the sensor failed; it is tried again every two seconds
 };
 
 enum studio_action {
@@ -27,6 +32,10 @@ enum studio_action {
     STUDIO_RETAKE, // discard, and start again immediately
     STUDIO_PLAY,
     STUDIO_EDIT_NAME,
+    STUDIO_PAUSE,    // in a take: pause, or go on
+    STUDIO_IN_A_ROW, // takes are kept without a review, or no longer
+    STUDIO_MAP_ROOM, // sweep the room
+    STUDIO_TRIM,     // cut off the take's ends, at `trim_from_ns` and `trim_to_ns`
     STUDIO_BACK,
     STUDIO_THEME,
     STUDIO_SENSORS_AGAIN, // look for sensors once more
@@ -41,6 +50,14 @@ enum studio_command {
     STUDIO_END_TAKE,
     STUDIO_DELETE_TAKE,
     STUDIO_RENAME_TAKE, // from `take` to `name`
+    STUDIO_TRIM_TAKE,   // to trim_from_ns .. trim_to_ns
+    STUDIO_PAUSE_TAKE,
+    STUDIO_RESUME_TAKE,
+    STUDIO_BEGIN_SWEEP,
+    STUDIO_END_SWEEP,  // and compute the map
+    STUDIO_DROP_SWEEP, // without a map
+    STUDIO_KEEP_ROOM,  // into the file
+    STUDIO_DROP_ROOM,
     STUDIO_OPEN_PLAYBACK,
     STUDIO_CLOSE_PLAYBACK,
     STUDIO_TONE,       // of the countdown
@@ -53,6 +70,8 @@ enum { STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5 };
 struct studio_state {
     enum studio_page page;
     bool dark, quit, changed;
+    bool paused, in_a_row;
+    int64_t trim_from_ns, trim_to_ns;
     int sensor_count, sensor; // chosen
     int number;               // of the next take
     int kept;
@@ -63,6 +82,7 @@ struct studio_state {
     char trouble[300];
     char notice[160];
     int64_t notice_ns;
+    int64_t looked_ns; // when sensors were last looked for by itself
     enum studio_command queue[STUDIO_COMMANDS];
     int queued;
 };
@@ -76,8 +96,10 @@ void studio_type(struct studio_state *s, int key, int64_t now_ns); // page RENAM
 
 // ---- what happened
 void studio_sensor_ready(struct studio_state *s, int64_t now_ns);
-void studio_take_finishing(struct studio_state *s, int64_t now_ns); // filming is over, smoothing goes on
-void studio_take_ready(struct studio_state *s, int64_t now_ns);     // it can be reviewed
+void studio_take_finishing(struct studio_state *s, int64_t now_ns);  // filming is over, smoothing goes on
+void studio_take_ready(struct studio_state *s, int64_t now_ns);      // it can be reviewed
+void studio_sweep_finishing(struct studio_state *s, int64_t now_ns); // the sweep is over, the map is computed
+void studio_sweep_ready(struct studio_state *s, int64_t now_ns);     // its map can be reviewed
 void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
 void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);

@@ -76,7 +76,8 @@ struct layout layout_of(double width, double height, const struct view_state *s,
 {
     struct layout l = {.wide = width >= height};
     struct ui_box within = inner((struct ui_box){0, 0, width, height}, MARGIN);
-    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 : TARGET + PLAY + 20, panel_w = fmin(within.w, PANEL_W);
+    const double plain_h = TARGET + PLAY + 20 + (s->trim.offered ? TARGET + GAP : 0);
+    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 : plain_h, panel_w = fmin(within.w, PANEL_W);
     l.panel = cut_bottom(&within, panel_h);
     l.panel = (struct ui_box){l.panel.x + (l.panel.w - panel_w) / 2, l.panel.y, panel_w, panel_h};
     l.top = cut_top(&within, TARGET);

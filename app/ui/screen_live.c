@@ -7,16 +7,17 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double PANEL_W = 980, ROW = 58, LEGEND_W = 236, COUNT_DP = 92;
+static const double PANEL_W = 1180, ROWS_W = 1100, ROW = 58, LEGEND_W = 236, COUNT_DP = 92;
 static const double DEGREE = 180 / 3.14159265358979323846;
 
 static bool is_wide(double width, double height) { return width >= height; }
 
-static double panel_height(double width, double height) { return (is_wide(width, height) ? 2 : 3) * (ROW + GAP) + 32; }
+// Both rows of buttons beside each other.
+static bool is_one_row(double width, double height) { return is_wide(width, height) && width >= ROWS_W + 2 * MARGIN; }
 
 static struct ui_box panel_box(double width, double height)
 {
-    const double w = fmin(width - 2 * MARGIN, PANEL_W), h = panel_height(width, height);
+    const double w = fmin(width - 2 * MARGIN, PANEL_W), h = (is_one_row(width, height) ? 2 : 3) * (ROW + GAP) + 32;
     return (struct ui_box){(width - w) / 2, height - MARGIN - h, w, h};
 }
 
@@ -216,14 +217,15 @@ static void controls(const struct brush *b, struct view_state *s, const struct l
         {"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO, 1.1},
         {"live-loop", "Loop", l->loop ? BUTTON_ON : BUTTON_RAISED, DO_LOOP, 0.9},
         {"live-ghost", "Next pose", l->ghost ? BUTTON_ON : BUTTON_RAISED, DO_GHOST, 1.3},
+        {"live-mirrored", "Mirrored", l->mirrored ? BUTTON_ON : BUTTON_RAISED, DO_MIRROR, 1.3},
         {"live-over", l->over ? "Over me" : "Beside me", BUTTON_RAISED, DO_OVER, 1.3},
     };
     struct ui_box in = inner(box, 16);
-    const bool wide = is_wide(ui_width(b->ui), ui_height(b->ui));
+    const bool one_row = is_one_row(ui_width(b->ui), ui_height(b->ui));
     panel(b, box, true);
     struct ui_box line = cut_top(&in, ROW);
-    const int rest = l->screen == LIVE_MIRROR ? 5 : 4;
-    if (wide) {
+    const int rest = l->screen == LIVE_MIRROR ? 6 : 5;
+    if (one_row) {
         control_row(b, s, first, 6, (struct ui_box){in.x, in.y, in.w * 0.5 - GAP, ROW}, now_ns);
         control_row(b, s, second, rest, (struct ui_box){in.x + in.w * 0.5, in.y, in.w * 0.5, ROW}, now_ns);
     } else {

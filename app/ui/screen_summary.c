@@ -189,7 +189,8 @@ static void draw_figures(const struct brush *b, const struct live_page *page, st
         figure_draw(b, &view, &attempt);
     ui_unclip(b->ui);
     const struct ui_box row = {box.x, box.y + box.h - 40, box.w, 30};
-    label_centred(b, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet, "the actor");
+    label_centred(b, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
+                  page->mirrored ? "the actor mirrored" : "the actor");
     label_centred(b, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
 }
 
@@ -206,7 +207,7 @@ void screen_summary(const struct brush *b, struct screens *screens, struct view_
         view_state_do(s, DO_BACK, now_ns);
     if (icon_button(b, "summary-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
         view_state_do(s, DO_THEME, now_ns);
-    snprintf(title, sizeof title, "Attempt %d", s->live.results_ever);
+    snprintf(title, sizeof title, "Attempt %d%s", s->live.results_ever, page->mirrored ? ", the actor mirrored" : "");
     label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w, head.h}, t->text,
           s->live.judged == s->live.finished ? title : "Judging the attempt");
     draw_score(b, &s->live, page, l.score);

@@ -18,6 +18,28 @@ static void time_row(const struct brush *b, struct view_state *s, struct ui_box 
     label_time(b, (struct ui_point){behind.x, y}, t->quiet, length);
     struct slide slide = slider(b, "timeline", length > 0 ? (double)at / (double)length : 0, row);
     view_state_scrub(s, slide.held, slide.share, now_ns);
+    for (int end = 0; s->trim.offered && end < 2 && length > 0; end++) {
+        const double share = (double)(end ? s->trim.to_ns : s->trim.from_ns) / (double)length,
+                     x = row.x + 11 + share * (row.w - 22); // as the slider's knob
+        ui_line(b->ui, (struct ui_point){x, row.y + 12}, (struct ui_point){x, row.y + row.h - 12}, 4, t->accent);
+    }
+}
+
+// Where the ends that stay are, over the timeline; and what cuts the others off.
+static void trim_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
+{
+    char text[64];
+    const struct view_trim *t = &s->trim;
+    const bool cuts = t->from_ns > 0 || t->to_ns < s->playback.length_ns;
+    if (text_button(b, "trim-from", "From here", BUTTON_RAISED, cut_left(&row, 124)))
+        view_state_do(s, DO_MARK_FROM, now_ns);
+    if (text_button(b, "trim-to", "To here", BUTTON_RAISED, cut_left(&row, 110)))
+        view_state_do(s, DO_MARK_TO, now_ns);
+    if (cuts && text_button(b, "trim", "Trim", BUTTON_MAIN, cut_right(&row, 92)))
+        view_state_do(s, DO_KEEP, now_ns);
+    snprintf(text, sizeof text, "%.1f s to %.1f s", (double)t->from_ns * 1e-9, (double)t->to_ns * 1e-9);
+    label(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24},
+          cuts ? b->theme->accent : b->theme->quiet, cuts ? text : "All of it stays");
 }
 
 static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
@@ -183,6 +205,8 @@ static void controls(const struct brush *b, struct screens *screens, struct view
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
         time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
         button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
+        if (s->trim.offered)
+            trim_row(b, s, (struct ui_box){in.x, in.y + TARGET + PLAY + GAP, in.w, TARGET - GAP}, now_ns);
         if (s->sheet == SHEET_NONE) // else a sheet may cover it
             shutter(b, s, l->shutter, now_ns);
     }
@@ -256,7 +280,8 @@ void screen_message(const struct brush *b, const struct view_state *s)
         draw_progress(b, s);
     if (!text)
         return;
-    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->problem && !s->frozen;
+    const bool is_notice = text == s->notice,
+               tag = !is_notice && s->page == PAGE_WATCH && s->camera.seeing && !s->problem && !s->frozen;
     double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), text_w = most - 72;
     double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), text_w);
     double height = ui_text_height(b->ui, FACE_STRONG, text, text_w);
@@ -266,7 +291,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
     const bool done = is_notice && !s->notice_warns;
-    const bool calm = !is_notice && s->page == PAGE_LIVE && !s->problem && !live_state_hint_warns(&s->live);
+    const bool calm = !is_notice && !view_state_hint_warns(s);
     const uint32_t color = done || tag || calm ? t->accent : t->warn;
     const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);

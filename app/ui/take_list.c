@@ -21,7 +21,6 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
 {
     struct take_card *card = &l->cards[number];
     struct take *take;
-    card->name = recording_take_name(recording, number);
     enum status status = take_open(&take, recording, card->name);
     if (status == ERR_MEMORY)
         return status;
@@ -45,7 +44,7 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     return status;
 }
 
-enum status take_list_open(struct take_list *l, struct gpu *gpu, struct recording *recording, const char *path)
+enum status take_list_open(struct take_list *l, struct recording *recording, const char *path)
 {
     *l = (struct take_list){.count = recording_take_count(recording)};
     const char *slash = strrchr(path, '/');
@@ -53,12 +52,21 @@ enum status take_list_open(struct take_list *l, struct gpu *gpu, struct recordin
     size_t capacity = l->count > 0 ? (size_t)l->count : 1;
     l->cards = calloc(capacity, sizeof *l->cards);
     l->images = calloc(capacity, sizeof(struct gpu_texture *));
-    enum status status = l->cards && l->images ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < l->count && status == OK; i++)
-        status = make_card(l, gpu, recording, i);
-    if (status != OK)
+    if (!l->cards || !l->images) {
         take_list_close(l);
-    return status;
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < l->count; i++)
+        l->cards[i] =
+            (struct take_card){.name = recording_take_name(recording, i), .complete = true, .watchable = true};
+    return OK;
+}
+
+enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recording *recording)
+{
+    if (l->loaded == l->count)
+        return NOTHING;
+    return make_card(l, gpu, recording, l->loaded++);
 }
 
 void take_list_close(struct take_list *l)

@@ -133,6 +133,8 @@ void take_view_close(struct take_view **out)
     *out = NULL;
 }
 
+int64_t take_view_frames_decoded(const struct take_view *s) { return take_frames_decoded(s->take); }
+
 int64_t take_view_frames(const struct take_view *s) { return take_frame_count(s->take); }
 
 int64_t take_view_length_ns(const struct take_view *s)

@@ -35,6 +35,7 @@ bool take_view_final(const struct take_view *s);      // false: drawing the same
 bool take_view_waiting(const struct take_view *s); // the frame that is shown is still being loaded; another stands in
 
 int64_t take_view_length_ns(const struct take_view *s);
+int64_t take_view_frames_decoded(const struct take_view *s); // so far, on all threads
 int64_t take_view_frames(const struct take_view *s);
 struct orbit take_view_orbit(const struct take_view *s); // starts at the sensor's viewpoint
 

@@ -11,12 +11,15 @@ static const double SLOW_S = 1.0 / 20; // between frames
 enum { SLOW_FRAMES = 15 };             // of the last ones, counted up and down
 // Of the median joint, in the colour image. The exposure is taken for half of a 30 Hz frame: indoors it is as long.
 static const double BLUR_PX = 6, EXPOSURE_S = 1.0 / 60;
-enum { ADVICE_EVERY = 3 }; // frames
+enum { ADVICE_EVERY = 3 };              // frames
+static const double DEPTH_WRONG = 0.03; // sensors of this kind are within one to two hundredths
 
 static const char *const fault_texts[FAULT_COUNT] = {
     [FAULT_FROZEN] = "the sensor repeats its picture: unplug it and plug it in again",
     [FAULT_NO_DEPTH] =
         "there is hardly any depth: no sunlight on the actor, nothing in front of the sensor, 0.8 m away",
+    [FAULT_DEPTH_WRONG] =
+        "the sensor's depth contradicts the tags: measure their black squares, or calibrate the sensor",
     [FAULT_SLOW] = "the sensor delivers fewer than 20 pictures a second: plug it into a USB port of its own",
     [FAULT_DARK] = "too dark: switch more light on",
     [FAULT_BRIGHT] = "too bright: turn a lamp away from the actor, or close a curtain",
@@ -117,6 +120,8 @@ static void note_scene(struct coach *c, const struct coach_frame *frame)
     note_fault(c, FAULT_SLOW, c->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
     note_fault(c, FAULT_FROZEN, s.frozen, frame->time_ns, false);
     note_fault(c, FAULT_NO_DEPTH, frame->depth && s.no_depth, frame->time_ns, false);
+    note_fault(c, FAULT_DEPTH_WRONG, frame->depth_scale > 0 && fabs(frame->depth_scale - 1) > DEPTH_WRONG,
+               frame->time_ns, false);
     note_fault(c, FAULT_DARK, s.dark, frame->time_ns, false);
     note_fault(c, FAULT_BRIGHT, s.bright, frame->time_ns, false);
     note_fault(c, FAULT_SENSOR_PUSHED, moved || s.pushed, frame->time_ns, true);

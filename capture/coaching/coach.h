@@ -11,9 +11,10 @@
 #include "capture/coaching/scene_watch.h"
 
 enum coach_fault {
-    FAULT_FROZEN,   // the sensor repeats its picture
-    FAULT_NO_DEPTH, // hardly a pixel has depth
-    FAULT_SLOW,     // fewer than 20 frames a second
+    FAULT_FROZEN,      // the sensor repeats its picture
+    FAULT_NO_DEPTH,    // hardly a pixel has depth
+    FAULT_DEPTH_WRONG, // it contradicts the tags' sizes
+    FAULT_SLOW,        // fewer than 20 frames a second
     FAULT_DARK,
     FAULT_BRIGHT,
     FAULT_SENSOR_PUSHED,
@@ -59,6 +60,7 @@ struct coach_frame {
     const uint8_t *mask;             // not 0: the actor; NULL: no person
     const struct skeleton *skeleton; // colour camera's axes; NULL: no person
     int sensor_moves;                // as the recorder counts them
+    double depth_scale;              // measured depth over the one that the tags say; 0: not known
 };
 
 void coach_start(struct coach *c, const struct calibration *calibration);
@@ -71,6 +73,7 @@ bool coach_any_fault(const struct coach *c); // one is raised now
 enum { VERDICT_LINES = 8 };
 struct coach_verdict {
     bool good;
+    double grade; // 0..1: what the picture of this take is expected to be worth
     int count;
     char line[VERDICT_LINES][160]; // "your back was never seen: turn all the way round"; worst first
 };

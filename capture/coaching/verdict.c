@@ -23,6 +23,7 @@ static void say(struct coach_verdict *v, const char *format, ...)
 static const char *const past_texts[FAULT_COUNT] = {
     [FAULT_FROZEN] = "the sensor's picture stood still",
     [FAULT_NO_DEPTH] = "there was hardly any depth",
+    [FAULT_DEPTH_WRONG] = "the sensor's depth contradicted the tags",
     [FAULT_SLOW] = "the sensor was slower than 20 pictures a second",
     [FAULT_DARK] = "it was too dark",
     [FAULT_BRIGHT] = "it was too bright",
@@ -107,6 +108,7 @@ void coach_verdict(const struct coach *c, struct coach_verdict *out)
         say(out, "no person was seen: there is nothing to watch");
         return;
     }
+    out->grade = coverage_share(&c->coverage);
     say_faults(c, out);
     say_coverage(c, out);
     say_guessed(c, out);

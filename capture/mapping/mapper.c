@@ -1,15 +1,19 @@
 // The mapper: collects the frames of a sweep, runs the steps of mapping in order, exports the place and the report.
 #include "capture/mapping/map_frontend.h"
+#include "capture/mapping/sweep_tracker.h"
 
 #include "platform/jpeg.h"
 
 #include <stdlib.h>
 #include <string.h>
 
+enum { PLAN_STRIDE = 2 };
+
 struct mapper {
     struct map map;
     struct mapper_options options;
     struct map_frontend *frontend;
+    struct sweep_tracker *sweep; // NULL: without a plan
     int32_t frames_seen, stride, image_stride;
     int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
 };
@@ -62,6 +66,8 @@ static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t
     if (!map->frames)
         return fail(ERR_MEMORY, "no memory to map a place");
     enum status status = map_load_prior(map, m->options.prior, tags, tag_count);
+    if (status == OK && m->options.plan)
+        status = sweep_tracker_open(&m->sweep, map);
     return status == OK ? map_frontend_open(&m->frontend, map, &m->options) : status;
 }
 
@@ -101,6 +107,7 @@ void mapper_close(struct mapper **out)
     if (!m)
         return;
     map_frontend_close(&m->frontend);
+    sweep_tracker_close(&m->sweep);
     for (int32_t i = 0; i < m->map.frame_count; i++)
         map_frame_free(&m->map.frames[i]);
     free(m->map.frames);
@@ -171,7 +178,9 @@ static enum status take_frame(struct mapper *m)
     enum status status = map_frontend_take(m->frontend, &result);
     if (status != OK)
         return status;
-    if (result.number % m->stride) { // m->stride has grown since it was put
+    if (m->sweep)
+        sweep_tracker_add(m->sweep, &result.observed, result.frame.depth);
+    if (result.number % m->stride) { // m->stride has grown since it was put, or it is for the plan alone
         map_frame_free(&result.observed);
         return OK;
     }
@@ -193,7 +202,9 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     if (!frame->color)
         return OK;
     int32_t number = m->frames_seen++;
-    if (number % m->stride)
+    // The plan needs neighbouring images to follow the sensor, however long the sweep.
+    const int32_t stride = m->sweep && m->stride > PLAN_STRIDE ? PLAN_STRIDE : m->stride;
+    if (number % stride)
         return OK;
     enum status status = map_frontend_full(m->frontend) ? take_frame(m) : OK;
     return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
@@ -226,6 +237,15 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
             out->apart_b = map->tags[t].id;
         }
     }
+}
+
+const struct sweep_plan *mapper_plan(struct mapper *m)
+{
+    struct mapper_progress progress;
+    if (!m->sweep)
+        return NULL;
+    mapper_get_progress(m, &progress);
+    return sweep_tracker_plan(m->sweep, &progress);
 }
 
 static void report_longest_gap(const struct map *m, struct mapper_report *r)

@@ -13,7 +13,7 @@
 // Deterministic: the same frames give the same place. One handle, one thread; two threads of its own find tags and
 // features in the images while the next ones come. Memory is bounded: at most 240 frames' features, 96 images.
 #pragma once
-#include "capture/recording/place.h"
+#include "capture/mapping/sweep_plan.h"
 #include "platform/source.h"
 
 struct mapper;
@@ -39,6 +39,8 @@ struct mapper_options {
     // tags stay constant, except tags that were hung elsewhere since; what is new is registered to them.
     // Views are added only if the calibration is the same.
     const struct place *prior;
+    // Also follows the sensor while it sweeps, for mapper_plan. Costs some milliseconds an image; the map is the same.
+    bool plan;
 };
 struct mapper_options mapper_default_options(void);
 
@@ -63,6 +65,10 @@ struct mapper_progress {
     int32_t apart_a, apart_b; // two tags that no chain of common images connects yet; -1: none
 };
 void mapper_get_progress(const struct mapper *m, struct mapper_progress *out);
+
+// With options.plan: the room from above, of the images that were examined already, and what to do next. NULL without.
+// Valid until the next call.
+const struct sweep_plan *mapper_plan(struct mapper *m);
 
 struct mapper_report {
     int32_t frames; // used, of frames_seen

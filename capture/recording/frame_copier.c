@@ -20,6 +20,7 @@ struct stray {
 struct frame_copier {
     struct database *from;
     struct async_writer *to;
+    enum copier_reads reads;
     struct statement *frame, *joint_error, *images, *frame_exists; // joint_error NULL: an older file
     struct depth_coder *coder;
     struct stray *strays; // by key
@@ -28,10 +29,14 @@ struct frame_copier {
     size_t pixel_bytes;
 };
 
-// Only lack of memory ends a copy; a row that cannot be read does not.
-static bool is_fatal(enum status status) { return status == ERR_MEMORY; }
+// What ends a copy. A row that cannot be read does not, but where everything must be copied a disk that fails does.
+static bool is_fatal(const struct frame_copier *c, enum status status)
+{
+    return status == ERR_MEMORY || (c->reads == COPIER_READS_ALL && status == ERR_IO);
+}
 
-enum status frame_copier_open(struct frame_copier **out, struct database *from, struct async_writer *to)
+enum status frame_copier_open(struct frame_copier **out, struct database *from, struct async_writer *to,
+                              enum copier_reads reads)
 {
     struct frame_copier *c = *out = calloc(1, sizeof *c);
     bool has_errors = false;
@@ -39,6 +44,7 @@ enum status frame_copier_open(struct frame_copier **out, struct database *from, 
         return fail(ERR_MEMORY, "no memory to copy frames of %s", database_path(from));
     c->from = from;
     c->to = to;
+    c->reads = reads;
     enum status status =
         select_open(&c->frame, from, TABLE_FRAME, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
     if (status == OK)
@@ -144,7 +150,7 @@ enum status frame_copier_find_strays(struct frame_copier *c)
             lost = 0;
             if (key != stored)
                 status = add_stray(c, key, stored);
-        } else if (status != NOTHING && !is_fatal(status)) {
+        } else if (status != NOTHING && !is_fatal(c, status)) {
             lost++;
             next++;
             status = OK;
@@ -206,7 +212,7 @@ static enum status find_images(struct frame_copier *c, int64_t key)
         enum status status = statement_step(c->images);
         const int64_t crcs[3] = {statement_number(c->images, 1), statement_number(c->images, 2),
                                  statement_number(c->images, 3)};
-        if (is_fatal(status))
+        if (is_fatal(c, status))
             return status;
         const bool sealed = !statement_is_null(c->images, IMAGE_SEAL);
         if (status == OK && seal_matches(c->images, IMAGE_SEAL, image_seal(key, crcs)) &&
@@ -222,16 +228,16 @@ static enum status find_images(struct frame_copier *c, int64_t key)
 // ------------------------------------------------------------- frames
 
 // The frame's joints' covariances, where they can be read.
-static void read_joint_error(struct frame_copier *c, int64_t key, struct take_entry *entry)
+static enum status read_joint_error(struct frame_copier *c, int64_t key, struct take_entry *entry)
 {
     if (!c->joint_error || !entry->has_skeleton)
-        return;
+        return OK;
     statement_bind_number(c->joint_error, 1, key);
     enum status status = statement_step(c->joint_error);
     if (status == OK)
         status = joint_error_from_row(c->joint_error, &entry->skeleton);
-    (void)status; // a frame can be shown without them
     statement_reset(c->joint_error);
+    return is_fatal(c, status) ? status : OK; // a frame can be shown without them
 }
 
 // Copies one frame with what of its images can be used. NOTHING: there is nothing worth keeping.
@@ -249,15 +255,17 @@ static enum status copy_frame(struct frame_copier *c, int64_t key, int64_t new_k
     enum status status = had[0] || had[1] || had[2] ? find_images(c, key) : NOTHING;
     const bool found = status == OK;
     *damaged = false;
-    for (int i = 0; i < 3 && !is_fatal(status); i++) {
+    for (int i = 0; i < 3 && !is_fatal(c, status); i++) {
         if (found && had[i] && (*images[i] = intact_blob(c->images, (enum image)i, counts[i]))) {
             status = decode(c, (enum image)i, *images[i], *counts[i], k);
             if (status != OK)
                 *images[i] = NULL, *counts[i] = 0;
+        } else if (found && had[i]) {
+            status = statement_check(c->images); // of memory, not of the image's
         }
         *damaged = *damaged || (had[i] && !*images[i]);
     }
-    if (!is_fatal(status))
+    if (!is_fatal(c, status))
         status = *damaged && !row.mask && !row.depth && !row.color && !row.skeleton
                      ? NOTHING
                      : async_writer_add_frame(c->to, &row);
@@ -277,7 +285,7 @@ static enum status next_frame(struct frame_copier *c, int64_t *key, int64_t last
             status = frame_from_row(c->frame, entry);
         }
         statement_reset(c->frame);
-        if (status == OK || status == NOTHING || is_fatal(status))
+        if (status == OK || status == NOTHING || is_fatal(c, status))
             return status;
     }
     return NOTHING;
@@ -317,7 +325,7 @@ static enum status next_in_order(struct frame_copier *c, struct frame_order *o, 
     for (;;) {
         if (!o->has_frame && o->key <= o->last) {
             enum status status = next_frame(c, &o->key, o->last, &o->frame);
-            if (is_fatal(status))
+            if (is_fatal(c, status))
                 return status;
             o->has_frame = status == OK;
             if (!o->has_frame)
@@ -333,7 +341,7 @@ static enum status next_in_order(struct frame_copier *c, struct frame_order *o, 
             o->stray++;
             *key = stray->key;
             enum status status = read_stray(c, stray, entry);
-            if (status == OK || is_fatal(status))
+            if (status == OK || is_fatal(c, status))
                 return status;
             continue;
         }
@@ -372,8 +380,9 @@ enum status frame_copier_copy(struct frame_copier *c, const struct take_row *tak
             entry.located = false;
             entry.world_from_camera = POSE_IDENTITY;
         }
-        read_joint_error(c, key, &entry);
-        status = copy_frame(c, key, frame_key(new_id, out->saved), &entry, &take->calibration, &damaged);
+        status = read_joint_error(c, key, &entry);
+        if (status == OK)
+            status = copy_frame(c, key, frame_key(new_id, out->saved), &entry, &take->calibration, &damaged);
         if (status == NOTHING)
             continue;
         if (status != OK)
@@ -422,8 +431,8 @@ enum status frame_copier_infer_sizes(struct frame_copier *c, struct take_row *ta
                 color->width = width, color->height = height;
         }
         statement_reset(c->images);
-        if (is_fatal(status))
+        if (is_fatal(c, status))
             return status;
     }
-    return is_fatal(status) ? status : OK;
+    return is_fatal(c, status) ? status : OK;
 }

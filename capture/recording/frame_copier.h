@@ -12,9 +12,15 @@ struct frame_copy_counts {
     int64_t representative; // the new number of the representative frame; -1: none, or lost
 };
 
+enum copier_reads {
+    COPIER_READS_WHAT_IT_CAN, // repair: of a disk that fails, too, what it still gives
+    COPIER_READS_ALL,         // a disk that fails ends the copy: ERR_IO. Damaged rows are left out here, too
+};
+
 // Both databases stay the caller's. `to` must be locked for writing, and belongs to the writer meanwhile. ERR_MEMORY,
 // ERR_IO, ERR_CORRUPT; *out is then NULL.
-MUST_CHECK enum status frame_copier_open(struct frame_copier **out, struct database *from, struct async_writer *to);
+MUST_CHECK enum status frame_copier_open(struct frame_copier **out, struct database *from, struct async_writer *to,
+                                         enum copier_reads reads);
 void frame_copier_close(struct frame_copier **c);
 
 // Finds rows whose ids were damaged, in the whole file: those whose seal fits another id that differs in one bit; in

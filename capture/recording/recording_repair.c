@@ -291,7 +291,7 @@ static enum status open_both(struct repair *v, const char *path, const char *to)
     if (status == OK)
         status = async_writer_open(&v->writer, v->to);
     if (status == OK)
-        status = frame_copier_open(&v->copier, v->from, v->writer);
+        status = frame_copier_open(&v->copier, v->from, v->writer, COPIER_READS_WHAT_IT_CAN);
     if (status == OK)
         status = list_ids(v->from, "SELECT rowid FROM take", &v->rows);
     if (status == OK)

@@ -383,7 +383,7 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
     if (status == OK)
         status = async_writer_open(&writer, to);
     if (status == OK)
-        status = frame_copier_open(&copier, from, writer);
+        status = frame_copier_open(&copier, from, writer, COPIER_READS_ALL);
     if (status == OK)
         status = async_writer_put_take(writer, &copy);
     if (status == OK)

@@ -10,9 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-// What all handles on a take share. Immutable once it is read; the last handle that closes frees it.
+// What all handles on a take share. Immutable once it is read, but for the two counters; the last handle that closes
+// frees it.
 struct take_index {
     atomic_int handles;
+    atomic_llong decoded; // frames; for take_frames_decoded
     int64_t id;
     struct calibration calibration;
     struct body body;
@@ -334,6 +336,7 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     struct take_index *index = calloc(1, sizeof *index);
     if (index) {
         atomic_init(&index->handles, 1);
+        atomic_init(&index->decoded, 0);
         index->id = recording_take_id(r, i);
     }
     if (index && !take_id_is_valid(index->id)) {
@@ -392,6 +395,8 @@ const struct take_entry *take_entry(const struct take *t, int64_t index)
 const struct body *take_body(const struct take *t) { return &t->index->body; }
 
 bool take_is_complete(const struct take *t) { return t->index->complete; }
+
+int64_t take_frames_decoded(const struct take *t) { return atomic_load(&t->index->decoded); }
 
 int64_t take_lost(const struct take *t) { return t->index->lost; }
 
@@ -494,8 +499,8 @@ static enum status find_images(struct take *t, const struct take_entry *entry)
 
 static enum status name_frame(const struct take *t, int64_t index, enum status status)
 {
-    return status == ERR_CORRUPT ? fail(status, "%s: frame %lld is damaged: %s", recording_path(t->recording),
-                                        (long long)index, status_message())
+    return status == ERR_CORRUPT ? fail(status, "%s: frame %lld is damaged: %s; try reenact-capture repair",
+                                        recording_path(t->recording), (long long)index, status_message())
                                  : status;
 }
 
@@ -507,6 +512,7 @@ enum status take_read(struct take *t, int64_t index, unsigned want, struct take_
             (entry->has_mask ? TAKE_MASK : 0u);
     if (!want)
         return OK;
+    atomic_fetch_add(&t->index->decoded, 1);
     statement_reset(t->read_images); // take_read_jpeg leaves it open
     enum status status = find_images(t, entry);
     if (status == OK)

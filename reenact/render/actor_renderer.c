@@ -8,6 +8,7 @@
 #include <stdlib.h>
 
 enum { UPLOAD_BYTES = 512 << 10 }; // of the avatar with each image; chosen by hand
+enum { FRAMES_FIRST = 400 };       // cylinder_renderer_open: 20 ms before the first image of a long take; by hand
 
 static const double TYPICAL_CYLINDER_ERROR_M = 0.03; // while there is no avatar to measure; chosen by hand
 
@@ -154,7 +155,7 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
         status = skeleton_track_open(&p->motion, take, p->skeletons);
     const size_t bytes = options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2);
     if (status == OK)
-        status = cylinder_renderer_open(&p->cylinders, gpu, take, bytes);
+        status = cylinder_renderer_open(&p->cylinders, gpu, take, bytes, p->avatar_later ? FRAMES_FIRST : 0);
     if (status == OK)
         status = open_avatar(p, options);
     if (status == OK)

@@ -1,10 +1,13 @@
 // Draws body cylinders: source frame for each part, meshes by size on screen.
 #include "reenact/render/cylinder_renderer.h"
 
+#include "base/thread_priority.h"
 #include "reenact/skeleton/body_cylinders.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/texture_cache.h"
 
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 enum { SIDES = 4, ALONG = 24 }; // meshes of 8, 16, 32, 64 sides; rings along a cylinder
@@ -22,10 +25,19 @@ static const char *const uniform_names[] = {
     [CODE] = "code",
 };
 
+// The selector of all frames, made on a thread of its own while one of some frames is used.
+struct selector_maker {
+    pthread_t thread;
+    bool runs; // the thread is to be joined
+    atomic_bool stop, ended;
+    struct frame_selector *selector; // once it ended; NULL: it could not be made
+};
+
 struct cylinder_renderer {
     struct gpu *gpu;
     struct take *take;
     struct frame_selector *selector;
+    struct selector_maker maker;
     struct texture_cache *textures;
     struct gpu_program *program;
     struct gpu_mesh *open[SIDES];                // the paper's cylinder
@@ -35,16 +47,61 @@ struct cylinder_renderer {
 
 // ---------------------------------------------------------------- opening
 
-static enum status open_selector(struct cylinder_renderer *c)
+// Of every `step`-th frame. stop: ends it with NOTHING; may be NULL.
+static enum status make_selector(struct frame_selector **out, const struct take *take, int64_t step,
+                                 const atomic_bool *stop)
 {
-    int64_t frames = take_frame_count(c->take);
-    enum status status = frame_selector_open(&c->selector, frames);
-    for (int64_t i = 0; i < frames && status == OK; i++) {
-        const struct take_entry *e = take_entry(c->take, i);
+    const int64_t frames = take_frame_count(take);
+    enum status status = frame_selector_open(out, frames / step + 1);
+    for (int64_t i = 0; i < frames && status == OK; i += step) {
+        const struct take_entry *e = take_entry(take, i);
         if (e->has_color && e->has_skeleton)
-            status = frame_selector_add(c->selector, i, &e->skeleton, take_body(c->take));
+            status = frame_selector_add(*out, i, &e->skeleton, take_body(take));
+        if (stop && atomic_load(stop))
+            status = NOTHING;
     }
-    return status == OK ? frame_selector_pack(c->selector) : status;
+    return status == OK ? frame_selector_pack(*out) : status;
+}
+
+static void *make_whole_selector(void *self)
+{
+    struct cylinder_renderer *c = self;
+    struct selector_maker *m = &c->maker;
+    thread_lower_priority();
+    if (make_selector(&m->selector, c->take, 1, &m->stop) != OK)
+        frame_selector_close(&m->selector);
+    atomic_store(&m->ended, true);
+    return NULL;
+}
+
+static enum status open_selector(struct cylinder_renderer *c, int64_t frames_first)
+{
+    const int64_t frames = take_frame_count(c->take);
+    const int64_t step = frames_first > 0 ? (frames + frames_first - 1) / frames_first : 1;
+    enum status status = make_selector(&c->selector, c->take, step > 0 ? step : 1, NULL);
+    if (status == OK && step > 1) // without a thread those frames are all that there is
+        c->maker.runs = !pthread_create(&c->maker.thread, NULL, make_whole_selector, c);
+    return status;
+}
+
+static void end_maker(struct selector_maker *m)
+{
+    if (m->runs)
+        pthread_join(m->thread, NULL);
+    m->runs = false;
+}
+
+// Takes over the selector of all frames once it is made.
+static void adopt_selector(struct cylinder_renderer *c)
+{
+    if (!c->maker.runs || !atomic_load(&c->maker.ended))
+        return;
+    end_maker(&c->maker);
+    if (!c->maker.selector)
+        return;
+    frame_selector_close(&c->selector);
+    c->selector = c->maker.selector;
+    c->maker.selector = NULL;
 }
 
 static enum status open_program(struct cylinder_renderer *c)
@@ -68,14 +125,15 @@ static enum status open_program(struct cylinder_renderer *c)
     return OK;
 }
 
-enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *gpu, struct take *take, size_t max_bytes)
+enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *gpu, struct take *take, size_t max_bytes,
+                                   int64_t frames_first)
 {
     struct cylinder_renderer *c = *out = calloc(1, sizeof *c);
     if (!c)
         return fail(ERR_MEMORY, "out of memory");
     c->gpu = gpu;
     c->take = take;
-    enum status status = open_selector(c);
+    enum status status = open_selector(c, frames_first);
     if (status == OK)
         status = texture_cache_open(&c->textures, gpu, take, max_bytes);
     if (status == OK)
@@ -97,6 +155,9 @@ void cylinder_renderer_close(struct cylinder_renderer **out)
     }
     gpu_program_close(&c->program);
     texture_cache_close(&c->textures);
+    atomic_store(&c->maker.stop, true);
+    end_maker(&c->maker);
+    frame_selector_close(&c->maker.selector);
     frame_selector_close(&c->selector);
     free(c);
     *out = NULL;
@@ -110,9 +171,10 @@ void cylinder_renderer_set_lens(struct cylinder_renderer *c, const struct lens *
     gpu_program_set(c->program, VIEW_LENS, lens, 3);
 }
 
-enum status cylinder_renderer_select(const struct cylinder_renderer *c, const struct skeleton *in_viewer,
+enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,
                                      struct frame_selection *out)
 {
+    adopt_selector(c);
     return frame_selector_find_body(c->selector, in_viewer, out);
 }
 

@@ -8,15 +8,17 @@
 
 struct cylinder_renderer;
 
-// gpu and take must outlive it. max_bytes: of textures; at least one is always kept. Set the viewer's lens before
-// drawing. ERR_INPUT: a joint of the take is not finite. ERR_DEVICE, ERR_MEMORY. After a failure *out is NULL.
+// gpu and take must outlive it. max_bytes: of textures; at least one is always kept. frames_first: 0, or how many
+// frames, evenly over the take, sources are chosen from until a thread has prepared the choice from all of them: 50
+// microseconds a frame, half a second for ten minutes. Set the viewer's lens before drawing. ERR_INPUT: a joint of the
+// take is not finite. ERR_DEVICE, ERR_MEMORY. After a failure *out is NULL.
 MUST_CHECK enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *gpu, struct take *take,
-                                              size_t max_bytes);
+                                              size_t max_bytes, int64_t frames_first);
 void cylinder_renderer_close(struct cylinder_renderer **c); // NULL is fine
 void cylinder_renderer_set_lens(struct cylinder_renderer *c, const struct lens *view);
 
 // The frame whose skeleton is nearest to in_viewer (viewer camera's axes): [D14] eq. 5, frame_selector_find_body.
-MUST_CHECK enum status cylinder_renderer_select(const struct cylinder_renderer *c, const struct skeleton *in_viewer,
+MUST_CHECK enum status cylinder_renderer_select(struct cylinder_renderer *c, const struct skeleton *in_viewer,
                                                 struct frame_selection *out);
 
 struct cylinder_view {

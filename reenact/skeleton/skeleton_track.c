@@ -46,9 +46,10 @@ static struct skeleton inpainted_at(const struct skeleton_track *m, int64_t i)
 
 static enum status check_finite(const struct skeleton_track *m, int64_t i)
 {
-    const struct skeleton world = recorded_at(m, i);
+    const struct skeleton *s = &take_entry(m->take, m->frames[i])->skeleton; // moved alone, without its covariances
+    const struct pose world_from_camera = world_from_camera_at(m, i);
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (world.confidence[j] > 0 && !v3_finite(world.joint[j]))
+        if (s->confidence[j] > 0 && !v3_finite(pose_apply(world_from_camera, s->joint[j])))
             return fail(ERR_INPUT, "frame %lld of the take holds a %s that is nowhere; repair the file",
                         (long long)m->frames[i], joint_name((enum joint)j));
     return OK;

@@ -1,9 +1,11 @@
 #include "reenact/surround/surroundings.h"
 
+#include "reenact/surround/capture_thread.h"
 #include "base/parallel.h"
 #include "platform/png.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 // Every second row and column of a depth picture: finer than the voxels they are averaged in, nearer than 3 m.
 enum { DEPTH_STEP = 2 };
@@ -13,6 +15,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
     struct surroundings_options how = {.alignment = alignment_default_options(),
                                        .depth = depth_default_options(),
                                        .view = view_default_options(),
+                                       .photo = true,
                                        .redo_m = 5,
                                        .most_pictures = 16,
                                        .threads = 2};
@@ -26,6 +29,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
     }
     if (kind == SURROUNDINGS_ROBOT) {
         how.depth.farthest_m = 30;
+        how.depth.walls = true;
         how.view.geometry_pictures = SURROUND_MOST_LAYERS;
     }
     return how;
@@ -36,6 +40,7 @@ static int64_t now(const struct surroundings *s) { return s->clock ? s->clock() 
 static enum status open_parts(struct surroundings *s, const struct lens *view, const struct surroundings_options *how)
 {
     s->how = *how;
+    s->photo.body_from_picture = s->body_from_panorama;
     enum status status = depth_alignment_open(&s->alignment, &s->how.alignment);
     if (status == OK)
         status = surround_view_open(&s->view, view);
@@ -66,14 +71,16 @@ enum status surroundings_open_live(struct surroundings *s, enum surroundings_kin
 
 void surroundings_close(struct surroundings *s)
 {
+    capture_thread_close(&s->thread);
     for (int i = 0; i < s->taken; i++)
         surround_picture_free(&s->pictures[i]);
     free(s->pictures);
     free(s->poses);
     free(s->stale);
     free(s->blank);
-    free(s->points);
-    free(s->weights);
+    surface_points_free(&s->surface);
+    exposure_free(&s->exposure);
+    photo_refinement_free(&s->photo);
     depth_alignment_close(&s->alignment);
     surround_view_close(&s->view);
     surround_set_free(&s->set);
@@ -141,8 +148,8 @@ static bool is_blank(const struct surround_picture *p)
     return most < BLANK_LEVEL;
 }
 
-// Owns the picture, also after a failure.
-static enum status keep(struct surroundings *s, struct surround_picture *picture, struct pose pose)
+// Owns the picture, also after a failure. made: it has its depth.
+static enum status keep(struct surroundings *s, struct surround_picture *picture, struct pose pose, bool made)
 {
     const enum status status = grow(s);
     if (status != OK) {
@@ -153,35 +160,71 @@ static enum status keep(struct surroundings *s, struct surround_picture *picture
         s->kind == SURROUNDINGS_ROBOT ? pose_multiply(pose, s->body_from_panorama) : pose;
     surround_picture_place(picture, world_from_camera);
     s->blank[s->taken] = is_blank(picture);
+    s->stale[s->taken] = !made;
     s->pictures[s->taken] = *picture;
     *picture = (struct surround_picture){0};
     s->poses[s->taken++] = pose;
-    for (int k = 0; k < s->taken; k++) {
+    for (int k = 0; k < s->taken - 1; k++) {
         const double apart = v3_distance(s->pictures[k].world_from_camera.translation, world_from_camera.translation);
-        if (k == s->taken - 1)
-            s->stale[k] = true;
-        else if (s->kind != SURROUNDINGS_VEHICLE && apart < s->how.redo_m)
+        if (s->kind != SURROUNDINGS_VEHICLE && apart < s->how.redo_m)
             s->stale[k] = true;
     }
     return OK;
+}
+
+static void note_alignment(struct surroundings *s, struct pose odometry, struct pose pose, bool fits, int64_t spent_ns)
+{
+    s->align_ns += spent_ns;
+    s->worst_align_ns = spent_ns > s->worst_align_ns ? spent_ns : s->worst_align_ns;
+    s->unplaced += !fits;
+    if (fits) {
+        s->aligned_odometry = odometry;
+        s->aligned_pose = pose;
+        s->any_aligned = true;
+    }
+}
+
+static enum status hand_over(struct surroundings *s, struct surround_picture *picture,
+                             const struct depth_points *points, struct pose odometry)
+{
+    struct capture_job job = {.number = s->taken, .picture = *picture, .odometry = odometry};
+    const size_t count = (size_t)points->count;
+    job.points = (struct depth_points){malloc((count + 1) * sizeof *job.points.xyz),
+                                       malloc((count + 1) * sizeof *job.points.sigma), points->count, points->count};
+    enum status status = job.points.xyz && job.points.sigma ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK && count) {
+        memcpy(job.points.xyz, points->xyz, count * sizeof *job.points.xyz);
+        memcpy(job.points.sigma, points->sigma, count * sizeof *job.points.sigma);
+    }
+    if (status == OK)
+        status = capture_thread_put(s->thread, &job);
+    if (status != OK) {
+        depth_points_free(&job.points);
+        surround_picture_free(picture);
+    }
+    *picture = (struct surround_picture){0};
+    return status < OK ? status : OK;
 }
 
 enum status surroundings_take(struct surroundings *s, struct surround_picture *picture,
                               const struct depth_points *points, struct pose odometry)
 {
     struct pose pose;
-    const int64_t before = now(s);
-    enum status status = depth_alignment_add(&s->alignment, points, odometry, &pose);
-    const int64_t spent = now(s) - before;
-    s->align_ns += spent;
-    s->worst_align_ns = spent > s->worst_align_ns ? spent : s->worst_align_ns;
-    if (status == NOTHING)
-        s->unplaced++;
-    else if (status != OK) {
+    s->taken_odometry = odometry;
+    s->any_taken = true;
+    if (s->thread)
+        return hand_over(s, picture, points, odometry);
+    int64_t (*const clock)(void) = s->processor_clock;
+    const int64_t before = clock ? clock() : 0;
+    const enum status status = s->how.photo
+                                   ? photo_alignment_add(&s->photo, &s->alignment, picture, points, odometry, &pose)
+                                   : depth_alignment_add(&s->alignment, points, odometry, &pose);
+    if (status < OK) {
         surround_picture_free(picture);
         return status;
     }
-    return keep(s, picture, pose);
+    note_alignment(s, odometry, pose, status == OK, clock ? clock() - before : 0);
+    return keep(s, picture, pose, false);
 }
 
 enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
@@ -189,7 +232,7 @@ enum status surroundings_take_placed(struct surroundings *s, struct surround_pic
 {
     const enum status status = depth_alignment_unify(&s->alignment, points, world_from_camera);
     if (status == OK)
-        return keep(s, picture, world_from_camera);
+        return keep(s, picture, world_from_camera, false);
     surround_picture_free(picture);
     return status;
 }
@@ -204,7 +247,7 @@ static enum status take_next(struct surroundings *s)
     if (status != OK)
         return status;
     if (s->kind == SURROUNDINGS_VEHICLE)
-        return keep(s, &picture, s->set.captures[i].guess);
+        return keep(s, &picture, s->set.captures[i].guess, false);
     struct depth_points points = {0};
     status = read_depth(s, i, &points);
     if (status == OK && s->kind == SURROUNDINGS_FILMED)
@@ -215,29 +258,6 @@ static enum status take_next(struct surroundings *s)
         surround_picture_free(&picture);
     depth_points_free(&points);
     return status;
-}
-
-static enum status gather_points(struct surroundings *s)
-{
-    const struct voxel_map *map = &s->alignment.surface;
-    float(*points)[3] = realloc(s->points, (map->used + 1) * sizeof *points);
-    if (points)
-        s->points = points;
-    float *weights = realloc(s->weights, (map->used + 1) * sizeof *weights);
-    if (weights)
-        s->weights = weights;
-    if (!points || !weights)
-        return fail(ERR_MEMORY, "out of memory");
-    s->point_count = 0;
-    for (size_t i = 0; i < map->size; i++)
-        if (map->table[i].key) {
-            double mean[3];
-            voxel_mean(map, &map->table[i], mean);
-            for (int k = 0; k < 3; k++)
-                s->points[s->point_count][k] = (float)mean[k];
-            s->weights[s->point_count++] = (float)(map->table[i].weight * 1e-6); // of 1 mm: 1
-        }
-    return OK;
 }
 
 struct depth_work {
@@ -268,8 +288,8 @@ static enum status make_depths(struct surroundings *s, const struct surround_pic
             w.pictures[n++] = picture;
     }
     if (status == OK && n && s->kind != SURROUNDINGS_VEHICLE) {
-        status = gather_points(s);
-        w.points = (struct world_points){(const float(*)[3])s->points, s->weights, s->point_count};
+        status = surface_points_gather(&s->surface, &s->alignment.surface);
+        w.points = surface_points_world(&s->surface);
     }
     const int64_t before = now(s);
     if (status == OK)
@@ -293,8 +313,92 @@ enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
     return status;
 }
 
+enum status surroundings_start_threads(struct surroundings *s)
+{
+    assert(s->kind == SURROUNDINGS_ROBOT);
+    return capture_thread_open(&s->thread, &s->alignment, &s->photo, &s->how.depth, s->processor_clock);
+}
+
+// The depth of the placed picture that is nearest to the newest among the stale ones, made again.
+static enum status redo_one(struct surroundings *s)
+{
+    int best = -1;
+    double nearest = 0;
+    for (int i = 0; i < s->taken; i++) {
+        const double away = v3_distance(s->pictures[i].world_from_camera.translation,
+                                        s->pictures[s->taken - 1].world_from_camera.translation);
+        if (s->stale[i] && !s->blank[i] && (best < 0 || away < nearest)) {
+            best = i;
+            nearest = away;
+        }
+    }
+    if (best < 0)
+        return OK;
+    struct capture_job job = {.number = best, .again = true, .picture = s->pictures[best]};
+    job.picture.inverse = NULL;
+    job.picture.joined = NULL;
+    s->stale[best] = false;
+    const enum status status = capture_thread_put(s->thread, &job);
+    return status < OK ? status : OK;
+}
+
+static enum status take_done(struct surroundings *s, struct capture_job *job)
+{
+    enum status status = failure_restore(&job->failure);
+    if (job->again) {
+        struct surround_picture *p = &s->pictures[job->number];
+        free(status == OK ? p->inverse : job->picture.inverse);
+        free(status == OK ? p->joined : job->picture.joined);
+        if (status == OK) {
+            p->inverse = job->picture.inverse;
+            p->joined = job->picture.joined;
+            s->depths_made++;
+        }
+        return status;
+    }
+    if (status < OK) {
+        surround_picture_free(&job->picture);
+        return status;
+    }
+    s->depths_made++;
+    return keep(s, &job->picture, job->world_from_body, true);
+}
+
+// Takes what the threads have done.
+static enum status collect(struct surroundings *s)
+{
+    struct capture_job job;
+    enum status status = OK;
+    for (enum capture_stage stage; s->thread && status >= OK && (stage = capture_thread_take(s->thread, &job));) {
+        if (stage == CAPTURE_WITH_DEPTH)
+            status = take_done(s, &job);
+        else if (job.failure.status >= OK)
+            note_alignment(s, job.odometry, job.world_from_body, job.fits, job.align_ns);
+    }
+    if (s->thread && status >= OK && !capture_thread_count(s->thread))
+        status = redo_one(s);
+    return status < OK ? status : OK;
+}
+
+bool surroundings_wants(const struct surroundings *s, struct pose odometry, int64_t since_ns)
+{
+    const struct alignment_options *how = &s->how.alignment;
+    return !s->any_taken || v3_distance(odometry.translation, s->taken_odometry.translation) >= how->move_m ||
+           pose_angle(odometry, s->taken_odometry) >= how->turn || (double)since_ns * 1e-9 >= how->wait_s;
+}
+
+struct pose surroundings_bridge(const struct surroundings *s, struct pose odometry)
+{
+    if (!s->any_aligned)
+        return s->any_taken ? pose_multiply(pose_inverse(s->taken_odometry), odometry) : POSE_IDENTITY;
+    return pose_multiply(s->aligned_pose, pose_multiply(pose_inverse(s->aligned_odometry), odometry));
+}
+
 enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
 {
+    enum status status = collect(s);
+    if (status != OK)
+        return status;
     const struct surround_picture **pictures = malloc((size_t)(s->taken + 1) * sizeof *pictures);
     if (!pictures)
         return fail(ERR_MEMORY, "out of memory");
@@ -302,10 +406,12 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
     for (int i = 0; i < s->taken; i++)
         if (!s->blank[i])
             pictures[usable++] = &s->pictures[i];
-    enum status status = surround_view_rank(world_from_view, pictures, usable);
+    status = surround_view_rank(world_from_view, pictures, usable);
     const int count = usable < s->how.most_pictures ? usable : s->how.most_pictures;
-    if (status == OK)
+    if (status == OK && !s->thread)
         status = make_depths(s, pictures, count);
+    if (status == OK)
+        status = exposure_even(&s->exposure, s->pictures, pictures, count);
     const int64_t before = now(s);
     if (status == OK && s->plain)
         surround_view_splat(&s->view, world_from_view, pictures, count);

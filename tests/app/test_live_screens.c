@@ -2,15 +2,17 @@
 // while it plays, and the picture shows what was wrong.
 //
 //     test_live_screens                           the tests
-//     test_live_screens FILE SENSOR FOLDER TAKE   images of the screens, for the documents (see tests/live_screens)
+//     test_live_screens FILE SENSOR CAMERA FOLDER TAKE   images of the screens, for the documents (tests/live_screens)
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
 #include "base/clock.h"
 #include "platform/file.h"
 #include "platform/png.h"
-#include "tests/support/glass.h"
+#include "tests/support/live_glass.h"
+#include "tests/openni_driver/keep_player.h"
 #include "tests/support/live_rehearsal.h"
+#include "tests/support/process.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,101 +21,6 @@
 enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT, FRAMES = 54 }; // FRAMES: the arms are out
 
 static struct live_rehearsal rehearsal;
-static const char *shown_take; // NULL: the only one
-
-static void open_glass(struct glass *g, int width, int height, const char *file, const char *sensor)
-{
-    const struct viewer_options options = {.file = file,
-                                           .take = shown_take,
-                                           .sensor = sensor,
-                                           .fixed_resolution = true,
-                                           .every_frame = true,
-                                           .refresh_hz = 60};
-    glass_open(g, width, height, &options);
-}
-
-// As the app's own loop: drawn when there is something new.
-static void draw_what_is_new(struct glass *g)
-{
-    const int64_t now_ns = clock_now_ns();
-    viewer_update(&g->viewer, now_ns);
-    if (g->viewer.state.changed)
-        glass_draw(g);
-    else
-        clock_sleep_until_ns(now_ns + 4000000);
-}
-
-static void draw_until(struct glass *g, bool (*done)(const struct glass *g))
-{
-    const int64_t until_ns = clock_now_ns() + 120000000000;
-    do
-        draw_what_is_new(g);
-    while (!done(g) && clock_now_ns() < until_ns);
-    if (!done(g))
-        print_error("phase %d, %lld frames, %s\n", g->viewer.state.live.phase,
-                    (long long)g->viewer.state.live.sight.frame, g->viewer.state.live.trouble);
-    EXPECT_TRUE(done(g));
-}
-
-static bool sees_person(const struct glass *g) { return g->viewer.state.live.person_ns != 0; }
-static bool is_doing(const struct glass *g) { return g->viewer.state.live.phase == LIVE_DOING; }
-static bool is_judged(const struct glass *g)
-{
-    const struct live_state *l = &g->viewer.state.live;
-    return l->phase == LIVE_SUMMARY && l->judged == l->finished;
-}
-
-struct tally {
-    int frames, different[PART_COUNT], same[PART_COUNT];
-    int wrong_pixels; // of the colour for what differs, at most
-};
-
-// Draws the attempt to its end and counts the verdicts.
-static struct tally do_attempt(struct glass *g)
-{
-    struct tally t = {0};
-    int64_t seen = 0;
-    view_state_do(&g->viewer.state, DO_PLAY_PAUSE, clock_now_ns());
-    draw_until(g, is_doing);
-    for (int64_t until_ns = clock_now_ns() + 120000000000; !is_judged(g) && clock_now_ns() < until_ns;) {
-        draw_what_is_new(g);
-        const struct live_page *page = &g->viewer.live.page;
-        if (!is_doing(g) || !page->verdicts || g->viewer.live.frame->number == seen)
-            continue;
-        seen = g->viewer.live.frame->number;
-        t.frames++;
-        for (int p = 0; p < PART_COUNT; p++) {
-            t.different[p] += page->verdicts[p] == VERDICT_DIFFERENT;
-            t.same[p] += page->verdicts[p] == VERDICT_SAME;
-        }
-        if (page->verdicts[PART_RIGHT_FOREARM] == VERDICT_DIFFERENT && seen % 8 == 0) {
-            glass_read(g);
-            const int pixels = glass_count_color(g, theme_of(true)->wrong, 3);
-            t.wrong_pixels = pixels > t.wrong_pixels ? pixels : t.wrong_pixels;
-        }
-    }
-    return t;
-}
-
-static bool finds(const struct glass *g, const char *words)
-{
-    const struct comparison *c = &g->viewer.live.shown.comparison;
-    for (int32_t i = 0; i < c->finding_count; i++)
-        if (strstr(c->findings[i].sentence, words))
-            return true;
-    return false;
-}
-
-static void print_tally(const struct glass *g, const struct tally *t)
-{
-    const struct comparison *c = &g->viewer.live.shown.comparison;
-    print_message("%d frames judged; right forearm different in %d, same in %d; left forearm %d, %d; %d pixels; "
-                  "score %.1f\n",
-                  t->frames, t->different[PART_RIGHT_FOREARM], t->same[PART_RIGHT_FOREARM],
-                  t->different[PART_LEFT_FOREARM], t->same[PART_LEFT_FOREARM], t->wrong_pixels, c->score);
-    for (int32_t i = 0; i < c->finding_count; i++)
-        print_message("    %s\n", c->findings[i].sentence);
-}
 
 static bool is_kept(const struct glass *g) { return g->viewer.live.kept > 0; }
 
@@ -125,7 +32,7 @@ static void check_attempt_is_kept(struct glass *g)
     struct recording_report report;
     scratch_text(&rehearsal.scratch, "exercise-attempt-1.reenact", "mine");
     view_state_do(&g->viewer.state, DO_KEEP, clock_now_ns());
-    draw_until(g, is_kept);
+    live_glass_draw_until(g, is_kept);
     EXPECT_TRUE(strstr(g->viewer.state.notice, "exercise-attempt-2.reenact"));
     const char *path = scratch_file(&rehearsal.scratch, "exercise-attempt-2.reenact");
     EXPECT_STATUS(recording_verify(path, &report), OK);
@@ -148,18 +55,17 @@ static void test_mistakes_are_shown_while_they_are_made(void **state)
 {
     (void)state;
     struct glass g;
-    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.wrong);
-    draw_until(&g, sees_person);
+    live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
+    live_glass_draw_until(&g, live_glass_sees_person);
     EXPECT_INT(g.viewer.state.page, PAGE_LIVE);
-    const struct tally t = do_attempt(&g);
-    print_tally(&g, &t);
+    const struct live_tally t = live_glass_do_attempt(&g);
     // A slow machine draws few of the frames, and which depends on it.
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
     EXPECT_AT_MOST(t.different[PART_LEFT_FOREARM], t.different[PART_RIGHT_FOREARM] / 3);
     EXPECT_AT_LEAST(t.wrong_pixels, 40);
     EXPECT_TRUE(g.viewer.live.shown.compared);
-    EXPECT_TRUE(finds(&g, "Right elbow") || finds(&g, "Right forearm"));
+    EXPECT_TRUE(live_glass_finds(&g, "Right elbow") || live_glass_finds(&g, "Right forearm"));
     EXPECT_INT(g.viewer.state.live.result_count, 1);
     check_attempt_is_kept(&g);
     glass_close(&g);
@@ -169,16 +75,62 @@ static void test_the_same_again_is_right(void **state)
 {
     (void)state;
     struct glass g;
-    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, rehearsal.right);
+    live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.right});
     g.viewer.state.live.screen = LIVE_BESIDE;
-    draw_until(&g, sees_person);
+    live_glass_draw_until(&g, live_glass_sees_person);
     g.viewer.state.live.screen = LIVE_BESIDE;
-    const struct tally t = do_attempt(&g);
-    print_tally(&g, &t);
+    const struct live_tally t = live_glass_do_attempt(&g);
     EXPECT_AT_LEAST(t.frames, FRAMES / 6);
     for (int p = 0; p < PART_COUNT; p++)
         EXPECT_AT_MOST(t.different[p], t.frames / 5);
     EXPECT_AT_LEAST(g.viewer.live.shown.comparison.score, 75);
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- the actor mirrored
+
+// Who does as the mirrored actor does is right; by the actor as recorded, the other side was used.
+static void test_the_actor_mirrored_is_the_reference(void **state)
+{
+    (void)state;
+    struct glass g;
+    live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = rehearsal.wrong});
+    struct viewer *v = &g.viewer;
+    live_glass_draw_until(&g, live_glass_sees_person);
+    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
+    EXPECT_TRUE(v->state.live.mirrored);
+    const struct live_tally t = live_glass_do_attempt(&g);
+    EXPECT_TRUE(v->image.flip_x || !v->image.actor);
+    EXPECT_TRUE(v->live.shown.mirrored && v->live.page.mirrored);
+    // The exercise is the same on both sides, so that the mistake, made on the right, is found all the same.
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_TRUE(v->live.shown.compared);
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- through OpenNI2
+
+// A film through OpenNI2 and its driver for recordings takes the sensor's place: tracked, judged and summed up.
+static void test_a_film_through_openni(void **state)
+{
+    (void)state;
+    struct glass g;
+    char oni[300], uri[320];
+    keep_player();
+    snprintf(oni, sizeof oni, "%s", scratch_file(&rehearsal.scratch, "wrong.oni"));
+    snprintf(uri, sizeof uri, "oni:%s", oni);
+    const struct process_result said =
+        PROCESS(MAKE_ONI, "--from", scratch_file(&rehearsal.scratch, "wrong"), "--out", oni);
+    if (said.exit_code)
+        print_error("%s", said.err);
+    EXPECT_INT(said.exit_code, 0);
+    live_glass_open(&g, LONG / 2, SHORT / 2, &(struct live_glass){.file = rehearsal.file, .sensor = uri});
+    live_glass_draw_until(&g, live_glass_sees_person);
+    const struct live_tally t = live_glass_do_attempt(&g);
+    EXPECT_AT_LEAST(t.frames, FRAMES / 6);
+    EXPECT_AT_LEAST(t.different[PART_RIGHT_FOREARM], t.frames / 4);
+    EXPECT_TRUE(live_glass_finds(&g, "Right elbow") || live_glass_finds(&g, "Right forearm"));
     glass_close(&g);
 }
 
@@ -217,17 +169,20 @@ static bool arms_are_wrong(const struct glass *g)
     return page->verdicts && page->verdicts[PART_RIGHT_FOREARM] == VERDICT_DIFFERENT && page->person_ns > 1500000000;
 }
 
-static void save_screens(const char *file, const char *sensor, const char *folder, bool upright)
+static void save_screens(const struct live_glass *shown, const char *folder, bool upright)
 {
     static const struct {
         const char *name;
         enum live_screen screen;
         bool over;
-    } shots[] = {{"mirror", LIVE_MIRROR, false}, {"over", LIVE_MIRROR, true}, {"beside", LIVE_BESIDE, false}};
+    } shots[] = {{"mirror", LIVE_MIRROR, false},
+                 {"over", LIVE_MIRROR, true},
+                 {"beside", LIVE_BESIDE, false},
+                 {"room", LIVE_ROOM, false}};
     struct glass g;
-    open_glass(&g, upright ? SHORT : LONG, upright ? LONG : SHORT, file, sensor);
+    live_glass_open(&g, upright ? SHORT : LONG, upright ? LONG : SHORT, shown);
     struct view_state *s = &g.viewer.state;
-    draw_until(&g, sees_person);
+    live_glass_draw_until(&g, live_glass_sees_person);
     s->live.hands_free = false;
     for (int64_t until_ns = clock_now_ns() + 200000000000; s->crossfade < 1 && clock_now_ns() < until_ns;)
         glass_draw_and_wait(&g);
@@ -240,12 +195,12 @@ static void save_screens(const char *file, const char *sensor, const char *folde
             glass_draw(&g);
             save(&g, folder, "count-in");
         }
-        draw_until(&g, arms_are_wrong);
+        live_glass_draw_until(&g, arms_are_wrong);
         save(&g, folder, shots[i].name);
         if (i + 1 < COUNT_OF(shots))
             view_state_do(s, DO_BACK, clock_now_ns());
     }
-    draw_until(&g, is_judged);
+    live_glass_draw_until(&g, live_glass_is_judged);
     live_state_review(&s->live, 1700000000);
     save(&g, folder, "summary");
     glass_close(&g);
@@ -253,15 +208,17 @@ static void save_screens(const char *file, const char *sensor, const char *folde
 
 int main(int argc, char **argv)
 {
-    if (argc == 5) {
-        shown_take = argv[4];
+    if (argc == 6) {
+        const struct live_glass shown = {argv[1], argv[5], argv[2], argv[3]};
         for (int upright = 0; upright < 2; upright++)
-            save_screens(argv[1], argv[2], argv[3], upright);
+            save_screens(&shown, argv[4], upright);
         return 0;
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_mistakes_are_shown_while_they_are_made),
         cmocka_unit_test(test_the_same_again_is_right),
+        cmocka_unit_test(test_the_actor_mirrored_is_the_reference),
+        cmocka_unit_test(test_a_film_through_openni),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -293,6 +293,35 @@ static void test_progress_keeps_the_last_attempts(void **state)
     EXPECT_NEAR(t.s.results[0].score, 5, 0);
 }
 
+// An attempt has one reference throughout: who mirrors the actor while it is made begins again.
+static void test_actor_is_mirrored(void **state)
+{
+    (void)state;
+    struct sitting t = begin();
+    live_state_do(&t.s, LIVE_DO_MIRROR, t.now_ns);
+    EXPECT_TRUE(t.s.mirrored);
+    EXPECT_INT(t.s.phase, LIVE_READY);
+    start(&t);
+    EXPECT_TRUE(t.s.attempt_mirrored);
+    pass(&t, 1);
+    live_state_do(&t.s, LIVE_DO_MIRROR, t.now_ns);
+    EXPECT_TRUE(!t.s.mirrored);
+    EXPECT_INT(t.s.phase, LIVE_COUNT_IN);
+    EXPECT_INT(t.s.finished, 0);
+    EXPECT_INT(t.s.at_ns, 0);
+    pass(&t, 3.05);
+    EXPECT_INT(t.s.attempt, 2);
+    EXPECT_TRUE(!t.s.attempt_mirrored);
+    live_state_do(&t.s, LIVE_DO_START, t.now_ns); // stop
+    EXPECT_INT(t.s.phase, LIVE_SUMMARY);
+    live_state_do(&t.s, LIVE_DO_MIRROR, t.now_ns); // for the next one
+    EXPECT_TRUE(t.s.mirrored && !t.s.attempt_mirrored);
+    EXPECT_INT(t.s.phase, LIVE_SUMMARY);
+    enum live_action action; // by the pad, while nothing moves
+    EXPECT_TRUE(live_action_of(DO_STEP_ON, LIVE_READY, &action));
+    EXPECT_INT(action, LIVE_DO_MIRROR);
+}
+
 static void test_screens_without_and_with_a_camera(void **state)
 {
     (void)state;
@@ -359,6 +388,7 @@ int main(void)
         cmocka_unit_test(test_end_of_a_film_ends_the_attempt),
         cmocka_unit_test(test_summary_plays_the_place_that_is_touched),
         cmocka_unit_test(test_progress_keeps_the_last_attempts),
+        cmocka_unit_test(test_actor_is_mirrored),
         cmocka_unit_test(test_screens_without_and_with_a_camera),
         cmocka_unit_test(test_pad_and_keys_reach_everything),
         cmocka_unit_test(test_page_of_the_view_state),

@@ -31,7 +31,7 @@ static void render(const struct world *w, double time_s, bool actor, uint16_t *d
     EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = depth}), OK);
 }
 
-enum { EMPTY = 12, ALONE = 45, BOTH = 70, GONE = 80 };
+enum { EMPTY = 12, ALONE = 45, BOTH = 78, GONE = 88 };
 
 static void test_person_second_person_and_none(void **state)
 {
@@ -40,7 +40,7 @@ static void test_person_second_person_and_none(void **state)
     const struct calibration c = world_calibration(SCALE);
     const int pixels = c.depth.width * c.depth.height;
     uint16_t *depth = malloc(sizeof *depth * (size_t)pixels), *other = malloc(sizeof *other * (size_t)pixels);
-    const struct live_tracker_options how = {&c, NULL, NULL};
+    const struct live_tracker_options how = {.calibration = &c};
     struct live_tracker *t;
     EXPECT_STATUS(live_tracker_open(&t, &how), OK);
     int alone = 0, alone_second = 0, both = 0, both_second = 0, empty = 0;
@@ -82,7 +82,7 @@ static void test_a_sensor_without_depth_is_refused(void **state)
     struct calibration c = world_calibration(SCALE);
     struct live_tracker *t;
     c.depth.width = 0;
-    const struct live_tracker_options how = {&c, NULL, NULL};
+    const struct live_tracker_options how = {.calibration = &c};
     EXPECT_STATUS(live_tracker_open(&t, &how), ERR_INPUT);
     EXPECT_TRUE(!t);
 }

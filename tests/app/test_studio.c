@@ -12,12 +12,11 @@
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
+#include "tests/support/studio_stage.h"
 #include "tests/support/test.h"
 
 #include <stdio.h>
 #include <string.h>
-
-static const int64_t SECOND = 1000000000;
 
 // ---------------------------------------------------------------- the state machine
 
@@ -98,120 +97,13 @@ static void test_takes_are_discarded_and_made_again(void **state)
 
 // ---------------------------------------------------------------- drawn into memory
 
-struct stage {
-    struct scratch scratch;
-    struct studio studio;
-    struct gpu *gpu;
-    struct gpu_target *target;
-    int width, height;
-    int64_t skipped_ns; // added to the clock, so that countdowns take no time
-    uint8_t *rgba;
-    const char *folder; // for images of the screens; NULL: none
-};
-
-static void stage_size(struct stage *g, int width, int height)
-{
-    gpu_target_close(&g->target);
-    free(g->rgba);
-    g->width = width;
-    g->height = height;
-    g->rgba = malloc((size_t)width * (size_t)height * 4);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height), OK);
-}
-
-static void draw(struct stage *g)
-{
-    const int64_t now_ns = clock_now_ns() + g->skipped_ns;
-    const struct viewer_surface surface = {g->target, g->width, g->height, 0, viewer_px_per_dp(149)};
-    studio_update(&g->studio, now_ns);
-    EXPECT_STATUS(studio_draw(&g->studio, &surface, now_ns), OK);
-    if (g->studio.playing)
-        viewer_presented(&g->studio.viewer, now_ns);
-}
-
-static void wait_for(struct stage *g, enum studio_page page, int64_t frames)
-{
-    const int64_t until = clock_now_ns() + 200 * SECOND;
-    do {
-        draw(g);
-        clock_sleep_until_ns(clock_now_ns() + 20000000);
-    } while (clock_now_ns() < until &&
-             (g->studio.state.page != page || g->studio.shown.number < frames || !g->studio.shown.has_skeleton));
-    EXPECT_INT(g->studio.state.page, page);
-    draw(g);
-}
-
-// How many colours the screen has: tells a picture from a plain page.
-static int colors(struct stage *g)
-{
-    static bool seen[4096];
-    int count = 0;
-    EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK);
-    memset(seen, 0, sizeof seen);
-    for (int i = 0; i < g->width * g->height; i++) {
-        const uint8_t *p = g->rgba + 4 * i;
-        const int which = p[0] >> 4 << 8 | p[1] >> 4 << 4 | p[2] >> 4;
-        count += !seen[which];
-        seen[which] = true;
-    }
-    return count;
-}
-
-static void save(struct stage *g, const char *name)
-{
-    char path[600];
-    if (!g->folder)
-        return;
-    EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK);
-    uint8_t *rgb = malloc(3 * (size_t)g->width * (size_t)g->height);
-    for (int i = 0; i < g->width * g->height; i++)
-        memcpy(rgb + 3 * i, g->rgba + 4 * i, 3);
-    snprintf(path, sizeof path, "%s/studio-%s.png", g->folder, name);
-    EXPECT_STATUS(png_write(path, PNG_RGB8, rgb, g->width, g->height), OK);
-    free(rgb);
-}
-
-// The page wide and upright, dark and light.
-static void save_all(struct stage *g, const char *page)
-{
-    static const char *const themes[] = {"dark", "light"};
-    for (int light = 0; light < 2 && g->folder; light++)
-        for (int upright = 0; upright < 2; upright++) {
-            char name[64];
-            stage_size(g, upright ? 800 : 1280, upright ? 1280 : 800);
-            g->studio.state.dark = !light;
-            draw(g);
-            snprintf(name, sizeof name, "%s-%s-%s", page, upright ? "upright" : "wide", themes[light]);
-            save(g, name);
-        }
-    g->studio.state.dark = true;
-    stage_size(g, 1280, 800);
-}
-
-static void press(struct stage *g, int key)
-{
-    const struct window_event event = {.kind = WINDOW_KEY, .key = key};
-    studio_event(&g->studio, &event, 1, clock_now_ns() + g->skipped_ns);
-    draw(g);
-}
-
-static int takes_in(const char *file)
-{
-    struct recording *recording;
-    if (!file_exists(file) || recording_open(&recording, file) != OK)
-        return 0;
-    int count = recording_take_count(recording);
-    recording_free(&recording);
-    return count;
-}
-
 static void record_a_take(struct stage *g)
 {
-    press(g, ' ');
+    stage_press(g, ' ');
     EXPECT_INT(g->studio.state.page, STUDIO_COUNTDOWN);
-    save_all(g, "countdown");
+    stage_save_all(g, "countdown");
     g->skipped_ns += 6 * SECOND;
-    draw(g);
+    stage_draw(g);
     EXPECT_INT(g->studio.state.page, STUDIO_RECORDING);
 }
 
@@ -223,55 +115,47 @@ static void film_takes(struct stage *g, const char *uri)
     stage_size(g, 1280, 800);
     const struct studio_options options = {.file = file, .sensor = uri, .refresh_hz = 60};
     EXPECT_STATUS(studio_open(&g->studio, g->gpu, &options), OK);
-    wait_for(g, STUDIO_LIVE, 20);
-    EXPECT_AT_LEAST(colors(g), 100);
+    stage_wait_for(g, STUDIO_LIVE, 20);
+    EXPECT_AT_LEAST(stage_colors(g), 100);
     EXPECT_TRUE(g->studio.shown.has_color && g->studio.shown.has_depth);
-    save_all(g, "live");
+    stage_save_all(g, "live");
     record_a_take(g);
-    wait_for(g, STUDIO_REVIEW, 1); // the film ends by itself
+    stage_wait_for(g, STUDIO_REVIEW, 1); // the film ends by itself
     EXPECT_TRUE(g->studio.shown.take_frames > 20 && !*g->studio.shown.failure);
     printf("take of %lld frames: %s\n", (long long)g->studio.shown.take_frames, g->studio.shown.verdict.line[0]);
     EXPECT_TRUE(!g->studio.shown.verdict.good); // nothing of the back was shown
-    save_all(g, "review");
-    press(g, 'p');
+    stage_save_all(g, "review");
+    stage_press(g, 'p');
     EXPECT_TRUE(g->studio.playing);
     for (int i = 0; i < 10; i++)
-        draw(g);
-    EXPECT_AT_LEAST(colors(g), 20);
-    save(g, "playback");
+        stage_draw(g);
+    EXPECT_AT_LEAST(stage_colors(g), 20);
+    stage_save(g, "playback");
     g->studio.viewer.state.quit = true;
-    draw(g);
-    draw(g);
+    stage_draw(g);
+    stage_draw(g);
     EXPECT_TRUE(!g->studio.playing && g->studio.state.page == STUDIO_REVIEW);
-    press(g, 'n');
+    stage_press(g, 'n');
     for (const char *key = "\b\b\b\b\b\bfirst"; *key; key++)
-        press(g, *key);
-    save(g, "rename");
-    press(g, WINDOW_KEY_ENTER);
+        stage_press(g, *key);
+    stage_save(g, "rename");
+    stage_press(g, WINDOW_KEY_ENTER);
     EXPECT_TRUE(!strcmp(g->studio.state.take, "first") && g->studio.state.page == STUDIO_REVIEW);
-    press(g, 'k');
-    EXPECT_INT(takes_in(file), 1);
+    stage_press(g, 'k');
+    EXPECT_INT(stage_takes_in(file), 1);
     // A second one, stopped by hand and discarded.
-    wait_for(g, STUDIO_LIVE, 1);
+    stage_wait_for(g, STUDIO_LIVE, 1);
     record_a_take(g);
     for (int64_t until = clock_now_ns() + 60 * SECOND;
          g->studio.shown.doing != STUDIO_DOING_TAKE && clock_now_ns() < until;)
-        draw(g);
-    save_all(g, "recording");
-    press(g, ' ');
-    wait_for(g, STUDIO_REVIEW, 1);
-    press(g, 'x');
+        stage_draw(g);
+    stage_save_all(g, "recording");
+    stage_press(g, ' ');
+    stage_wait_for(g, STUDIO_REVIEW, 1);
+    stage_press(g, 'x');
     EXPECT_INT(g->studio.state.page, STUDIO_LIVE);
-    EXPECT_INT(takes_in(file), 1);
+    EXPECT_INT(stage_takes_in(file), 1);
     studio_close(&g->studio);
-}
-
-static void stage_close(struct stage *g)
-{
-    gpu_target_close(&g->target);
-    gpu_close(&g->gpu);
-    free(g->rgba);
-    scratch_remove(&g->scratch);
 }
 
 static void film_world(struct stage *g, double scale, int frames)
@@ -331,10 +215,10 @@ static void test_a_missing_sensor_is_said(void **state)
                                            .sensor = "folder:/nowhere"};
     EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
     for (int64_t until = clock_now_ns() + 20 * SECOND; g.studio.state.page != STUDIO_TROUBLE && clock_now_ns() < until;)
-        draw(&g);
+        stage_draw(&g);
     EXPECT_INT(g.studio.state.page, STUDIO_TROUBLE);
     EXPECT_TRUE(strstr(g.studio.state.trouble, "/nowhere") != NULL);
-    draw(&g);
+    stage_draw(&g);
     studio_close(&g.studio);
     stage_close(&g);
 }

@@ -3,10 +3,10 @@
 #include "tests/bench/bench_sections.h"
 #include "tests/bench/bench_stages.h"
 
+#include "app/commands/command.h"
 #include "base/clock.h"
 #include "platform/jpeg.h"
 
-#include <argp.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -213,6 +213,7 @@ enum status bench_add_row(struct bench *b, const char *name, const double *value
 // ------------------------------------------------------------- the program
 
 enum {
+    KEY_HTML = 0x200,
     KEY_MOTIONS = 256,
     KEY_SEQUENCES,
     KEY_BODIES,
@@ -293,7 +294,7 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         a->json_file = argument;
         return 0;
     case KEY_ANSWERS: a->inputs.answers = argument; return 0;
-    case 'h': a->html = argument; return 0;
+    case KEY_HTML: a->html = argument; return 0;
     case 'd': a->inputs.data = argument; return 0;
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
     case KEY_SEQUENCES: a->inputs.sequences = argument; return 0;
@@ -377,7 +378,9 @@ static enum status run_section(const struct bench_arguments *a, const struct ben
     if (status != OK || b.plain.columns)
         bench_result_free(&b.result);
     if (status == OK && b.plain.columns) {
-        whole->levels = b.plain;
+        assert(whole->plain_count < BENCH_PLAINS);
+        whole->plain[whole->plain_count] = b.plain;
+        whole->plain_section[whole->plain_count++] = section;
     } else if (status == OK) {
         if (stages)
             bench_add_json(stages, &b.result);
@@ -417,7 +420,8 @@ static int run_page(struct bench_arguments *a, struct json *stages)
         fprintf(stderr, "reenact-bench: %s\n", status_message());
     for (int i = 0; i < SECTIONS; i++)
         bench_result_free(&results[i]);
-    free(whole.levels.rows);
+    for (int i = 0; i < whole.plain_count; i++)
+        free(whole.plain[i].rows);
     return status != OK;
 }
 
@@ -453,7 +457,7 @@ int main(int argc, char **argv)
 {
     static const struct argp_option options[] = {
         {"json", 'j', "FILE", OPTION_ARG_OPTIONAL, "Print one JSON object, or write it to FILE", 0},
-        {"html", 'h', "FILE", 0, "Run every stage, or STAGE, briefly, and write a page about all of it", 0},
+        {"html", KEY_HTML, "FILE", 0, "Run every stage, or STAGE, briefly, and write a page about all of it", 0},
         {"data", 'd', "DIR", 0, "Use the images of this folder (TUM layout) instead of synthetic ones", 0},
         {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: track a figure moving by this folder's BVH files", 0},
         {"bodies", KEY_BODIES, NULL, 0, "skeleton: track figures of all sizes and clothes", 0},
@@ -490,8 +494,7 @@ int main(int argc, char **argv)
         .argv = argv,
         .inputs.dice = {.seed = 1, .only = -1, .seconds = 5, .threads = 2},
     };
-    if (argp_parse(&argp, argc, argv, 0, NULL, &a))
-        return 2;
+    command_parse(&argp, argc, argv, &a);
     const struct bench_stage *stage = NULL;
     for (size_t i = 0; i < COUNT_OF(bench_stages) && a.stage; i++)
         if (!strcmp(a.stage, bench_stages[i]->name))

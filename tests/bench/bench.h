@@ -18,7 +18,8 @@
 //         "NAME", "one line", "error_mm", "time_ms", {"rejected"}, run};
 //
 // its line in bench_stages.h and, for a section of the page, one in bench_sections.h. A foreign library goes into a
-// bench_NAME_*.cpp of its own, behind a plain C header. One thread; nothing is kept between stages.
+// bench_NAME_*.cpp of its own, behind a plain C header. One thread; nothing but the small world's brief take
+// (bench_views_data.h) is kept between stages.
 #pragma once
 #include "base/status.h"
 

@@ -63,7 +63,9 @@ static enum status grow_selection(struct bench_curve *query, struct bench_curve 
 static enum status grow_alignment(struct bench_curve *c)
 {
     static const int sizes[] = {100, 300, 1000, 3000, 10000};
-    const struct alignment_prices prices = {400000, 400000, 100000};
+    // Those of a comparison of eleven parts (compare/comparison.c).
+    const int32_t skip = 11 * FEATURE_UNIT * FEATURE_UNIT / 10 * 3, step = 11 * FEATURE_UNIT * FEATURE_UNIT / 50;
+    const struct alignment_prices prices = {skip, skip, step};
     enum status status = OK;
     for (size_t k = 0; k < COUNT_OF(sizes) && status == OK; k++) {
         const int n = sizes[k];

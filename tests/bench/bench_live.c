@@ -50,7 +50,8 @@ static enum status track_alone(struct bench *b, const char *file, const char *se
     enum status status = movement_read(file, NULL, &reference, &from);
     if (status == OK)
         status = source_open(&source, sensor, SOURCE_SENSOR);
-    const struct live_tracker_options how = {source ? source_calibration(source) : NULL, NULL, &reference};
+    const struct live_tracker_options how = {.calibration = source ? source_calibration(source) : NULL,
+                                             .reference = &reference};
     if (status == OK)
         status = live_tracker_open(&tracker, &how);
     while (status == OK && (status = source_next(source, &frame)) == OK) {
@@ -132,7 +133,7 @@ static enum status add_screen(struct bench *b, const char *name, struct screen_t
     snprintf(row, sizeof row, "%s: frame to judged picture", name);
     if (status == OK)
         status = add_row(b, row, &t->latency);
-    if (!bench_inputs(b)->json)
+    if (!bench_inputs(b)->json && !bench_inputs(b)->brief)
         printf(
             "live: %s: frame to judged picture is %.2f times tracking plus drawing; %lld frames tracked so far, %lld "
             "not\n",

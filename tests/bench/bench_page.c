@@ -65,6 +65,14 @@ const struct bench_result *bench_find_result(const struct bench_whole *w, const 
     return NULL;
 }
 
+const struct bench_plain *bench_find_plain(const struct bench_whole *w, const char *stage)
+{
+    for (int i = 0; i < w->plain_count; i++)
+        if (!strcmp(w->plain[i].stage->name, stage))
+            return &w->plain[i];
+    return NULL;
+}
+
 const struct bench_row *bench_find_usual(const struct bench_result *r)
 {
     for (size_t i = 0; r && i < r->count; i++)
@@ -197,13 +205,18 @@ static void put_shots(FILE *f, const struct bench_result *r)
     fputs("</div>\n", f);
 }
 
+static void put_about(FILE *f, const struct bench_stage *stage, const char *title)
+{
+    fprintf(f, "<section id=\"%s\"><h2>", stage->name);
+    bench_put_text(f, title);
+    fputs("</h2>\n<p>", f);
+    fputc(toupper((unsigned char)stage->about[0]), f);
+    bench_put_text(f, stage->about + 1);
+}
+
 static void put_stage(FILE *f, const struct bench_result *r, const struct bench_section *section)
 {
-    fprintf(f, "<section id=\"%s\"><h2>", r->stage->name);
-    bench_put_text(f, section->title);
-    fputs("</h2>\n<p>", f);
-    fputc(toupper((unsigned char)r->stage->about[0]), f);
-    bench_put_text(f, r->stage->about + 1);
+    put_about(f, r->stage, section->title);
     fprintf(f,
             ". <span class=\"soft\">%d items, %d rounds, interleaved; medians, and the 95th percentile of the items. "
             "Alone: <code>reenact-bench %s</code></span></p>\n",
@@ -211,6 +224,32 @@ static void put_stage(FILE *f, const struct bench_result *r, const struct bench_
     bench_put_plot(f, r, section);
     put_table(f, r);
     put_shots(f, r);
+    fputs("</section>\n", f);
+}
+
+void bench_put_plain_table(FILE *f, const struct bench_plain *p)
+{
+    fputs("<div class=\"scroll\"><table><tr><th></th>", f);
+    for (size_t k = 0; k < p->columns; k++)
+        fprintf(f, "<th>%s</th>", p->column[k]);
+    fputs("</tr>\n", f);
+    for (size_t i = 0; i < p->count; i++) {
+        fputs("<tr><td>", f);
+        bench_put_text(f, p->rows[i].name);
+        fputs("</td>", f);
+        for (size_t k = 0; k < p->columns; k++)
+            put_cell(f, p->rows[i].value[k]);
+        fputs("</tr>\n", f);
+    }
+    fputs("</table></div>\n", f);
+}
+
+// A stage without a baseline: its table.
+static void put_plain_stage(FILE *f, const struct bench_plain *p, const struct bench_section *section)
+{
+    put_about(f, p->stage, section->title);
+    fprintf(f, ". <span class=\"soft\">Alone: <code>reenact-bench %s</code></span></p>\n", p->stage->name);
+    bench_put_plain_table(f, p);
     fputs("</section>\n", f);
 }
 
@@ -259,6 +298,9 @@ static void put_head(FILE *f, const struct bench_whole *w)
         bench_put_text(f, w->sections[i]->title);
         fputs("</a> ", f);
     }
+    for (int i = 0; i < w->plain_count; i++)
+        if (strcmp(w->plain[i].stage->name, "levels"))
+            fprintf(f, "<a href=\"#%s\">%s</a> ", w->plain[i].stage->name, w->plain_section[i]->title);
     for (size_t i = 0; i < COUNT_OF(more) && has_all(w); i++)
         fprintf(f, "<a href=\"#%s\">%s</a> ", more[i][0], more[i][1]);
     fputs("</nav>\n", f);
@@ -294,6 +336,14 @@ enum status bench_put_whole(const struct bench_page *page, const struct bench_wh
         put_head(page->html, w);
     for (int i = 0; i < w->count && page->html; i++)
         put_stage(page->html, &w->results[i], w->sections[i]);
+    for (int i = 0; i < w->plain_count; i++) {
+        if (!strcmp(w->plain[i].stage->name, "levels"))
+            continue; // has a section of its own
+        if (page->html)
+            put_plain_stage(page->html, &w->plain[i], w->plain_section[i]);
+        if (page->stages)
+            bench_add_plain_json(page->stages, &w->plain[i]);
+    }
     if (all) {
         status = put_section(page, "budget", "The budget of one displayed frame", bench_put_budget, w);
         if (status == OK)

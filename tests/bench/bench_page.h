@@ -20,22 +20,28 @@ struct bench_section {
 };
 
 void bench_put_text(FILE *file, const char *text); // as HTML shows it literally
+void bench_put_plain_table(FILE *html, const struct bench_plain *p);
 
 // The stability table; `answers`: a file to store them in, or NULL. *wrong: cases that are wrong, or right without
 // guard.
 MUST_CHECK enum status bench_put_stability(const struct bench_page *page, const char *answers, int *wrong);
+
+enum { BENCH_PLAINS = 8 };
 
 // What all stages together gave.
 struct bench_whole {
     const struct bench_result *results;
     const struct bench_section *const *sections; // of each
     int count;
-    struct bench_plain levels; // of the stage "levels": no rows where it did not run
-    double took_s;             // of the stages
-    int argc;                  // the command that made it
+    struct bench_plain plain[BENCH_PLAINS];                  // tables without a baseline
+    const struct bench_section *plain_section[BENCH_PLAINS]; // of each
+    int plain_count;
+    double took_s; // of the stages
+    int argc;      // the command that made it
     char **argv;
 };
 const struct bench_result *bench_find_result(const struct bench_whole *w, const char *stage); // NULL: it did not run
+const struct bench_plain *bench_find_plain(const struct bench_whole *w, const char *stage);   // NULL: it did not run
 const struct bench_row *bench_find_usual(const struct bench_result *r);                       // NULL: none is
 
 // The whole page, and as JSON what no stage has: machine, budget, questions, growth, stability. begun_s: of the

@@ -179,9 +179,9 @@ enum status bench_put_levels(const struct bench_page *page, const struct bench_w
 {
     static struct bench_curve curve[BENCH_CURVES];
     struct bench_curves curves = {"measured", "distance, m", "error of the silhouette, px", curve, 0};
-    const struct bench_plain *p = &w->levels;
+    const struct bench_plain *p = bench_find_plain(w, "levels");
     memset(curve, 0, sizeof curve);
-    for (size_t i = 0; i < p->count; i++) {
+    for (size_t i = 0; p && i < p->count; i++) {
         const char *name = strstr(p->rows[i].name, ", ");
         int k = 0;
         while (name && k < curves.count && strcmp(curve[k].name, name + 2))
@@ -195,25 +195,15 @@ enum status bench_put_levels(const struct bench_page *page, const struct bench_w
             curve[k].value[curve[k].count++] = value_of(p, i, "error_px");
         }
     }
-    if (page->stages && p->count)
+    if (page->stages && p)
         bench_add_plain_json(page->stages, p);
     if (!page->html)
         return OK;
     put_kept(page->html);
-    if (!p->count)
+    if (!p)
         return OK;
     fputs("<p>Measured in the small world, next to the prediction:</p>\n", page->html);
     bench_put_curves(page->html, &curves);
-    fputs("<div class=\"scroll\"><table><tr><th></th>", page->html);
-    for (size_t k = 0; k < p->columns; k++)
-        fprintf(page->html, "<th>%s</th>", p->column[k]);
-    fputs("</tr>\n", page->html);
-    for (size_t i = 0; i < p->count; i++) {
-        fprintf(page->html, "<tr><td>%s</td>", p->rows[i].name);
-        for (size_t k = 0; k < p->columns; k++)
-            fprintf(page->html, "<td>%.3g</td>", p->rows[i].value[k]);
-        fputs("</tr>\n", page->html);
-    }
-    fputs("</table></div>\n", page->html);
+    bench_put_plain_table(page->html, p);
     return OK;
 }

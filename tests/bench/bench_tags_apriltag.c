@@ -98,3 +98,21 @@ enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, c
     apriltag_detections_destroy(found);
     return largest ? OK : NOTHING;
 }
+
+int apriltag_peer_find_all(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens,
+                           const struct apriltag_peer_tags *of)
+{
+    image_u8_t image = {
+        .width = lens->width, .height = lens->height, .stride = lens->width, .buf = (uint8_t *)(uintptr_t)gray};
+    zarray_t *found = apriltag_detector_detect(p->detector, &image);
+    int count = 0;
+    for (int i = 0; i < zarray_size(found); i++) {
+        apriltag_detection_t *detection;
+        zarray_get(found, i, &detection);
+        for (int32_t k = 0; k < of->tag_count && count < of->most; k++)
+            if (of->tags[k].id == detection->id)
+                of->seen[count++] = (struct apriltag_peer_tag){k, pose_of(detection, lens, of->tags[k].side_m)};
+    }
+    apriltag_detections_destroy(found);
+    return count;
+}

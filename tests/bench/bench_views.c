@@ -26,46 +26,6 @@ struct views_viewer {
     uint8_t *rgb, *rgba, *alpha;
 };
 
-static double decibels(double squares, double count)
-{
-    return count > 0 ? 10 * log10(65025 / fmax(squares / (3 * count), 1e-6)) : NAN;
-}
-
-static void judge(const struct views_viewer *v, const struct views_image *p, struct bench_measure *out)
-{
-    double both = 0, missing = 0, extra = 0, squares = 0, inside = 0;
-    for (int i = 0; i < v->data->lens.width * v->data->lens.height; i++) {
-        bool there = p->mask[i] != 0, drawn = v->alpha[i] >= 128;
-        if (!there && !drawn)
-            continue;
-        double off = 0;
-        for (int c = 0; c < 3; c++) {
-            double d = (double)v->rgb[3 * i + c] - (double)p->expected[3 * i + c];
-            off += d * d;
-        }
-        squares += off;
-        inside += there && drawn ? off : 0;
-        both += there && drawn;
-        missing += there && !drawn;
-        extra += drawn && !there;
-    }
-    double all = both + missing + extra;
-    out->error = 100 * (missing + extra) / all;
-    out->extra[0] = decibels(squares, all);
-    out->extra[1] = decibels(inside, both);
-    out->extra[2] = 100 * missing / all;
-    out->extra[3] = 100 * extra / all;
-}
-
-static int64_t nearest_frame(const struct take *take, int64_t since_ns)
-{
-    int64_t best = 0, at_ns = take_entry(take, 0)->time_ns + since_ns;
-    for (int64_t i = 1; i < take_frame_count(take); i++)
-        if (llabs(take_entry(take, i)->time_ns - at_ns) < llabs(take_entry(take, best)->time_ns - at_ns))
-            best = i;
-    return best;
-}
-
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct views_viewer *v = self;
@@ -84,8 +44,8 @@ static enum status measure(void *self, int item, struct bench_measure *out)
             status = renderer_read(v->renderer, v->rgb);
     } else {
         memcpy(v->rgb, p->room, 3 * pixels);
-        status = views_mesh_draw(v->data->own, nearest_frame(v->data->own, p->since_ns), &v->data->lens, pose, v->rgb,
-                                 v->alpha);
+        status = views_mesh_draw(v->data->own, views_nearest_frame(v->data->own, p->since_ns), &v->data->lens, pose,
+                                 v->rgb, v->alpha);
     }
     out->time_ms = bench_clock_ms() - started_ms;
     if (status == OK && v->renderer) {
@@ -94,7 +54,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
             v->alpha[i] = v->rgba[4 * i + 3];
     }
     if (status == OK)
-        judge(v, p, out);
+        views_judge(v->data, p, v->rgb, v->alpha, out);
     return status;
 }
 

@@ -2,6 +2,7 @@
 // with and without the person, from known poses.
 #pragma once
 #include "capture/recording/recording.h"
+#include "tests/bench/bench.h"
 #include "tests/support/scratch.h"
 
 enum { VIEWS_MOST = 128 };
@@ -22,9 +23,18 @@ struct views_data {
     struct lens lens;             // of the images
     struct views_image image[VIEWS_MOST];
     int count;
+    bool is_shared; // closed when the program ends
 };
 
-// folder NULL: renders the small world, brief: three seconds of it. Else as bench_folder.h says. On error *data must be
-// closed too.
+// folder NULL: renders the small world, brief: three seconds of it, once for all stages. Else as bench_folder.h says.
+// On error *data must be closed too.
 MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder, bool brief);
 void views_data_close(struct views_data *data);
+
+// ---- bench_views_score.c
+// The share of the two silhouettes' union that only one covers, percent; extra: psnr over the union, over the
+// intersection, the share missing, the share that is too much. rgb, alpha: as drawn for `p`.
+void views_judge(const struct views_data *data, const struct views_image *p, const uint8_t *rgb, const uint8_t *alpha,
+                 struct bench_measure *out);
+// The take's frame nearest to this time since its first.
+int64_t views_nearest_frame(const struct take *take, int64_t since_ns);

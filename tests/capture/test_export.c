@@ -151,6 +151,44 @@ static void test_room_axes_need_a_room(void **state)
     scratch_remove(&other);
 }
 
+// A sensor's clock may begin anywhere: times before 0 have their sign once, in lists and in joints alike.
+static void test_times_before_zero(void **state)
+{
+    (void)state;
+    struct scratch other = scratch_make();
+    struct calibration calibration = world_calibration(0.25);
+    struct recording_writer *writer;
+    struct recording *r;
+    struct take *before;
+    const char *path = scratch_file(&other, "take.reenact");
+    static const int64_t times_ns[] = {-2500000000, -1000000000, -250000000, 0, 250000000};
+    EXPECT_STATUS(recording_create(&writer, path), OK);
+    EXPECT_STATUS(recording_begin_take(writer, "t", &calibration), OK);
+    for (size_t i = 0; i < COUNT_OF(times_ns); i++) {
+        struct take_frame frame = {
+            .time_ns = times_ns[i], .world_from_camera = POSE_IDENTITY, .has_skeleton = true, .skeleton = truth(0)};
+        EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
+    }
+    EXPECT_STATUS(recording_end_take(writer), OK);
+    EXPECT_STATUS(recording_close(&writer), OK);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&before, r, "t"), OK);
+    struct written w;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_joints_csv(before, EXPORT_SENSOR, out), OK);
+    fclose(out);
+    const char *line = strchr(w.text, '\n') + 1;
+    for (size_t i = 0; i < COUNT_OF(times_ns) * JOINT_COUNT; i++, line = strchr(line, '\n') + 1) {
+        char *end;
+        EXPECT_NEAR(strtod(line, &end), (double)times_ns[i / JOINT_COUNT] * 1e-9, 1e-9);
+        EXPECT_TRUE(*end == ',');
+    }
+    free(w.text);
+    take_close(&before);
+    recording_free(&r);
+    scratch_remove(&other);
+}
+
 // ---------------------------------------------------------------- what is filmed: a take with images
 
 struct filmed {
@@ -366,9 +404,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_csv_has_every_joint),
-        cmocka_unit_test(test_bvh_matches_take),
-        cmocka_unit_test(test_room_axes_need_a_room),
+        cmocka_unit_test(test_csv_has_every_joint),   cmocka_unit_test(test_bvh_matches_take),
+        cmocka_unit_test(test_room_axes_need_a_room), cmocka_unit_test(test_times_before_zero),
         cmocka_unit_test(test_images_come_back),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -132,6 +132,40 @@ static void test_leaves_most_cells_out(void **state)
     alignment_free(&x);
 }
 
+// Long ones, in which blocks are left out on several levels: the price is that of all cells, and of similar movements
+// few cells are looked at.
+static void test_long_ones_equal_all_cells(void **state)
+{
+    (void)state;
+    enum { MOST = 1400 };
+    static struct feature_frame a[MOST], b[MOST];
+    struct rng rng = {SEED + 2};
+    const struct alignment_prices prices = prices_of(0.3, 0.3, 0.02);
+    for (int trial = 0; trial < 6; trial++) {
+        const int n = 900 + (int)(rng_uniform(&rng) * (MOST - 900)), m = trial == 5 ? 40 : n - 100 * (trial % 3);
+        const double noise = trial % 2 ? 0.25 : 0.02, phase = trial == 4 ? 1.5 : 0;
+        double time = 0.2;
+        for (int i = 0; i < n; i++)
+            a[i] = frame_at(i / 30.0, 0, 0.01, &rng);
+        for (int j = 0; j < m; j++) {
+            b[j] = frame_at(time, phase, noise, &rng);
+            time += trial && rng_uniform(&rng) < 0.005 ? 1.5 : rng_between(&rng, 0.02, 0.0466);
+        }
+        const struct features fa = {a, n}, fb = {b, m};
+        struct alignment plain, pruned;
+        EXPECT_STATUS(align_plain(&fa, &fb, &prices, &plain), OK);
+        EXPECT_STATUS(align(&fa, &fb, &prices, &pruned), OK);
+        print_message("%d x %d frames, noise %.2f: price %lld, %.1f cells a frame\n", n, m, noise,
+                      (long long)pruned.price, (double)pruned.cells / n);
+        EXPECT_INT(pruned.price, plain.price);
+        EXPECT_NEAR(price_of(&pruned, &fa, &fb, &prices), (double)plain.price, 0);
+        if (trial == 0)
+            EXPECT_AT_MOST((double)pruned.cells / n, 100);
+        alignment_free(&plain);
+        alignment_free(&pruned);
+    }
+}
+
 static void test_no_frames_are_refused(void **state)
 {
     (void)state;
@@ -168,9 +202,8 @@ static void test_corridor_is_near_the_optimum(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_equals_brute_force),
-        cmocka_unit_test(test_leaves_most_cells_out),
-        cmocka_unit_test(test_no_frames_are_refused),
+        cmocka_unit_test(test_equals_brute_force),           cmocka_unit_test(test_leaves_most_cells_out),
+        cmocka_unit_test(test_long_ones_equal_all_cells),    cmocka_unit_test(test_no_frames_are_refused),
         cmocka_unit_test(test_corridor_is_near_the_optimum),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

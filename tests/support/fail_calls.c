@@ -3,7 +3,7 @@
 // at the end.
 //
 // alloc: malloc, calloc, realloc, strdup of the program itself and of the libraries that read files for it: SQLite,
-// libpng, libjpeg-turbo, cJSON, zstd. sqlite: opening, preparing, stepping, running, checkpoints.
+// libpng, libjpeg-turbo, cJSON, zstd. sqlite: opening, preparing, binding, stepping, running, checkpoints.
 #include <dlfcn.h>
 #include <errno.h>
 #include <link.h>
@@ -204,4 +204,22 @@ int sqlite3_wal_checkpoint_v2(sqlite3 *db, const char *name, int mode, int *in_l
 int sqlite3_wal_checkpoint_v2(sqlite3 *db, const char *name, int mode, int *in_log, int *moved)
 {
     return sqlite_fails() ? SQLITE_IOERR : REAL(sqlite3_wal_checkpoint_v2)(db, name, mode, in_log, moved);
+}
+
+int sqlite3_bind_blob64(sqlite3_stmt *s, int at, const void *bytes, uint64_t count, void (*release)(void *));
+int sqlite3_bind_blob64(sqlite3_stmt *s, int at, const void *bytes, uint64_t count, void (*release)(void *))
+{
+    return sqlite_fails() ? SQLITE_NOMEM : REAL(sqlite3_bind_blob64)(s, at, bytes, count, release);
+}
+
+int sqlite3_bind_text(sqlite3_stmt *s, int at, const char *text, int bytes, void (*release)(void *));
+int sqlite3_bind_text(sqlite3_stmt *s, int at, const char *text, int bytes, void (*release)(void *))
+{
+    return sqlite_fails() ? SQLITE_NOMEM : REAL(sqlite3_bind_text)(s, at, text, bytes, release);
+}
+
+int sqlite3_bind_int64(sqlite3_stmt *s, int at, int64_t value);
+int sqlite3_bind_int64(sqlite3_stmt *s, int at, int64_t value)
+{
+    return sqlite_fails() ? SQLITE_NOMEM : REAL(sqlite3_bind_int64)(s, at, value);
 }

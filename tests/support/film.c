@@ -32,53 +32,104 @@ static void write_calibration(const struct scratch *scratch, const char *name, c
     scratch_text(scratch, path, text);
 }
 
-// sweep: the hand-held sensor in the empty room, over all of its sweep; else on its stand, from first_s on.
-static void film(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
-                 int frames, bool sweep)
+// A film is written frame by frame.
+struct film {
+    const struct world *world;
+    const struct scratch *scratch;
+    const char *name;
+    struct calibration calibration;
+    uint8_t *color;
+    uint16_t *depth;
+    char *rgb_list, *depth_list;
+    int count;
+};
+
+static void film_open(struct film *f, const char *name, double scale, int frames)
 {
-    struct calibration c = world_calibration(scale);
-    size_t pixels = (size_t)c.color.width * (size_t)c.color.height;
-    uint8_t *color = malloc(3 * pixels);
-    uint16_t *depth = malloc(sizeof *depth * pixels);
-    char *rgb_list = calloc(64, (size_t)frames), *depth_list = calloc(64, (size_t)frames), path[300];
-    write_calibration(scratch, name, &c);
-    for (int i = 0; i < frames; i++) {
-        double time_s = sweep ? (double)WORLD_SWEEP_S * i / frames : first_s + i / 30.0;
-        struct world_shot shot = {c.color, sweep ? world_sweep_pose(w, time_s) : world_sensor_pose(w), time_s, !sweep};
-        check(world_render(w, &shot, &(struct world_image){.color = color, .depth = depth}));
-        check(world_depth_noise(&c.depth, depth, (uint64_t)i + 1, depth));
-        uint8_t *bytes;
-        size_t count;
-        check(jpeg_encode(color, c.color.width, c.color.height, 92, &bytes, &count));
-        snprintf(path, sizeof path, "%s/rgb/%04d.jpg", name, i);
-        scratch_write(scratch, path, bytes, count);
-        free(bytes);
-        check(png_encode(&(struct png_layout){PNG_GRAY16, c.depth.width, c.depth.height}, depth, 1, &bytes, &count));
-        snprintf(path, sizeof path, "%s/depth/%04d.png", name, i);
-        scratch_write(scratch, path, bytes, count);
-        free(bytes);
-        sprintf(rgb_list + strlen(rgb_list), "%.6f rgb/%04d.jpg\n", 50 + time_s, i);
-        sprintf(depth_list + strlen(depth_list), "%.6f depth/%04d.png\n", 50 + time_s, i);
-    }
-    snprintf(path, sizeof path, "%s/rgb.txt", name);
-    scratch_text(scratch, path, rgb_list);
-    snprintf(path, sizeof path, "%s/depth.txt", name);
-    scratch_text(scratch, path, depth_list);
-    free(rgb_list);
-    free(depth_list);
-    free(color);
-    free(depth);
+    f->name = name;
+    f->calibration = world_calibration(scale);
+    const size_t pixels = (size_t)f->calibration.color.width * (size_t)f->calibration.color.height;
+    f->color = malloc(3 * pixels);
+    f->depth = malloc(sizeof *f->depth * pixels);
+    f->rgb_list = calloc(64, (size_t)frames);
+    f->depth_list = calloc(64, (size_t)frames);
+    if (!f->color || !f->depth || !f->rgb_list || !f->depth_list)
+        abort();
+    write_calibration(f->scratch, name, &f->calibration);
+}
+
+static void film_shoot(struct film *f, struct pose camera, double time_s, bool actor)
+{
+    char path[300];
+    uint8_t *bytes;
+    size_t count;
+    const int i = f->count++;
+    const struct calibration *c = &f->calibration;
+    const struct world_shot shot = {c->color, camera, time_s, actor};
+    check(world_render(f->world, &shot, &(struct world_image){.color = f->color, .depth = f->depth}));
+    check(world_depth_noise(&c->depth, f->depth, (uint64_t)i + 1, f->depth));
+    check(jpeg_encode(f->color, c->color.width, c->color.height, 92, &bytes, &count));
+    snprintf(path, sizeof path, "%s/rgb/%04d.jpg", f->name, i);
+    scratch_write(f->scratch, path, bytes, count);
+    free(bytes);
+    check(png_encode(&(struct png_layout){PNG_GRAY16, c->depth.width, c->depth.height}, f->depth, 1, &bytes, &count));
+    snprintf(path, sizeof path, "%s/depth/%04d.png", f->name, i);
+    scratch_write(f->scratch, path, bytes, count);
+    free(bytes);
+    sprintf(f->rgb_list + strlen(f->rgb_list), "%.6f rgb/%04d.jpg\n", 50 + time_s, i);
+    sprintf(f->depth_list + strlen(f->depth_list), "%.6f depth/%04d.png\n", 50 + time_s, i);
+}
+
+static void film_close(struct film *f)
+{
+    char path[300];
+    snprintf(path, sizeof path, "%s/rgb.txt", f->name);
+    scratch_text(f->scratch, path, f->rgb_list);
+    snprintf(path, sizeof path, "%s/depth.txt", f->name);
+    scratch_text(f->scratch, path, f->depth_list);
+    free(f->rgb_list);
+    free(f->depth_list);
+    free(f->color);
+    free(f->depth);
 }
 
 void film_sensor(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
                  int frames)
 {
-    film(w, scratch, name, scale, first_s, frames, false);
+    struct film f = {.world = w, .scratch = scratch};
+    film_open(&f, name, scale, frames);
+    for (int i = 0; i < frames; i++)
+        film_shoot(&f, world_sensor_pose(w), first_s + i / 30.0, true);
+    film_close(&f);
 }
 
-void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames)
+void film_sensor_at(const struct world *w, const struct scratch *scratch, const char *name, double scale, double hz,
+                    int frames)
 {
-    film(w, scratch, name, scale, 0, frames, true);
+    struct film f = {.world = w, .scratch = scratch};
+    film_open(&f, name, scale, frames);
+    for (int i = 0; i < frames; i++)
+        film_shoot(&f, world_sensor_pose(w), i / hz, true);
+    film_close(&f);
+}
+
+void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames,
+                const char *tags)
+{
+    struct film f = {.world = w, .scratch = scratch};
+    char list[1024] = "{\"family\": \"tag36h11\", \"side_m\": {";
+    int32_t count;
+    const struct place_tag *tag = world_tags(w, &count);
+    film_open(&f, name, scale, frames);
+    for (int i = 0; i < frames; i++) {
+        const double time_s = (double)WORLD_SWEEP_S * i / frames;
+        film_shoot(&f, world_sweep_pose(w, time_s), time_s, false);
+    }
+    film_close(&f);
+    for (int32_t i = 0; tags && i < count; i++)
+        sprintf(list + strlen(list), "%s\"%d\": %g", i ? ", " : "", (int)tag[i].id, tag[i].side_m);
+    if (tags)
+        scratch_text(scratch, tags, strcat(list, "}}"));
 }
 
 struct place film_true_place(const struct world *w, double scale)

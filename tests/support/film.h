@@ -9,8 +9,14 @@
 void film_sensor(const struct world *w, const struct scratch *scratch, const char *name, double scale, double first_s,
                  int frames);
 
-// The same, by hand round the empty room; frames spread over the whole sweep.
-void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames);
+// The same from the motion's start, at another rate.
+void film_sensor_at(const struct world *w, const struct scratch *scratch, const char *name, double scale, double hz,
+                    int frames);
+
+// The same of a sweep of the empty room, `frames` evenly over WORLD_SWEEP_S. `tags`: a list of its tags, as tags.json,
+// is written there, too.
+void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames,
+                const char *tags);
 
 // The world's tags as a place, as if mapped without error. The caller frees it with place_free.
 struct place film_true_place(const struct world *w, double scale);

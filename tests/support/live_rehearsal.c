@@ -1,6 +1,7 @@
 #include "tests/support/live_rehearsal.h"
 
 #include "capture/recorder.h"
+#include "tests/support/rehearsal.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,12 +14,13 @@ static void check(enum status status)
     }
 }
 
-static struct world *open_world(const char *motion, const char *figure)
+static struct world *open_world(const char *motion, const char *figure, double aside_m)
 {
     struct world *world;
     struct world_options options = world_default_options();
     options.motion = motion;
     options.threads = 2;
+    options.spot.x += aside_m;
     if (!world_figure_named(figure, &options.figure))
         abort();
     check(world_open(&world, &options));
@@ -42,13 +44,16 @@ static void record(const struct live_rehearsal *r, const struct place *place)
 struct live_rehearsal live_rehearsal_make(int frames, double scale)
 {
     struct live_rehearsal r = {.scratch = scratch_make()};
-    struct world *teacher = open_world("exercise", "woman"), *pupil = open_world("exercise-wrong", "man");
+    struct world *teacher = open_world("exercise", "woman", 0),
+                 *pupil = open_world("exercise-wrong", "man", LIVE_REHEARSAL_ASIDE_M);
     struct place place = film_true_place(teacher, scale);
     film_sensor(teacher, &r.scratch, "right", scale, 0, frames);
     film_sensor(pupil, &r.scratch, "wrong", scale, 0, frames);
+    rehearse_camera(&r.scratch, "viewer", teacher, 1);
     snprintf(r.file, sizeof r.file, "%s/exercise.reenact", r.scratch.path);
     snprintf(r.right, sizeof r.right, "folder:%s/right", r.scratch.path);
     snprintf(r.wrong, sizeof r.wrong, "folder:%s/wrong", r.scratch.path);
+    snprintf(r.camera, sizeof r.camera, "folder:%s/viewer", r.scratch.path);
     record(&r, &place);
     place_free(&place);
     world_close(&pupil);

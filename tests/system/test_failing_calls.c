@@ -1,7 +1,9 @@
 // One allocation or one call of SQLite fails: every command says a sentence and ends with exit code 1, or does its work
-// all the same; none crashes, and no recording is damaged or changed.
+// all the same, and then as well as ever; none crashes, and no recording is damaged or changed.
 //
-// test_failing_calls [COUNT]: that many calls of each kind and command, spread evenly; 0: every single one. Default 3.
+// test_failing_calls                      a few calls of each kind and command, drawn at random
+// test_failing_calls SECONDS              for that long each command and kind, in random order until all have failed
+// test_failing_calls SECONDS COMMAND SEED     of one command ("record"), by that seed
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -16,7 +18,11 @@
 
 enum { ARGUMENTS_MAX = 16 };
 
-static long count_wanted = 3;
+enum { USUALLY = 3 }; // calls of a kind
+
+static double seconds = 0;
+static const char *only;
+static uint64_t seed = 20261125;
 static struct rehearsal rehearsal;
 static char made[512], counted[512], folder[512];
 
@@ -51,41 +57,99 @@ static void remove_made(void)
     EXPECT_INT(system(command), 0);
 }
 
-static size_t lines_of(const char *text)
+// What the command leaves behind: a recording's frames, or a file's bytes.
+struct product {
+    bool there;
+    int64_t frames; // -1: not a recording
+    size_t bytes;   // of another file
+    uint32_t crc;
+};
+
+static struct product product_now(const char *what)
 {
-    size_t lines = 0;
-    for (; *text; text++)
-        lines += *text == '\n';
-    return lines;
+    struct product p = {.frames = -1, .there = file_exists(made)};
+    struct recording_report report;
+    uint8_t *bytes;
+    if (!p.there)
+        return p;
+    const enum status status = recording_verify(made, &report);
+    if (status != ERR_FORMAT) { // what was written until then is sound
+        if (status != OK)
+            print_error("%s: what it left is damaged: %s\n", what, status_message());
+        EXPECT_STATUS(status, OK);
+        p.frames = report.frames;
+        return p;
+    }
+    EXPECT_STATUS(file_read(made, &bytes, &p.bytes), OK);
+    for (size_t i = 0; i < p.bytes; i++)
+        p.crc = p.crc * 16777619u ^ bytes[i];
+    free(bytes);
+    return p;
 }
 
-// Each of the calls that the command makes, or some of them, fails once.
+static bool product_equal(const struct product *a, const struct product *b)
+{
+    return a->there == b->there && a->frames == b->frames && a->bytes == b->bytes && a->crc == b->crc;
+}
+
+struct tally {
+    int clean, same;
+};
+
+static void fail_one(const char *const *argv, const char *kind, long at, const struct product *whole,
+                     struct tally *tally)
+{
+    char what[128];
+    snprintf(what, sizeof what, "%s, %s %ld", argv[1], kind, at);
+    remove_made();
+    const struct process_result said = run(argv, kind, at);
+    const struct product left = product_now(what);
+    const size_t length = strlen(said.err);
+    const bool sentence = length > 20 && said.err[length - 1] == '\n' && !strstr(said.err, "(null)");
+    if (said.exit_code == 0 && product_equal(&left, whole)) {
+        tally->same++;
+    } else if (said.exit_code == 1 && sentence) {
+        tally->clean++;
+    } else {
+        print_error("%s: exit code %d, '%s'; %lld frames or %zu bytes, whole %lld or %zu\n", what, said.exit_code,
+                    said.err, (long long)left.frames, left.bytes, (long long)whole->frames, whole->bytes);
+        fail_test();
+    }
+}
+
+// Calls 1 to `count` in random order (Fisher and Yates).
+static long *shuffled(long count, struct rng *rng)
+{
+    long *order = malloc((size_t)count * sizeof *order);
+    for (long i = 0; i < count; i++) {
+        const long at = (long)(rng_uniform(rng) * (double)(i + 1));
+        order[i] = order[at];
+        order[at] = i + 1;
+    }
+    return order;
+}
+
+// The calls that the command makes fail, one a run: USUALLY of them, or as many as the time allows.
 static void fail_each(const char *const *argv, const char *kind)
 {
+    if (only && strcmp(only, argv[1]) != 0)
+        return;
     remove_made();
     struct process_result said = run(argv, kind, 0);
     if (said.exit_code)
         print_error("%s %s: %s\n", argv[0], argv[1], said.err);
     EXPECT_INT(said.exit_code, 0);
-    const long calls = calls_of(), step = count_wanted && calls > count_wanted ? calls / count_wanted : 1;
-    int clean = 0, same = 0;
-    for (long at = 1 + (step > 1 ? step / 2 : 0); at <= calls; at += step) {
-        remove_made();
-        said = run(argv, kind, at);
-        if (said.exit_code == 0)
-            same++;
-        else if (said.exit_code == 1 && lines_of(said.err) >= 1)
-            clean++;
-        else {
-            print_error("%s %s, %s %ld: exit code %d, '%s'\n", argv[0], argv[1], kind, at, said.exit_code, said.err);
-            fail_test();
-        }
-        struct recording_report report;
-        if (file_exists(made)) // what was written until then is sound
-            EXPECT_STATUS(recording_verify(made, &report), OK);
-    }
-    print_message("%-8s %-6s %ld calls: %d ended with a sentence, %d did their work all the same\n", argv[1], kind,
-                  calls, clean, same);
+    const struct product whole = product_now(argv[1]);
+    const long calls = calls_of();
+    struct rng rng = {seed};
+    struct tally tally = {0};
+    long *order = shuffled(calls, &rng), done = 0;
+    const int64_t until_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
+    for (; done < calls && (seconds > 0 ? clock_now_ns() < until_ns : done < USUALLY); done++)
+        fail_one(argv, kind, order[done], &whole, &tally);
+    free(order);
+    print_message("%-8s %-6s %ld of %ld calls: %d ended with a sentence, %d did their work all the same\n", argv[1],
+                  kind, done, calls, tally.clean, tally.same);
 }
 
 static void test_commands(void **state)
@@ -101,6 +165,7 @@ static void test_commands(void **state)
         {capture, "verify", rehearsal.file, NULL},
         {capture, "info", rehearsal.file, NULL},
         {capture, "export", rehearsal.file, "--take", "turn", "--as", "joints-csv", "--out", made, NULL},
+        {capture, "take", "copy", rehearsal.file, "--take", "turn", "--into", made, NULL},
         {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, NULL},
         {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "paper", "--out", folder,
          NULL},
@@ -157,6 +222,11 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_commands)};
     if (argc > 1)
-        count_wanted = atol(argv[1]);
+        seconds = atof(argv[1]);
+    if (argc > 2)
+        only = argv[2];
+    if (argc > 3)
+        seed = strtoull(argv[3], NULL, 10);
+    print_message("seed %llu\n", (unsigned long long)seed);
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

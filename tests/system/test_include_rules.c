@@ -66,11 +66,12 @@ static const struct rule rules[] = {
     {"app/",
      {"app/ui/", "app/live/", "app/place/", "app/camera/", "app/view/", "app/state/", "compare/", "locate/", RENDER}},
     {"app/studio/",
-     {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/tracking/", RENDER}},
+     {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/",
+      "capture/tracking/", "locate/", RENDER}},
     {"app/commands/",
-     {"app/studio/", "app/", "compare/", "capture/", "capture/coaching/", "capture/objects/", "capture/calibration/",
-      "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/filmed/", "reenact/surround/drive/",
-      "reenact/surround/", SURROUND}},
+     {"app/studio/", "app/", "app/camera/", "compare/", "capture/", "capture/coaching/", "capture/objects/",
+      "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/filmed/",
+      "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

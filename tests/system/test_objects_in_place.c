@@ -37,17 +37,6 @@ static void photograph(void)
     free(rgb);
 }
 
-static void write_tags(void)
-{
-    char text[2048] = "{\"family\": \"tag36h11\", \"side_m\": {";
-    int32_t count;
-    const struct place_tag *t = world_tags(world, &count);
-    for (int32_t i = 0; i < count; i++)
-        sprintf(text + strlen(text), "%s\"%d\": %.6f", i ? ", " : "", (int)t[i].id, t[i].side_m);
-    strcat(text, "}}");
-    scratch_text(&scratch, "tags.json", text);
-}
-
 static int make(void **state)
 {
     (void)state;
@@ -56,10 +45,9 @@ static int make(void **state)
     scratch = scratch_make();
     if (world_open(&world, &options) != OK)
         return 1;
-    film_sweep(world, &scratch, "sweep", 1, SWEEP);
+    film_sweep(world, &scratch, "sweep", 1, SWEEP, "tags.json");
     rehearse_camera(&scratch, "viewer", world, 1);
     photograph();
-    write_tags();
     scratch_text(&scratch, "objects.json",
                  "{\"objects\": [{\"name\": \"poster\", \"picture\": \"poster.png\", \"width_m\": 0.70, "
                  "\"height_m\": 0.98, \"url\": \"\"}]}");

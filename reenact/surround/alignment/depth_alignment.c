@@ -9,7 +9,8 @@
 #define RADIANS   0.017453292519943295 // a degree
 #define SURFACE_M 0.02
 #define PLANES_M  0.1
-enum { REFINED_POINTS = 4000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
+enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
+enum { AHEAD = 16 }; // points whose voxels are fetched while earlier ones are added
 
 struct alignment_options alignment_default_options(void)
 {
@@ -167,22 +168,42 @@ static enum status search_pose(struct depth_alignment *a, const struct depth_poi
     return OK;
 }
 
+static void world_point(const double m[3][3], const struct vec3 *t, const float b[3], double p[3])
+{
+    const double shift[3] = {t->x, t->y, t->z};
+    for (int k = 0; k < 3; k++)
+        p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + shift[k];
+}
+
+static void expect_point(const struct depth_alignment *a, const double p[3], bool outline)
+{
+    const double flat[3] = {p[0], p[1], 0};
+    voxel_map_expect(&a->surface, p);
+    voxel_map_expect(&a->planes, p);
+    if (outline)
+        voxel_map_expect(&a->outline, flat);
+}
+
 static enum status unify(struct depth_alignment *a, const struct depth_points *points, const struct pose *pose)
 {
     double m[3][3];
     quat_to_matrix(pose->rotation, m);
-    const double t[3] = {pose->translation.x, pose->translation.y, pose->translation.z};
     enum status status = OK;
-    for (int i = 0; status == OK && i < points->count; i++) {
-        const float *b = points->xyz[i];
-        double p[3];
-        for (int k = 0; k < 3; k++)
-            p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + t[k];
-        const double sigma = points->sigma[i];
+    double ahead[AHEAD][3] = {{0}};
+    for (int i = 0; status == OK && i < points->count + AHEAD; i++) {
+        double *slot = ahead[i % AHEAD], p[3] = {slot[0], slot[1], slot[2]};
+        if (i < points->count) {
+            world_point((const double(*)[3])m, &pose->translation, points->xyz[i], slot);
+            expect_point(a, slot, compared(&a->how, points->xyz[i][2]));
+        }
+        const int now = i - AHEAD;
+        if (now < 0)
+            continue;
+        const double sigma = points->sigma[now];
         status = voxel_map_add(&a->surface, p, sigma, a->capture_count);
-        if (status == OK && i % 2 == 0)
+        if (status == OK && now % 2 == 0)
             status = voxel_map_add(&a->planes, p, sigma, a->capture_count);
-        if (status == OK && compared(&a->how, b[2])) {
+        if (status == OK && compared(&a->how, points->xyz[now][2])) {
             p[2] = 0;
             status = voxel_map_add(&a->outline, p, sigma, a->capture_count);
         }
@@ -209,7 +230,9 @@ enum status depth_alignment_add(struct depth_alignment *a, const struct depth_po
         status = search_pose(a, points, &pose);
         if (status != OK)
             return status;
-        plane_refine(&a->planes, points, a->how.tilt, REFINED_POINTS, &pose);
+        status = plane_refine(&a->planes, points, REFINED_POINTS, a->how.tilt, &a->more, &pose);
+        if (status != OK)
+            return status;
     }
     status = unify(a, points, &pose);
     if (status != OK)

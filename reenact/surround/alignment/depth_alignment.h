@@ -7,6 +7,7 @@
 #pragma once
 #include "reenact/surround/alignment/branch_and_bound.h"
 #include "reenact/surround/alignment/depth_points.h"
+#include "reenact/surround/alignment/normal_equations.h"
 #include "reenact/surround/alignment/voxel_map.h"
 
 struct alignment_options {
@@ -27,6 +28,7 @@ struct depth_alignment {
     int capture_count;
     struct pose odometry, world_from_body; // of the newest capture
     struct search_result search;           // of the newest capture
+    struct pose_evidence more;             // beside the planes, for the refinement; set by the caller before an add
 };
 
 // ERR_MEMORY.

@@ -2,50 +2,56 @@
 
 #include "base/linear_algebra.h"
 
+#include <stdlib.h>
 #include <string.h>
 
-enum { ITERATIONS = 10 };
+enum { ITERATIONS = 6 };
 #define PRIOR_SHIFT_M 0.05
 #define PRIOR_TURN    0.017
 #define HUBER         1.5 // standard deviations
-// Errors of neighbouring samples are alike, and a voxel's plane is no truth either: so many samples count as one.
-#define SAMPLES_ALIKE 20
-#define MOST_OFF_M    0.08 // a point farther from the voxel's plane belongs to something else
+// Errors of neighbouring samples are alike, and a voxel's plane is no truth either: all samples of a capture count as
+// so many independent ones, and so many of a voxel as one.
+#define INDEPENDENT 200
+#define VOXEL_ALIKE 20
+#define MOST_OFF_M  0.08 // a point farther from the voxel's plane belongs to something else
 
-struct normal_equations {
-    double h[36], g[6];
-    int matched;
+// A voxel's plane, kept: voxels are asked for again and again. A later voxel in the same slot replaces it.
+enum { KEPT_PLANES = 16384 };
+struct kept_plane {
+    const struct voxel *voxel; // NULL: empty
+    bool flat;
+    double normal[3], mean[3], variance;
 };
 
-static void add_residual(struct normal_equations *e, const double n[3], const double arm[3], double r, double weight)
-{
-    const double j[6] = {
-        arm[1] * n[2] - arm[2] * n[1], arm[2] * n[0] - arm[0] * n[2], arm[0] * n[1] - arm[1] * n[0], n[0], n[1], n[2]};
-    for (int a = 0; a < 6; a++) {
-        e->g[a] -= weight * j[a] * r;
-        for (int b = 0; b < 6; b++)
-            e->h[6 * a + b] += weight * j[a] * j[b];
-    }
-}
-
-static void add_point(struct normal_equations *e, const struct voxel_map *planes, const double p[3],
-                      const double origin[3], double sigma)
+static const struct kept_plane *plane_of(const struct voxel_map *planes, struct kept_plane *kept, const double p[3])
 {
     const struct voxel *v = voxel_map_at(planes, p);
-    double normal[3], thickness, mean[3], r = 0, arm[3];
-    if (!v || !voxel_plane(v, normal, &thickness))
-        return;
-    voxel_mean(planes, v, mean);
+    if (!v)
+        return NULL;
+    struct kept_plane *slot = &kept[(size_t)(v - planes->table) % KEPT_PLANES];
+    if (slot->voxel != v) {
+        double thickness = 0;
+        slot->voxel = v;
+        slot->flat = voxel_plane(v, slot->normal, &thickness);
+        voxel_mean(planes, v, slot->mean);
+        slot->variance = thickness * thickness / v->count * VOXEL_ALIKE;
+    }
+    return slot->flat ? slot : NULL;
+}
+
+static void add_point(struct normal_equations *e, const struct kept_plane *plane, const double p[3],
+                      const double origin[3], double sigma, double share)
+{
+    double r = 0, arm[3];
     for (int i = 0; i < 3; i++) {
-        r += normal[i] * (p[i] - mean[i]);
+        r += plane->normal[i] * (p[i] - plane->mean[i]);
         arm[i] = p[i] - origin[i];
     }
     if (fabs(r) > MOST_OFF_M)
         return;
-    const double s = sqrt(sigma * sigma + thickness * thickness / v->count * SAMPLES_ALIKE) + 1e-3;
+    const double s = sqrt(sigma * sigma + plane->variance) + 1e-3;
     const double huber = fabs(r) <= HUBER * s ? 1 : HUBER * s / fabs(r);
-    add_residual(e, normal, arm, r, huber / (s * s * SAMPLES_ALIKE));
-    e->matched++;
+    normal_equations_add(e, plane->normal, arm, r, share * huber / (s * s));
 }
 
 // Adds the prior and holds the degrees that must not move; then the step.
@@ -69,32 +75,52 @@ static void solve(struct normal_equations *e, const struct pose *now, const stru
         memset(step, 0, 6 * sizeof *step);
 }
 
-int plane_refine(const struct voxel_map *planes, const struct depth_points *points, bool tilt, int most,
-                 struct pose *world_from_body)
+struct refinement {
+    const struct voxel_map *planes;
+    const struct depth_points *points;
+    int stride;
+    struct kept_plane *kept;
+};
+
+static void add_points(const struct refinement *r, const struct pose *now, struct normal_equations *e)
+{
+    const double origin[3] = {now->translation.x, now->translation.y, now->translation.z};
+    const double share = fmin(1, (double)INDEPENDENT * r->stride / (r->points->count + 1));
+    double m[3][3];
+    quat_to_matrix(now->rotation, m);
+    for (int i = 0; i < r->points->count; i += r->stride) {
+        const float *b = r->points->xyz[i];
+        double p[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + origin[k];
+        const struct kept_plane *plane = plane_of(r->planes, r->kept, p);
+        if (plane)
+            add_point(e, plane, p, origin, r->points->sigma[i], share);
+    }
+}
+
+enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most, bool tilt,
+                         const struct pose_evidence *more, struct pose *world_from_body)
 {
     const struct pose prior = *world_from_body;
-    const int stride = points->count > most ? points->count / most : 1;
-    int matched = 0;
+    struct refinement r = {planes, points, points->count > most ? points->count / most : 1,
+                           calloc(KEPT_PLANES, sizeof *r.kept)};
+    if (!r.kept)
+        return fail(ERR_MEMORY, "out of memory");
     for (int it = 0; it < ITERATIONS; it++) {
         struct normal_equations e = {0};
         const struct pose now = *world_from_body;
-        const double origin[3] = {now.translation.x, now.translation.y, now.translation.z};
-        double m[3][3], step[6];
-        quat_to_matrix(now.rotation, m);
-        for (int i = 0; i < points->count; i += stride) {
-            const float *b = points->xyz[i];
-            double p[3];
-            for (int k = 0; k < 3; k++)
-                p[k] = m[k][0] * (double)b[0] + m[k][1] * (double)b[1] + m[k][2] * (double)b[2] + origin[k];
-            add_point(&e, planes, p, origin, points->sigma[i]);
-        }
-        matched = e.matched;
+        double step[6];
+        add_points(&r, &now, &e);
+        if (more && more->add)
+            more->add(more->self, &now, &e);
         solve(&e, &now, &prior, tilt, step);
         const struct quat turn = quat_from_rotation_vector(v3(step[0], step[1], step[2]));
         world_from_body->rotation = quat_unit(quat_multiply(turn, now.rotation));
         world_from_body->translation = v3_add(now.translation, v3(step[3], step[4], step[5]));
-        if (fabs(step[2]) < 1e-6 && fabs(step[3]) < 1e-5 && fabs(step[4]) < 1e-5)
+        if (fabs(step[2]) < 1e-5 && fabs(step[3]) < 5e-5 && fabs(step[4]) < 5e-5)
             break;
     }
-    return matched;
+    free(r.kept);
+    return OK;
 }

@@ -1,10 +1,11 @@
 // Point-to-plane alignment of points with a map's voxels (Chen and Medioni 1992), with Huber's weights. Pure.
 #pragma once
 #include "reenact/surround/alignment/depth_points.h"
+#include "reenact/surround/alignment/normal_equations.h"
 #include "reenact/surround/alignment/voxel_map.h"
 
 // Moves *world_from_body so that the points lie on the map's planes: about the floor's normal and along the floor, or,
 // with `tilt`, in all six degrees. The pose given is a soft prior (5 cm, 1 degree), for directions that the points
-// leave open. At most `most` points are used. Returns how many of them found a plane.
-int plane_refine(const struct voxel_map *planes, const struct depth_points *points, bool tilt, int most,
-                 struct pose *world_from_body);
+// leave open. At most about `most` points are used. more: further evidence; NULL: none. ERR_MEMORY.
+MUST_CHECK enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most,
+                                    bool tilt, const struct pose_evidence *more, struct pose *world_from_body);

@@ -1,7 +1,10 @@
 #include "reenact/surround/alignment/voxel_map.h"
 
+#include "base/memory.h"
+
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { FIRST_SIZE = 4096 };
 #define MOST_VOXELS 1048576 // on each side of the origin: 21 bits a coordinate
@@ -9,7 +12,7 @@ enum { FIRST_SIZE = 4096 };
 static bool voxel_corner(const struct voxel_map *map, const double p[3], int64_t cell[3])
 {
     for (int i = 0; i < 3; i++) {
-        const double c = floor(p[i] / map->side_m);
+        const double c = floor(p[i] * map->per_m);
         if (!(fabs(c) < MOST_VOXELS))
             return false;
         cell[i] = (int64_t)c;
@@ -25,20 +28,33 @@ static int64_t key_of(const int64_t cell[3])
                      1);
 }
 
-static size_t slot_of(const struct voxel_map *map, int64_t key)
+// Fibonacci hashing (Knuth 6.4), twice: a product's lower bits know nothing of the key's upper ones, which hold x.
+static size_t home_of(const struct voxel_map *map, int64_t key)
 {
-    // Fibonacci hashing (Knuth 6.4), twice: a product's lower bits know nothing of the key's upper ones, which hold x.
     uint64_t h = (uint64_t)key * 0x9E3779B97F4A7C15u;
     h = (h ^ h >> 32) * 0x9E3779B97F4A7C15u;
-    size_t slot = (size_t)(h >> 32) & (map->size - 1);
+    return (size_t)(h >> 32) & (map->size - 1);
+}
+
+static size_t slot_of(const struct voxel_map *map, int64_t key)
+{
+    size_t slot = home_of(map, key);
     while (map->table[slot].key && map->table[slot].key != key)
         slot = (slot + 1) & (map->size - 1);
     return slot;
 }
 
+static struct voxel *empty(size_t size)
+{
+    struct voxel *table = alloc_cache_aligned(size * sizeof *table);
+    if (table)
+        memset(table, 0, size * sizeof *table);
+    return table;
+}
+
 enum status voxel_map_open(struct voxel_map *map, double side_m)
 {
-    *map = (struct voxel_map){.side_m = side_m, .size = FIRST_SIZE, .table = calloc(FIRST_SIZE, sizeof *map->table)};
+    *map = (struct voxel_map){.side_m = side_m, .per_m = 1 / side_m, .size = FIRST_SIZE, .table = empty(FIRST_SIZE)};
     return map->table ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
@@ -52,7 +68,7 @@ static enum status grow(struct voxel_map *map)
 {
     struct voxel_map larger = *map;
     larger.size = map->size * 2;
-    larger.table = calloc(larger.size, sizeof *larger.table);
+    larger.table = empty(larger.size);
     if (!larger.table)
         return fail(ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < map->size; i++)
@@ -79,10 +95,10 @@ enum status voxel_map_add(struct voxel_map *map, const double world[3], double s
         *v = (struct voxel){.key = key, .last = -1};
         map->used++;
     }
-    const double w = 1 / (sigma_m * sigma_m);
-    double d[3];
+    const float w = (float)(1 / (sigma_m * sigma_m));
+    float d[3];
     for (int i = 0; i < 3; i++)
-        d[i] = world[i] - (double)cell[i] * map->side_m;
+        d[i] = (float)(world[i] - (double)cell[i] * map->side_m);
     for (int i = 0, k = 0; i < 3; i++) {
         v->sum[i] += w * d[i];
         for (int j = i; j < 3; j++)
@@ -93,6 +109,13 @@ enum status voxel_map_add(struct voxel_map *map, const double world[3], double s
     v->captures += v->last != capture;
     v->last = capture;
     return OK;
+}
+
+void voxel_map_expect(const struct voxel_map *map, const double world[3])
+{
+    int64_t cell[3];
+    if (voxel_corner(map, world, cell))
+        __builtin_prefetch(&map->table[home_of(map, key_of(cell))], 1);
 }
 
 const struct voxel *voxel_map_at(const struct voxel_map *map, const double world[3])
@@ -109,7 +132,7 @@ void voxel_mean(const struct voxel_map *map, const struct voxel *v, double mean[
     const uint64_t key = (uint64_t)v->key - 1;
     for (int i = 0; i < 3; i++) {
         const int64_t cell = (int64_t)(key >> (42 - 21 * i) & (2 * MOST_VOXELS - 1)) - MOST_VOXELS;
-        mean[i] = (double)cell * map->side_m + v->sum[i] / v->weight;
+        mean[i] = (double)cell * map->side_m + (double)v->sum[i] / (double)v->weight;
     }
 }
 
@@ -149,10 +172,12 @@ bool voxel_plane(const struct voxel *v, double normal[3], double *thickness_m)
 {
     if (v->count < 6)
         return false;
+    const double weight = v->weight;
     double a[3][3], vectors[3][3];
     for (int i = 0, k = 0; i < 3; i++)
         for (int j = i; j < 3; j++, k++)
-            a[i][j] = a[j][i] = v->square[k] / v->weight - v->sum[i] * v->sum[j] / (v->weight * v->weight);
+            a[i][j] = a[j][i] =
+                (double)v->square[k] / weight - (double)v->sum[i] * (double)v->sum[j] / (weight * weight);
     jacobi3(a, vectors);
     int least = 0;
     for (int i = 1; i < 3; i++)

@@ -3,19 +3,21 @@
 #pragma once
 #include "base/status.h"
 
+// One line of the processor's cache: the table is read in no order, and each line waits for the memory.
 struct voxel {
     int64_t key;      // 0: empty
-    double weight;    // sum of 1 / sigma^2 of its points
-    double sum[3];    // weighted, relative to the voxel's corner, metres
-    double square[6]; // weighted products xx xy xz yy yz zz, relative to the corner
+    float weight;     // sum of 1 / sigma^2 of its points
+    float sum[3];     // weighted, relative to the voxel's corner, metres
+    float square[6];  // weighted products xx xy xz yy yz zz, relative to the corner
     int32_t count;    // points
     int32_t captures; // how many additions of a new capture
     int32_t last;     // number of the newest capture in it
+    int32_t unused;
 };
 
 struct voxel_map {
-    double side_m;
-    struct voxel *table; // a power of two of them
+    double side_m, per_m; // per_m: 1 / side_m
+    struct voxel *table;  // a power of two of them, aligned to the cache's lines
     size_t size, used;
 };
 
@@ -26,6 +28,9 @@ void voxel_map_close(struct voxel_map *map); // what was zeroed, too
 // A world point with its standard deviation, seen by capture number `capture` (from 0, rising). Points more than 2^20
 // voxels from the origin are left out. ERR_MEMORY: the map is as before.
 MUST_CHECK enum status voxel_map_add(struct voxel_map *map, const double world[3], double sigma_m, int capture);
+
+// A point that will be added soon: its voxel is fetched from memory meanwhile.
+void voxel_map_expect(const struct voxel_map *map, const double world[3]);
 
 // The voxel that holds a point; NULL: empty.
 const struct voxel *voxel_map_at(const struct voxel_map *map, const double world[3]);

@@ -1,6 +1,7 @@
 #include "reenact/surround/depth/dense_depth.h"
 
 #include "reenact/surround/depth/depth_seeds.h"
+#include "reenact/surround/depth/large_planes.h"
 #include "reenact/surround/depth/watershed.h"
 #include "base/memory.h"
 
@@ -230,6 +231,8 @@ enum status dense_depth_make(struct surround_picture *picture, const struct worl
     enum status status = picture->inverse && picture->joined && label ? OK : fail(ERR_MEMORY, "out of memory");
     if (status == OK)
         status = depth_seeds_make(&seeds, picture, points, how);
+    if (status == OK && how->walls)
+        status = large_planes_snap(&seeds);
     if (status == OK)
         status = make(picture, &seeds, how, label);
     depth_seeds_free(&seeds);

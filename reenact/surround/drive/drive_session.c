@@ -35,7 +35,6 @@ static enum status open_simulated(struct drive_session *s, const char *stage)
     if (number < 1 || number > 3)
         return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
                     stage);
-    s->simulated = true;
     how.view = resized(&how.view, &s->how);
     rover_trial_world(number, &world, &start);
     return simulated_rover_open(&s->rover, &world, start, &how);
@@ -57,17 +56,45 @@ static enum status open_folder(struct drive_session *s, const char *folder)
     return surround_view_open(&s->played.view, &lens);
 }
 
+static enum status open_ros(struct drive_session *s, const char *master)
+{
+    if (!s->how.calibration)
+        return fail(ERR_INPUT, "a ROS robot needs --calibration FILE: its lenses and where its cameras are, like the "
+                               "calibration.json of a folder of captures");
+    enum status status = ros_rover_open(&s->ros, master, s->how.remap, s->how.calibration, s->how.patience_s);
+    if (status != OK)
+        return status;
+    const struct lens lens = resized(&s->ros.rig.view, &s->how);
+    surround_view_close(&s->ros.surroundings.view);
+    return surround_view_open(&s->ros.surroundings.view, &lens);
+}
+
+static struct surroundings *seen_by(struct drive_session *s)
+{
+    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings
+           : s->kind == DRIVE_PLAYED  ? &s->played
+                                      : &s->ros.surroundings;
+}
+
 enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
 {
     *s = (struct drive_session){.how = *how, .viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2};
     s->watch.patience_s = how->patience_s;
     enum status status;
-    if (!strncmp(uri, "sim:", 4))
+    if (!strncmp(uri, "sim:", 4)) {
+        s->kind = DRIVE_SIMULATED;
         status = open_simulated(s, uri + 4);
-    else if (!strncmp(uri, "folder:", 7))
+    } else if (!strncmp(uri, "folder:", 7)) {
+        s->kind = DRIVE_PLAYED;
         status = open_folder(s, uri + 7);
-    else
-        status = fail(ERR_INPUT, "'%s' is no robot; use folder:DIR or sim:", uri);
+    } else if (!strncmp(uri, "ros:", 4)) {
+        s->kind = DRIVE_ROS;
+        status = open_ros(s, uri + 4);
+    } else
+        status = fail(ERR_INPUT, "'%s' is no robot; use ros:, folder:DIR or sim:", uri);
+    seen_by(s)->processor_clock = how->processor_clock;
+    if (status == OK && how->threads)
+        status = surroundings_start_threads(seen_by(s));
     if (status != OK)
         drive_session_close(s);
     return status;
@@ -77,6 +104,7 @@ void drive_session_close(struct drive_session *s)
 {
     simulated_rover_close(&s->rover);
     surroundings_close(&s->played);
+    ros_rover_close(&s->ros);
     *s = (struct drive_session){0};
 }
 
@@ -105,10 +133,15 @@ enum status drive_session_step(struct drive_session *s, int64_t now_ns, const st
 {
     const double seconds = (double)(now_ns - s->now_ns) * 1e-9;
     s->now_ns = now_ns;
+    if (s->kind == DRIVE_ROS) {
+        const enum status status = ros_rover_step(&s->ros, now_ns, command);
+        s->link_lost = s->ros.lost;
+        return status;
+    }
     if (command)
         send(s, command);
     receive(s);
-    if (!s->simulated) {
+    if (s->kind == DRIVE_PLAYED) {
         const struct surround_set *set = &s->played.set;
         const int64_t at = s->first_ns + now_ns - delay_ns(s);
         s->ended = at > set->odometry[set->odometry_count - 1].time_ns;
@@ -121,11 +154,13 @@ enum status drive_session_step(struct drive_session *s, int64_t now_ns, const st
 
 struct pose drive_session_pose(const struct drive_session *s)
 {
-    if (s->simulated)
+    if (s->kind == DRIVE_SIMULATED)
         return simulated_rover_pose(&s->rover);
+    if (s->kind == DRIVE_ROS)
+        return ros_rover_pose(&s->ros);
     const struct surround_set *set = &s->played.set;
     const int64_t at = s->first_ns + s->now_ns - delay_ns(s);
-    return depth_alignment_bridge(&s->played.alignment, pose_list_at(set->odometry, set->odometry_count, at));
+    return surroundings_bridge(&s->played, pose_list_at(set->odometry, set->odometry_count, at));
 }
 
 // The command that moved the body over the last quarter of a second of a played folder.
@@ -139,24 +174,48 @@ static struct drive_command played_command(const struct drive_session *s)
     return (struct drive_command){moved.translation.x / 0.25, quat_to_rotation_vector(moved.rotation).z / 0.25};
 }
 
+static double age_of_s(const struct drive_session *s, const struct surroundings *seen)
+{
+    if (s->kind == DRIVE_ROS)
+        return ros_rover_age_s(&s->ros);
+    const int64_t newest = seen->taken ? seen->pictures[seen->taken - 1].time_ns : s->first_ns;
+    return (double)(s->now_ns + (s->kind == DRIVE_PLAYED ? s->first_ns : 0) - newest) * 1e-9;
+}
+
+static struct drive_command command_of(const struct drive_session *s)
+{
+    return s->kind == DRIVE_SIMULATED ? s->rover.command : s->kind == DRIVE_ROS ? s->ros.command : played_command(s);
+}
+
+static const double *size_of(const struct drive_session *s)
+{
+    return s->kind == DRIVE_SIMULATED ? s->rover.how.size_m
+           : s->kind == DRIVE_ROS     ? s->ros.rig.body_size_m
+                                      : s->played.set.body_size_m;
+}
+
+struct pose drive_session_viewpoint(const struct drive_session *s)
+{
+    return operator_viewpoint(s->viewpoint, POSE_IDENTITY, size_of(s));
+}
+
 enum status drive_session_draw(struct drive_session *s, const struct surround_view **view)
 {
-    struct surroundings *seen = s->simulated ? &s->rover.surroundings : &s->played;
-    const double *size = s->simulated ? s->rover.how.size_m : s->played.set.body_size_m;
+    struct surroundings *seen = seen_by(s);
+    const double *size = size_of(s);
     const struct pose body = drive_session_pose(s);
-    const struct pose eye = s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
-                                     : operator_viewpoint(s->viewpoint, body, size);
+    const struct pose eye = s->head    ? pose_multiply(body, s->body_from_eye)
+                            : s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
+                                       : operator_viewpoint(s->viewpoint, body, size);
     const enum status status = surroundings_draw(seen, eye);
     if (status != OK)
         return status;
-    struct operator_overlay overlay = {.world_from_body = body, .link_lost = s->link_lost};
+    struct operator_overlay overlay = {
+        .world_from_body = body, .command = command_of(s), .age_s = age_of_s(s, seen), .link_lost = s->link_lost};
     memcpy(overlay.size_m, size, sizeof overlay.size_m);
-    overlay.command = s->simulated ? s->rover.command : played_command(s);
-    const int64_t newest = seen->taken ? seen->pictures[seen->taken - 1].time_ns : s->first_ns;
-    overlay.age_s = (double)(s->now_ns + (s->simulated ? 0 : s->first_ns) - newest) * 1e-9;
     struct nearest_thing thing;
     const bool near = nearest_in_view(&seen->view, body, size, 0.1, &thing) == OK;
-    if (!s->orbit && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
+    if (!s->orbit && !s->head && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
         overlay.size_m[0] = overlay.size_m[1] = overlay.size_m[2] = 0;
         overlay.command = (struct drive_command){0, 0};
     }

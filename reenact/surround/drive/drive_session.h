@@ -1,22 +1,31 @@
-// Driving by pictures, whatever the robot: `sim:` (sim:1, sim:2, sim:3: the stages of simulated_rover.h) or
-// `folder:DIR`, a set that is played in real time. Times are given: the session reads no clock. One thread.
+// Driving by pictures, whatever the robot: `sim:` (sim:1, sim:2, sim:3: the stages of simulated_rover.h), `folder:DIR`,
+// a set that is played in real time, or `ros:`, `ros:http://HOST:PORT`, a robot on a ROS master. Times are given: the
+// session reads no clock. One thread.
 #pragma once
+#include "reenact/surround/drive/ros_rover.h"
 #include "reenact/surround/drive/simulated_rover.h"
 
 struct drive_options {
-    struct drive_link link; // delay and loss; default: none
-    double patience_s;      // without a command for this long the robot stops, 0.5
-    int width, height;      // of the operator's pictures; 0: the set's
+    struct drive_link link;           // delay and loss; default: none
+    double patience_s;                // without a command for this long the robot stops, 0.5
+    int width, height;                // of the operator's pictures; 0: the set's
+    bool threads;                     // captures are aligned and given depth on threads of their own
+    int64_t (*processor_clock)(void); // for measuring the alignment; NULL: none
+    const char *calibration;          // ros: the robot's calibration.json
+    const char *const *remap;         // ros: "FROM:=TO" names of topics, the last NULL; may be NULL
 };
 struct drive_options drive_default_options(void);
 
 enum { DRIVE_PENDING = 64 };
 
+enum drive_kind { DRIVE_SIMULATED, DRIVE_PLAYED, DRIVE_ROS };
+
 struct drive_session {
-    bool simulated;
+    enum drive_kind kind;
     struct drive_options how;
     struct simulated_rover rover; // simulated
     struct surroundings played;   // folder
+    struct ros_rover ros;         // ros
     int64_t first_ns;             // folder: its time at session time 0
     int64_t now_ns;               // session time
     struct link_watch watch;
@@ -31,6 +40,8 @@ struct drive_session {
     enum viewpoint viewpoint;
     bool orbit; // a free viewpoint round the body
     double azimuth, elevation, distance_m;
+    bool head;                 // a head tracker's viewpoint
+    struct pose body_from_eye; // with head: the camera's axes in the body's
 };
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
@@ -46,3 +57,6 @@ MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct 
 
 // The body as the operator's side believes it to be.
 struct pose drive_session_pose(const struct drive_session *s);
+
+// Where the chosen viewpoint's eye is in the body's axes (without orbit and head).
+struct pose drive_session_viewpoint(const struct drive_session *s);

@@ -8,7 +8,6 @@
 #define DOWN    0.43633231299858238 // 25 degrees
 #define HEAD_M  1.15
 #define DEPTH_M 0.9
-#define RANGE_M 4.0
 
 struct rover_options rover_default_options(void)
 {
@@ -32,13 +31,32 @@ static struct quat body_from_camera(double turn, double down)
     return quat_multiply(quat_from_rotation_vector(v3(0, 0, turn)), pitched);
 }
 
+struct pose rover_head(void) { return (struct pose){body_from_camera(0, 0), v3(0, 0, HEAD_M)}; }
+
+struct pose rover_depth_camera(int camera)
+{
+    const double turn = camera * 1.5707963267948966;
+    return (struct pose){body_from_camera(turn, DOWN), v3(0.2 * portable_cos(turn), 0.2 * portable_sin(turn), DEPTH_M)};
+}
+
+struct lens rover_depth_lens(const struct rover_options *how)
+{
+    const double f = how->depth_width * 0.89; // as a Kinect's
+    return (struct lens){.width = how->depth_width,
+                         .height = how->depth_height,
+                         .fx = f,
+                         .fy = f,
+                         .cx = (how->depth_width - 1) / 2.0,
+                         .cy = (how->depth_height - 1) / 2.0};
+}
+
 enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
                                  const struct rover_options *how)
 {
     *r = (struct simulated_rover){
         .world = *world, .how = *how, .start = start, .world_from_body = start, .odometry = POSE_IDENTITY};
-    const struct pose head = {body_from_camera(0, 0), v3(0, 0, HEAD_M)};
-    const enum status status = surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &how->view, head, NULL);
+    const enum status status =
+        surroundings_open_live(&r->surroundings, SURROUNDINGS_ROBOT, &how->view, rover_head(), NULL);
     return status == OK ? simulated_rover_step(r, (struct drive_command){0, 0}, 0) : status;
 }
 
@@ -47,21 +65,13 @@ void simulated_rover_close(struct simulated_rover *r) { surroundings_close(&r->s
 static enum status depth_of(struct simulated_rover *r, struct depth_points *points)
 {
     const struct rover_options *how = &r->how;
-    const double f = how->depth_width * 0.89; // as a Kinect's
-    const struct lens lens = {.width = how->depth_width,
-                              .height = how->depth_height,
-                              .fx = f,
-                              .fy = f,
-                              .cx = (how->depth_width - 1) / 2.0,
-                              .cy = (how->depth_height - 1) / 2.0};
+    const struct lens lens = rover_depth_lens(how);
     uint16_t *depth = malloc((size_t)lens.width * (size_t)lens.height * sizeof *depth);
     enum status status = depth ? OK : fail(ERR_MEMORY, "out of memory");
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
-        const double turn = c * 1.5707963267948966;
-        const struct pose at = {body_from_camera(turn, DOWN),
-                                v3(0.2 * portable_cos(turn), 0.2 * portable_sin(turn), DEPTH_M)};
+        const struct pose at = rover_depth_camera(c);
         const uint32_t seed = how->seed * 2654435761u + (uint32_t)(4 * r->surroundings.taken + c) + 1;
-        box_world_depth(&r->world, pose_multiply(r->world_from_body, at), &lens, RANGE_M, seed, depth);
+        box_world_depth(&r->world, pose_multiply(r->world_from_body, at), &lens, ROVER_RANGE_M, seed, depth);
         status = depth_points_add(points, depth, &lens, at, 1);
     }
     free(depth);
@@ -105,14 +115,14 @@ enum status simulated_rover_step(struct simulated_rover *r, struct drive_command
         r->world_from_body = moved;
         r->odometry = robot_motion_after(r->odometry, reported, seconds);
     }
-    if (depth_alignment_wants(&r->surroundings.alignment, r->odometry, r->time_ns - r->captured_ns))
+    if (surroundings_wants(&r->surroundings, r->odometry, r->time_ns - r->captured_ns))
         return capture(r);
     return OK;
 }
 
 struct pose simulated_rover_pose(const struct simulated_rover *r)
 {
-    return depth_alignment_bridge(&r->surroundings.alignment, r->odometry);
+    return surroundings_bridge(&r->surroundings, r->odometry);
 }
 
 enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view)

@@ -17,6 +17,13 @@ struct rover_options {
 };
 struct rover_options rover_default_options(void);
 
+// Its cameras: body_from_camera of the panorama's and of a depth camera's (0 front, 1 left, 2 back, 3 right), and the
+// depth cameras' lens and range.
+struct pose rover_head(void);
+struct pose rover_depth_camera(int camera);
+struct lens rover_depth_lens(const struct rover_options *how);
+#define ROVER_RANGE_M 4.0
+
 struct simulated_rover {
     struct box_world world;
     struct rover_options how;

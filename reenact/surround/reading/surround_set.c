@@ -105,6 +105,20 @@ static enum status read_filmed_calibration(struct surround_set *set, const struc
     return lens_check(lens, path);
 }
 
+enum status surround_rig_read(struct surround_set *out, const char *path)
+{
+    *out = (struct surround_set){.robot = true};
+    struct json *root;
+    enum status status = json_read(path, &root);
+    if (status != OK)
+        return status;
+    status = read_calibration(out, root, path);
+    json_free(&root);
+    if (status != OK)
+        *out = (struct surround_set){0};
+    return status;
+}
+
 static enum status open_calibration(struct surround_set *set, const char *folder)
 {
     char path[2048];

@@ -48,6 +48,9 @@ struct surround_set {
 MUST_CHECK enum status surround_set_read(struct surround_set *out, const char *folder);
 void surround_set_free(struct surround_set *set); // what was zeroed, too
 
+// A robot's calibration.json alone: lenses, places of the cameras, the body's size. Statuses as above.
+MUST_CHECK enum status surround_rig_read(struct surround_set *out, const char *path);
+
 // A capture's picture without pose or depth. A damaged file is ERR_CORRUPT or ERR_INPUT.
 MUST_CHECK enum status surround_set_picture(const struct surround_set *set, int capture, struct surround_picture *out);
 

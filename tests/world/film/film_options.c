@@ -190,5 +190,5 @@ void film_read_options(int argc, char **argv, struct film_options *out)
     *out = (struct film_options){
         .sets = SET_ALL, .seconds = -1, .width = 640, .height = 480, .world = world_default_options()};
     argp_err_exit_status = 2;
-    argp_parse(&argp, argc, argv, 0, NULL, out);
+    command_parse(&argp, argc, argv, out);
 }

@@ -1,0 +1,182 @@
+#include "app/live/live_points.h"
+
+#include "base/clock.h"
+#include "base/thread_priority.h"
+#include "capture/body_points.h"
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// As the recorder looks (recorder.c); and each look is followed by REST times as long without one.
+enum { LOOK_EVERY = 3, REST = 3 };
+
+struct live_points {
+    struct live_points_options options;
+    struct pose_network *network; // used by the thread only
+    uint8_t *image;               // the thread's while `busy`
+    pthread_t thread;
+    bool runs;
+    int64_t offered; // images since the last look began
+
+    pthread_mutex_t lock; // protects the fields below
+    pthread_cond_t changed;
+    bool ready, busy, closing, restart;
+    int64_t image_ns;      // time of `image`
+    int64_t rest_until_ns; // by clock_now_ns
+    bool found;            // `points` has not been taken
+    int64_t points_ns;     // time of their image
+    struct body_points points;
+    struct live_points_state state;
+};
+
+static enum status find(struct live_points *p, struct body_points *out)
+{
+    const struct live_points_options *o = &p->options;
+    if (o->find)
+        return o->find(o->find_self, p->image, o->width, o->height, out);
+    return body_points_of_image(p->network, p->image, o->width, o->height, out);
+}
+
+static void give_up(struct live_points *p)
+{
+    pthread_mutex_lock(&p->lock);
+    p->ready = false;
+    snprintf(p->state.why_not, sizeof p->state.why_not, "%.255s", status_message());
+    pthread_mutex_unlock(&p->lock);
+}
+
+// False: closing. *restart: the image is the first of a film.
+static bool wait_for_image(struct live_points *p, bool *restart)
+{
+    pthread_mutex_lock(&p->lock);
+    while (!p->busy && !p->closing)
+        pthread_cond_wait(&p->changed, &p->lock);
+    *restart = p->restart;
+    p->restart = false;
+    const bool closing = p->closing;
+    pthread_mutex_unlock(&p->lock);
+    return !closing;
+}
+
+static void publish(struct live_points *p, enum status status, const struct body_points *points, int64_t begun_ns)
+{
+    const int64_t now_ns = clock_now_ns();
+    pthread_mutex_lock(&p->lock);
+    p->state.looked++;
+    p->state.looked_ms += (double)(now_ns - begun_ns) * 1e-6;
+    p->rest_until_ns = now_ns + REST * (now_ns - begun_ns);
+    if (status == OK && !p->restart) { // else of a film that is over
+        p->points = *points;
+        p->points_ns = p->image_ns;
+        p->found = true;
+    }
+    p->busy = false;
+    pthread_mutex_unlock(&p->lock);
+}
+
+static void *look(void *self)
+{
+    struct live_points *p = self;
+    thread_lower_priority();
+    enum status status = p->options.find ? OK : pose_network_open(&p->network, NULL, POSE_NETWORK_LITE);
+    pthread_mutex_lock(&p->lock);
+    p->ready = status == OK;
+    pthread_mutex_unlock(&p->lock);
+    for (bool restart; status >= 0 && wait_for_image(p, &restart);) {
+        struct body_points points;
+        const int64_t begun_ns = clock_now_ns();
+        if (restart && p->network)
+            pose_network_restart(p->network);
+        status = find(p, &points);
+        publish(p, status, &points, begun_ns);
+    }
+    if (status < 0)
+        give_up(p);
+    pose_network_close(&p->network);
+    return NULL;
+}
+
+enum status live_points_open(struct live_points **out, const struct live_points_options *options)
+{
+    *out = NULL;
+    struct live_points *p = calloc(1, sizeof *p);
+    if (!p)
+        return fail(ERR_MEMORY, "no memory to look for body points");
+    p->options = *options;
+    pthread_mutex_init(&p->lock, NULL);
+    pthread_cond_init(&p->changed, NULL);
+    p->image = malloc(3 * (size_t)options->width * (size_t)options->height + 1);
+    enum status status = p->image ? OK : fail(ERR_MEMORY, "no memory to look for body points");
+    if (status == OK && pthread_create(&p->thread, NULL, look, p))
+        status = fail(ERR_MEMORY, "no thread to look for body points");
+    p->runs = status == OK;
+    *out = p;
+    if (status != OK)
+        live_points_close(out);
+    return status;
+}
+
+void live_points_close(struct live_points **out)
+{
+    struct live_points *p = *out;
+    if (!p)
+        return;
+    pthread_mutex_lock(&p->lock);
+    p->closing = true;
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->lock);
+    if (p->runs)
+        pthread_join(p->thread, NULL);
+    pthread_cond_destroy(&p->changed);
+    pthread_mutex_destroy(&p->lock);
+    free(p->image);
+    free(p);
+    *out = NULL;
+}
+
+void live_points_offer(struct live_points *p, int64_t time_ns, const uint8_t *rgb)
+{
+    pthread_mutex_lock(&p->lock);
+    const bool is_free = p->ready && !p->busy && clock_now_ns() >= p->rest_until_ns;
+    pthread_mutex_unlock(&p->lock);
+    if (++p->offered < LOOK_EVERY || !is_free)
+        return;
+    memcpy(p->image, rgb, 3 * (size_t)p->options.width * (size_t)p->options.height);
+    p->offered = 0;
+    pthread_mutex_lock(&p->lock);
+    p->image_ns = time_ns;
+    p->busy = true;
+    pthread_cond_signal(&p->changed);
+    pthread_mutex_unlock(&p->lock);
+}
+
+bool live_points_take(struct live_points *p, int64_t *time_ns, struct body_points *out)
+{
+    pthread_mutex_lock(&p->lock);
+    const bool found = p->found;
+    if (found) {
+        *time_ns = p->points_ns;
+        *out = p->points;
+    }
+    p->found = false;
+    pthread_mutex_unlock(&p->lock);
+    return found;
+}
+
+void live_points_restart(struct live_points *p)
+{
+    pthread_mutex_lock(&p->lock);
+    p->restart = true;
+    p->found = false;
+    pthread_mutex_unlock(&p->lock);
+}
+
+struct live_points_state live_points_query(struct live_points *p)
+{
+    pthread_mutex_lock(&p->lock);
+    const struct live_points_state state = p->state;
+    pthread_mutex_unlock(&p->lock);
+    return state;
+}

@@ -1,0 +1,71 @@
+// What the studio's window shows: everything that the session's threads know, copied for the window's.
+#pragma once
+#include "capture/coaching/coach.h"
+#include "capture/mapping/map_advice.h"
+#include "capture/sensor_pose.h"
+
+enum studio_doing {
+    STUDIO_DOING_OPEN,
+    STUDIO_DOING_PREVIEW,
+    STUDIO_DOING_TAKE,
+    STUDIO_DOING_SMOOTH,
+    STUDIO_DOING_SWEEP,
+    STUDIO_DOING_MAP, // of the sweep
+    STUDIO_DOING_FAILED
+};
+
+struct studio_counters {
+    // Of a take as it is written; before, as one frame in some seconds would be. 0, minutes_left < 0: not known yet.
+    double frames_per_s, mb_per_s, minutes_left;
+    int64_t frames, dropped; // of the take
+    double take_s;
+    double behind_s; // the picture shown is as much older than the one the sensor delivered last
+};
+
+// The room, swept or being swept.
+struct studio_room_view {
+    struct sweep_plan plan;
+    struct map_advice advice; // of the finished map
+    char failure[512];        // why there is none; "": there is
+    int ready;                // sweeps that ended so far, with a map or without
+};
+
+// Buffers grow as needed and belong to the snapshot.
+struct studio_snapshot {
+    int64_t number; // of the frame; 0: none yet
+    enum studio_doing doing;
+    struct calibration calibration;
+    uint8_t *color, *mask; // RGB; mask all 0: no person
+    uint16_t *depth;
+    size_t color_bytes, depth_pixels;
+    bool has_color, has_depth, has_skeleton;
+    struct skeleton skeleton;
+    bool has_place, located;
+    struct sensor_sight sight;
+    struct studio_counters counters;
+    int gestures;    // raised hands so far
+    int takes_ready; // takes that ended so far, whatever came of them
+    char text[160];  // the coach's
+    bool fault;
+    double share;
+    enum pose_advice advice;
+    struct coverage coverage;
+    double distance_m;
+    struct coach_verdict verdict; // of the last take, and what it has seen
+    struct coverage verdict_coverage;
+    int64_t take_frames; // written of the last take
+    struct studio_room_view room;
+    char failure[512]; // of the sensor, or of the last take; "": none
+};
+
+// Buffers for pictures of these lenses. False: no memory, there are none.
+bool studio_snapshot_size(struct studio_snapshot *s, const struct calibration *c);
+
+// Copies one frame's pictures; NULL: there is none.
+void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, const uint16_t *depth,
+                              const uint8_t *mask);
+
+// Copies everything, if there is anything new. False: there is not, or no memory; *out is unchanged.
+bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out);
+
+void studio_snapshot_free(struct studio_snapshot *s);

@@ -1,0 +1,396 @@
+#include "capture/mapping/sweep_tracker.h"
+
+#include "capture/mapping/map_frontend.h"
+#include "locate/relocalization.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// All chosen by hand.
+static const double STEP_M = 0.15, STEP_RAD = 0.12; // from keyframe to keyframe
+static const double TAG_RMS_PX = 6;                 // of poses from tags that are roughly placed
+static const double PLAIN_COST = 100;               // of a tag's second planar pose, as the mapper has it
+static const double EXPOSURE_S = 1.0 / 60, BLUR_PX = 10, FAR_M = 2; // exposure indoors; what most of a room is away
+static const double FAST_S = 0.3;                                   // as long is it said
+enum {
+    MIN_AGREE = 20,         // landmarks
+    LOST_FRAMES = 6,        // until it is said
+    RELOCALIZE_EVERY = 5,   // frames without a pose
+    BARE_EVERY = 15,        // frames with one
+    SWEEP_POINTS_MAX = 6000 // beside a prior's
+};
+
+struct sweep_tracker {
+    const struct map *listed;
+    struct map map; // its own tags and landmarks; frames[0] is the present one
+    struct map_scratch scratch;
+    struct sweep_plan plan;
+    bool begun;
+    struct pose last, before, keyframe; // camera_from_world
+    int64_t last_ns, before_ns, fast_since_ns;
+    bool has_last, has_before, too_fast;
+    int lost;
+};
+
+// About the middle of what a prior place has.
+static void start_plan(struct sweep_tracker *t)
+{
+    const struct map *own = &t->map;
+    double x = 0, y = 0;
+    int32_t count = 0;
+    for (int32_t i = 0; i < own->point_count; i++, count++) {
+        x += own->points[i].world.x;
+        y += own->points[i].world.y;
+    }
+    for (int32_t i = 0; i < own->tag_count; i++)
+        if (own->tags[i].mapped) {
+            x += own->tags[i].world_from_tag.translation.x;
+            y += own->tags[i].world_from_tag.translation.y;
+            count++;
+        }
+    sweep_plan_start(&t->plan, count ? x / count : 0, count ? y / count : 0);
+    for (int32_t i = 0; i < own->tag_count; i++)
+        sweep_plan_set_tag(&t->plan, own->tags[i].id, false,
+                           own->tags[i].mapped ? &own->tags[i].world_from_tag.translation : NULL, 0);
+    for (int32_t i = 0; i < own->point_count; i++)
+        sweep_plan_add_landmark(&t->plan, own->points[i].world);
+}
+
+enum status sweep_tracker_open(struct sweep_tracker **out, const struct map *map)
+{
+    struct sweep_tracker *t = calloc(1, sizeof *t);
+    *out = t;
+    if (!t)
+        return fail(ERR_MEMORY, "no memory for the plan of a sweep");
+    t->listed = map;
+    struct map *own = &t->map;
+    own->calibration = map->calibration;
+    own->depth_scale = 1;
+    own->fixed_frame = -1;
+    own->has_depth = map_depth_usable(&map->calibration);
+    own->has_prior = map->has_prior;
+    own->held_points = map->held_points;
+    own->point_capacity = map->point_count + SWEEP_POINTS_MAX;
+    own->tags = calloc((size_t)map->tag_count + 1, sizeof *own->tags);
+    own->points = malloc((size_t)own->point_capacity * sizeof *own->points);
+    own->frames = calloc(1, sizeof *own->frames);
+    if (!own->tags || !own->points || !own->frames) {
+        sweep_tracker_close(out);
+        return fail(ERR_MEMORY, "no memory for the plan of a sweep");
+    }
+    memcpy(own->tags, map->tags, (size_t)map->tag_count * sizeof *own->tags);
+    memcpy(own->points, map->points, (size_t)map->point_count * sizeof *own->points);
+    own->tag_count = map->tag_count;
+    own->point_count = map->point_count;
+    start_plan(t);
+    t->begun = map->has_prior;
+    return OK;
+}
+
+void sweep_tracker_close(struct sweep_tracker **t)
+{
+    if (!*t)
+        return;
+    if ((*t)->map.frames)
+        map_frame_free(&(*t)->map.frames[0]);
+    free((*t)->map.frames);
+    free((*t)->map.tags);
+    free((*t)->map.points);
+    free(*t);
+    *t = NULL;
+}
+
+// A copy whose features can be assigned; tags are borrowed from the original, which outlives the call. NULL: no memory.
+static struct map_frame *present_frame(struct sweep_tracker *t, const struct map_frame *observed)
+{
+    struct map_frame *f = &t->map.frames[0];
+    free(f->features);
+    *f = *observed;
+    f->depth = NULL;
+    f->jpeg = NULL;
+    f->placed = f->visited = false;
+    f->features = malloc(((size_t)observed->feature_count + 1) * sizeof *f->features);
+    if (!f->features)
+        return NULL;
+    memcpy(f->features, observed->features, (size_t)observed->feature_count * sizeof *f->features);
+    for (int32_t i = 0; i < f->feature_count; i++)
+        f->features[i].point = -1;
+    t->map.frame_count = 1;
+    return f;
+}
+
+static void forget_borrowed(struct map_frame *f)
+{
+    struct map_feature *features = f->features;
+    *f = (struct map_frame){.features = features};
+}
+
+// ---------------------------------------------------------------- tags and landmarks that are new
+
+static double tag_cost(const struct sweep_tracker *t, const struct map_frame *f, int32_t k, const struct pose *pose)
+{
+    const struct pnp_tag tag = {.seen = &f->seen[k],
+                                .depth = f->depths[k].count ? &f->depths[k] : NULL,
+                                .world_from_tag = *pose,
+                                .side_m = t->map.tags[f->tag_index[k]].side_m,
+                                .map_px = MAP_TAG_PX,
+                                .used = true};
+    return pnp_tag_cost(&tag, &f->camera_from_world, 1, t->map.calibration.color.fx, t->map.calibration.color.fy);
+}
+
+// Tags that this frame shows for the first time clearly are placed by it; of others the position alone is drawn.
+static void place_tags(struct sweep_tracker *t, const struct map_frame *f)
+{
+    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    for (int32_t k = 0; k < f->seen_count; k++) {
+        struct map_tag *tag = &t->map.tags[f->tag_index[k]];
+        struct pose two[2];
+        double cost[2] = {0, 0};
+        const int n = tag->mapped ? 0 : planar_poses(tag->side_m, f->seen[k].ray, two);
+        for (int i = 0; i < n; i++) {
+            two[i] = pose_multiply(world_from_camera, two[i]);
+            cost[i] = tag_cost(t, f, k, &two[i]);
+        }
+        if (!n)
+            continue;
+        const int best = n > 1 && cost[1] < cost[0];
+        tag->world_from_tag = two[best];
+        tag->mapped = n == 1 || cost[!best] > 2 * cost[best] + PLAIN_COST;
+        sweep_plan_set_tag(&t->plan, tag->id, true, &two[best].translation, 0);
+    }
+}
+
+static void add_landmarks(struct sweep_tracker *t, struct map_frame *f)
+{
+    const int32_t before = t->map.point_count;
+    if (!t->map.has_depth)
+        return;
+    map_create_landmarks(&t->map, f);
+    for (int32_t i = before; i < t->map.point_count; i++)
+        sweep_plan_add_landmark(&t->plan, t->map.points[i].world);
+    t->keyframe = f->camera_from_world;
+}
+
+// The first frame: the world is where it stands, turned so that z is up.
+static void begin(struct sweep_tracker *t, struct map_frame *f, const uint16_t *depth)
+{
+    bool floor;
+    struct pnp_solution fit;
+    f->camera_from_world = POSE_IDENTITY;
+    f->placed = true;
+    if (!t->map.has_depth || !depth) { // then a tag that is seen clearly is the world
+        const struct lens *lens = &t->map.calibration.color;
+        if (!f->seen_count)
+            return;
+        struct pnp_tag tag = {.seen = &f->seen[0],
+                              .world_from_tag = POSE_IDENTITY,
+                              .side_m = t->map.tags[f->tag_index[0]].side_m,
+                              .map_px = MAP_TAG_PX,
+                              .used = true};
+        const struct pose_problem problem = {.tags = &tag, .tag_count = 1, .fx = lens->fx, .fy = lens->fy};
+        if (pnp_solve(&problem, TAG_RMS_PX, &fit) != OK)
+            return;
+        t->map.tags[f->tag_index[0]].mapped = true;
+        t->map.tags[f->tag_index[0]].world_from_tag = POSE_IDENTITY;
+        f->camera_from_world = fit.camera_from_world;
+    } else {
+        f->depth =
+            malloc((size_t)t->map.calibration.depth.width * (size_t)t->map.calibration.depth.height * sizeof *f->depth);
+        if (!f->depth)
+            return;
+        memcpy(f->depth, depth,
+               (size_t)t->map.calibration.depth.width * (size_t)t->map.calibration.depth.height * sizeof *f->depth);
+    }
+    // Tags that are not placed yet say nothing of up.
+    const int32_t tags = t->map.tag_count;
+    t->map.tag_count = f->depth ? 0 : tags;
+    t->begun = map_align_gravity(&t->map, &floor) == OK;
+    t->map.tag_count = tags;
+    free(f->depth);
+    f->depth = NULL;
+    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    const struct vec3 ahead = quat_rotate(world_from_camera.rotation, v3(0, 0, 1));
+    t->plan.middle_x = world_from_camera.translation.x + ahead.x; // most of the room is ahead
+    t->plan.middle_y = world_from_camera.translation.y + ahead.y;
+}
+
+// ---------------------------------------------------------------- the pose
+
+static bool refine(struct sweep_tracker *t, struct map_frame *f, struct pose guess)
+{
+    struct pnp_tag tags[PNP_MAX_TAGS];
+    int agree = 0;
+    const int tag_count = map_tag_correspondences(&t->map, f, tags);
+    const struct match_query query = map_match_query(&t->map, &t->scratch, tags, tag_count);
+    if (!landmarks_refine_pose(&query, NULL, &guess, t->scratch.matches, MAP_MAX_FEATURES, &agree) || agree < MIN_AGREE)
+        return false;
+    f->camera_from_world = guess;
+    map_assign_matches(f, &t->scratch, agree);
+    return true;
+}
+
+// By the tags alone; of two poses the one that continues the last.
+static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struct pose *out)
+{
+    struct pnp_tag tags[PNP_MAX_TAGS];
+    struct pnp_solution fit;
+    const struct lens *lens = &t->map.calibration.color;
+    const int count = map_tag_correspondences(&t->map, f, tags);
+    const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+    const enum status status = count ? pnp_solve(&problem, TAG_RMS_PX, &fit) : NOTHING;
+    if (status != OK && status != AMBIGUOUS)
+        return false;
+    *out = fit.camera_from_world;
+    if (status == AMBIGUOUS && t->has_last && pose_angle(fit.other, t->last) < pose_angle(*out, t->last))
+        *out = fit.other;
+    return status == OK || t->has_last;
+}
+
+static bool locate(struct sweep_tracker *t, struct map_frame *f)
+{
+    struct pose guess, by_tags;
+    map_index_features(&t->scratch, &t->map, f);
+    if (t->has_last && !t->lost) {
+        guess = t->last;
+        if (t->has_before) // as it moved before
+            guess = pose_multiply(pose_multiply(t->last, pose_inverse(t->before)), t->last);
+        if (refine(t, f, guess) || refine(t, f, t->last))
+            return true;
+    }
+    if (solve_tags(t, f, &by_tags)) {
+        if (!refine(t, f, by_tags))
+            f->camera_from_world = by_tags;
+        return true;
+    }
+    if (t->lost % RELOCALIZE_EVERY)
+        return false;
+    int agree;
+    const struct match_query query = map_match_query(&t->map, &t->scratch, NULL, 0);
+    const int count = relocalize_match(&query, t->scratch.matches, MAP_MAX_FEATURES);
+    return relocalize(&query, t->scratch.matches, count, NULL, &guess, &agree) && refine(t, f, guess);
+}
+
+// How far a point of the room moves in the picture while it is exposed.
+static void judge_speed(struct sweep_tracker *t, const struct map_frame *f)
+{
+    const double passed_s = (double)(f->time_ns - t->last_ns) * 1e-9;
+    if (!t->has_last || t->lost || !(passed_s > 0)) {
+        t->fast_since_ns = 0;
+        return;
+    }
+    const struct pose a = pose_inverse(t->last), b = pose_inverse(f->camera_from_world);
+    const double moved = pose_angle(a, b) + v3_distance(a.translation, b.translation) / FAR_M;
+    const bool fast = moved / passed_s * EXPOSURE_S * t->map.calibration.color.fx > BLUR_PX;
+    t->fast_since_ns = !fast ? 0 : t->fast_since_ns ? t->fast_since_ns : f->time_ns;
+    t->too_fast = fast && (double)(f->time_ns - t->fast_since_ns) * 1e-9 >= FAST_S;
+}
+
+static void follow(struct sweep_tracker *t, struct map_frame *f, const uint16_t *depth)
+{
+    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    judge_speed(t, f);
+    f->placed = true;
+    place_tags(t, f);
+    const struct pose keyframe = pose_inverse(t->keyframe);
+    if (v3_distance(keyframe.translation, world_from_camera.translation) > STEP_M ||
+        pose_angle(keyframe, world_from_camera) > STEP_RAD || !t->has_last)
+        add_landmarks(t, f);
+    if (depth && t->map.has_depth)
+        sweep_plan_add_depth(&t->plan, &t->map.calibration.depth, depth, world_from_camera);
+    sweep_plan_move(&t->plan, &world_from_camera);
+    if (t->plan.frames_located % BARE_EVERY == 0)
+        sweep_plan_find_bare(&t->plan);
+    t->has_before = t->has_last && !t->lost;
+    t->before = t->last;
+    t->last = f->camera_from_world;
+    t->last_ns = f->time_ns;
+    t->has_last = true;
+    t->lost = 0;
+}
+
+void sweep_tracker_add(struct sweep_tracker *t, const struct map_frame *observed, const uint16_t *depth)
+{
+    struct map_frame *f = present_frame(t, observed);
+    if (!f)
+        return;
+    for (int32_t k = 0; k < f->seen_count; k++)
+        sweep_plan_set_tag(&t->plan, t->map.tags[f->tag_index[k]].id, true, NULL, 0);
+    bool found = false;
+    if (!t->begun) {
+        begin(t, f, depth);
+        found = t->begun;
+    } else {
+        found = locate(t, f);
+    }
+    if (found) {
+        follow(t, f, depth);
+    } else {
+        sweep_plan_move(&t->plan, NULL);
+        t->lost++;
+        t->too_fast = t->fast_since_ns != 0;
+    }
+    forget_borrowed(f);
+}
+
+// ---------------------------------------------------------------- what to do next
+
+// Where a place is, for the person who holds the sensor.
+static const char *direction_of(const struct sweep_plan *p, double x, double y)
+{
+    static const double PI = 3.14159265358979323846;
+    if (!p->located)
+        return "marked in the plan";
+    double turn = atan2(y - p->y, x - p->x) - p->heading_rad;
+    turn -= 2 * PI * floor((turn + PI) / (2 * PI));
+    return fabs(turn) < 0.6        ? "ahead"
+           : fabs(turn) > 0.8 * PI ? "behind you"
+           : turn > 0              ? "to your left"
+                                   : "to your right";
+}
+
+static enum sweep_hint hint_of(const struct sweep_tracker *t, const struct mapper_progress *progress)
+{
+    if (!t->has_last)
+        return SWEEP_LOOKING;
+    if (t->lost >= LOST_FRAMES)
+        return SWEEP_LOST;
+    if (t->too_fast)
+        return SWEEP_SLOWER;
+    if (progress->apart_a >= 0)
+        return SWEEP_TOGETHER;
+    if (progress->first_unseen >= 0)
+        return SWEEP_MISSING;
+    return t->plan.bare_count ? SWEEP_BARE_PLACE : SWEEP_ENOUGH;
+}
+
+const struct sweep_plan *sweep_tracker_plan(struct sweep_tracker *t, const struct mapper_progress *progress)
+{
+    struct sweep_plan *p = &t->plan;
+    char *out = p->text;
+    const size_t most = sizeof p->text;
+    p->hint = hint_of(t, progress);
+    switch (p->hint) {
+    case SWEEP_LOOKING: snprintf(out, most, "nothing is recognised yet: show it something with print, or a tag"); break;
+    case SWEEP_SLOWER: snprintf(out, most, "slower: the picture is blurred"); break;
+    case SWEEP_LOST: snprintf(out, most, "lost: go back to what was seen before, then on more slowly"); break;
+    case SWEEP_TOGETHER:
+        snprintf(out, most, "%d of %d tags · show tag %d together with tag %d, or with what is between them",
+                 (int)progress->seen, (int)progress->listed, (int)progress->apart_a, (int)progress->apart_b);
+        break;
+    case SWEEP_MISSING:
+        snprintf(out, most, "%d of %d tags · tag %d is still missing", (int)progress->seen, (int)progress->listed,
+                 (int)progress->first_unseen);
+        break;
+    case SWEEP_BARE_PLACE:
+        snprintf(out, most, "a corner %s is bare: hang a tag there, or put something with print",
+                 direction_of(p, p->bare[0].x, p->bare[0].y));
+        break;
+    default:
+        if (progress->listed)
+            snprintf(out, most, "all %d tags are seen", (int)progress->listed);
+        else
+            snprintf(out, most, "move slowly, come back to where you began");
+    }
+    return p;
+}

@@ -1,0 +1,244 @@
+// See ros_robot.h. Nothing of libroscpp's is named outside this file but by the test's own robot.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
+extern "C" {
+#include "platform/jpeg.h"
+#include "platform/ros_robot.h"
+}
+#include "base/pixels.h"
+#pragma GCC diagnostic pop
+
+#ifdef REENACT_ROS
+#include <geometry_msgs/Twist.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+
+#include <cmath>
+#include <cstring>
+#include <new>
+#include <string>
+#include <vector>
+
+namespace
+{
+
+const char *const topic_names[ROS_IMAGE_TOPICS] = {"panorama", "depth_front", "depth_left", "depth_back",
+                                                   "depth_right"};
+constexpr double REACHED_S = 0.1; // for a last command to reach the socket, chosen by hand
+
+int64_t time_of(const ros::Time &t) { return static_cast<int64_t>(t.toNSec()); }
+
+// 32FC1: metres to millimetres; what is no distance is 0.
+uint16_t millimetres(const uint8_t *from)
+{
+    float m;
+    memcpy(&m, from, sizeof m);
+    return m > 0 && m < 65.5f ? static_cast<uint16_t>(std::lround(m * 1e3f)) : 0;
+}
+
+} // namespace
+
+struct ros_robot {
+    ros::CallbackQueue queue;
+    ros::NodeHandle node;
+    std::vector<ros::Subscriber> subscribers;
+    ros::Publisher commands;
+    const struct ros_receiver *to = nullptr; // while polling
+    std::vector<uint8_t> rgb;
+    std::vector<uint16_t> depth;
+    int64_t refused = 0;
+
+    ros_robot()
+    {
+        node.setCallbackQueue(&queue);
+        for (int i = 0; i < ROS_IMAGE_TOPICS; i++) {
+            const boost::function<void(const sensor_msgs::ImageConstPtr &)> on_image =
+                [this, i](const sensor_msgs::ImageConstPtr &m) { take(static_cast<enum ros_topic>(i), *m); };
+            subscribers.push_back(node.subscribe<sensor_msgs::Image>(topic_names[i], 1, on_image));
+        }
+        const boost::function<void(const sensor_msgs::CompressedImageConstPtr &)> on_jpeg =
+            [this](const sensor_msgs::CompressedImageConstPtr &m) { take_jpeg(*m); };
+        subscribers.push_back(node.subscribe<sensor_msgs::CompressedImage>("panorama/compressed", 1, on_jpeg));
+        const boost::function<void(const nav_msgs::OdometryConstPtr &)> on_odometry =
+            [this](const nav_msgs::OdometryConstPtr &m) { take_odometry(*m); };
+        subscribers.push_back(node.subscribe<nav_msgs::Odometry>("odom", 100, on_odometry));
+        commands = node.advertise<geometry_msgs::Twist>("cmd_vel", 1);
+    }
+
+    void refuse() { refused++; }
+
+    // Bytes of a pixel of an encoding that is understood; 0: none.
+    static size_t pixel_bytes(const sensor_msgs::Image &m, bool depth)
+    {
+        if (depth)
+            return m.is_bigendian                                    ? 0
+                   : m.encoding == "16UC1" || m.encoding == "mono16" ? 2
+                   : m.encoding == "32FC1"                           ? 4
+                                                                     : 0;
+        return m.encoding == "rgb8" || m.encoding == "bgr8"     ? 3
+               : m.encoding == "rgba8" || m.encoding == "bgra8" ? 4
+                                                                : 0;
+    }
+
+    void take(enum ros_topic topic, const sensor_msgs::Image &m)
+    {
+        const bool is_depth = topic != ROS_PANORAMA;
+        const size_t bytes = pixel_bytes(m, is_depth), width = m.width, height = m.height;
+        if (!to || !bytes || !image_size_is_usable(m.width, m.height) || m.step < width * bytes ||
+            m.data.size() < (height - 1) * m.step + width * bytes)
+            return refuse();
+        struct ros_image out = {
+            topic, time_of(m.header.stamp), static_cast<int>(width), static_cast<int>(height), nullptr, nullptr};
+        if (is_depth) {
+            depth.resize(width * height);
+            for (size_t v = 0; v < height; v++)
+                for (size_t u = 0; u < width; u++) {
+                    const uint8_t *from = &m.data[v * m.step + u * bytes];
+                    depth[v * width + u] =
+                        bytes == 4 ? millimetres(from) : static_cast<uint16_t>(from[0] | from[1] << 8);
+                }
+            out.depth = depth.data();
+        } else {
+            const bool bgr = m.encoding[0] == 'b';
+            const enum packed_order order =
+                bytes == 3 ? (bgr ? PACKED_BGR : PACKED_RGB) : (bgr ? PACKED_BGRX : PACKED_RGBX);
+            rgb.resize(width * height * 3);
+            pixels_from_packed(m.data.data(), m.step, order, out.width, out.height, rgb.data());
+            out.rgb = rgb.data();
+        }
+        to->image(to->self, &out);
+    }
+
+    void take_jpeg(const sensor_msgs::CompressedImage &m)
+    {
+        struct ros_image out = {ROS_PANORAMA, time_of(m.header.stamp), 0, 0, nullptr, nullptr};
+        if (!to || jpeg_size(m.data.data(), m.data.size(), &out.width, &out.height) != OK)
+            return refuse();
+        rgb.resize(static_cast<size_t>(out.width) * static_cast<size_t>(out.height) * 3);
+        if (jpeg_decode(m.data.data(), m.data.size(), rgb.data(), out.width, out.height) != OK)
+            return refuse();
+        out.rgb = rgb.data();
+        to->image(to->self, &out);
+    }
+
+    void take_odometry(const nav_msgs::Odometry &m)
+    {
+        const auto &p = m.pose.pose.position;
+        const auto &q = m.pose.pose.orientation;
+        const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+        const struct pose pose = {{q.x / length, q.y / length, q.z / length, q.w / length}, {p.x, p.y, p.z}};
+        if (!to || !(std::fabs(length - 1) < 0.01) || !v3_finite(pose.translation))
+            return refuse();
+        to->odometry(to->self, time_of(m.header.stamp), &pose);
+    }
+};
+
+namespace
+{
+
+enum status rename(ros::M_string &names, const char *const *remap)
+{
+    for (; remap && *remap; remap++) {
+        const char *colon = strstr(*remap, ":=");
+        if (!colon || colon == *remap || !colon[2])
+            return fail(ERR_INPUT, "'%s' renames no topic; give FROM:=TO", *remap);
+        names[std::string(*remap, colon)] = colon + 2;
+    }
+    return OK;
+}
+
+enum status open_robot(struct ros_robot **out, const char *master, const char *const *remap)
+{
+    ros::M_string names;
+    const enum status status = rename(names, remap);
+    if (status != OK)
+        return status;
+    if (*master)
+        names["__master"] = master;
+    ros::init(names, "reenact_drive",
+              ros::init_options::NoSigintHandler | ros::init_options::AnonymousName | ros::init_options::NoRosout);
+    if (!ros::master::check())
+        return fail(ERR_IO, "no ROS master answers at %s; is roscore running there?", ros::master::getURI().c_str());
+    ros::master::setRetryTimeout(ros::WallDuration(2));
+    *out = new ros_robot;
+    return OK;
+}
+
+} // namespace
+
+bool ros_robot_available(void) { return true; }
+
+enum status ros_robot_open(struct ros_robot **out, const char *master, const char *const *remap)
+{
+    *out = nullptr;
+    try {
+        return open_robot(out, master, remap);
+    } catch (const std::bad_alloc &) {
+        return fail(ERR_MEMORY, "out of memory");
+    } catch (const std::exception &e) {
+        return fail(ERR_INPUT, "ROS: %s", e.what());
+    }
+}
+
+void ros_robot_close(struct ros_robot **r)
+{
+    if (!*r)
+        return;
+    try {
+        ros::WallDuration(REACHED_S).sleep();
+        delete *r;
+        ros::shutdown();
+    } catch (const std::exception &) { // there is nothing left to do about it
+    }
+    *r = nullptr;
+}
+
+enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to)
+{
+    try {
+        r->to = to;
+        r->queue.callAvailable(ros::WallDuration(0));
+        r->to = nullptr;
+        return ros::ok() ? OK : fail(ERR_IO, "the ROS node was shut down from outside");
+    } catch (const std::bad_alloc &) {
+        r->to = nullptr;
+        return fail(ERR_MEMORY, "out of memory");
+    } catch (const std::exception &e) {
+        r->to = nullptr;
+        return fail(ERR_IO, "ROS: %s", e.what());
+    }
+}
+
+void ros_robot_command(struct ros_robot *r, double speed, double turn_rate)
+{
+    try {
+        geometry_msgs::Twist twist;
+        twist.linear.x = speed;
+        twist.angular.z = turn_rate;
+        r->commands.publish(twist);
+    } catch (const std::exception &) { // the next one follows; without any the robot stops
+    }
+}
+
+int64_t ros_robot_refused(const struct ros_robot *r) { return r->refused; }
+
+#else
+
+bool ros_robot_available(void) { return false; }
+
+enum status ros_robot_open(struct ros_robot **out, const char *, const char *const *)
+{
+    *out = nullptr;
+    return fail(ERR_INPUT, "this program was built without ROS: install libroscpp-dev, libsensor-msgs-dev, "
+                           "libnav-msgs-dev and libgeometry-msgs-dev, and build again");
+}
+
+void ros_robot_close(struct ros_robot **r) { *r = nullptr; }
+enum status ros_robot_poll(struct ros_robot *, const struct ros_receiver *) { return OK; }
+void ros_robot_command(struct ros_robot *, double, double) {}
+int64_t ros_robot_refused(const struct ros_robot *) { return 0; }
+
+#endif

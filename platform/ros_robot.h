@@ -1,0 +1,51 @@
+// A robot's topics on a ROS master (Debian's libroscpp): its colour and depth images and its odometry in, its commands
+// out. An optional part of the build: without the library ros_robot_open says so.
+//
+//   in   panorama, panorama/compressed                     sensor_msgs/Image, CompressedImage (JPEG)
+//        depth_front, depth_left, depth_back, depth_right  sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m)
+//        odom                                              nav_msgs/Odometry
+//   out  cmd_vel                                           geometry_msgs/Twist: linear.x m/s, angular.z rad/s
+//
+// Of images that wait only the newest of a topic is kept. One in a process at a time, and after ros_robot_close none
+// can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets; one thread calls, and
+// the receivers are called by it inside ros_robot_poll.
+#pragma once
+#include "base/geometry.h"
+
+enum ros_topic { ROS_PANORAMA, ROS_DEPTH_FRONT, ROS_DEPTH_LEFT, ROS_DEPTH_BACK, ROS_DEPTH_RIGHT, ROS_IMAGE_TOPICS };
+
+struct ros_image {
+    enum ros_topic topic;
+    int64_t time_ns; // of the exposure, by the robot's clock
+    int width, height;
+    // Rows without padding, for the time of the call only. One of them is NULL.
+    const uint8_t *rgb;
+    const uint16_t *depth; // millimetres, 0 = no reading
+};
+
+struct ros_receiver {
+    void *self;
+    void (*image)(void *self, const struct ros_image *image);
+    // By the robot's clock; world_from_body by the wheels.
+    void (*odometry)(void *self, int64_t time_ns, const struct pose *world_from_body);
+};
+
+struct ros_robot;
+
+// False: this program was built without libroscpp.
+bool ros_robot_available(void);
+
+// master: "http://HOST:PORT"; "": $ROS_MASTER_URI, else this machine's port 11311. remap: NULL, or "FROM:=TO" strings,
+// the last NULL, that rename topics as on any ROS node's command line. ERR_INPUT: built without libroscpp, no address,
+// or no such renaming. ERR_IO: no master answers there. ERR_MEMORY. *out is then NULL.
+MUST_CHECK enum status ros_robot_open(struct ros_robot **out, const char *master, const char *const *remap);
+void ros_robot_close(struct ros_robot **r); // NULL is fine. Commands that were given reach the socket first
+
+// Hands over what has arrived; does not wait. Messages that are damaged or of another encoding are counted and left
+// out. ERR_IO: the node was shut down from outside. ERR_MEMORY.
+MUST_CHECK enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to);
+
+// speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known.
+void ros_robot_command(struct ros_robot *r, double speed, double turn_rate);
+
+int64_t ros_robot_refused(const struct ros_robot *r); // messages left out

@@ -1,0 +1,126 @@
+// What an attempt is judged by: the actor as recorded, or mirrored.
+#include "tests/support/test.h"
+
+#include "app/live/live_attempt.h"
+#include "base/clock.h"
+#include "compare/live_judge.h"
+#include "tests/support/exercise.h"
+
+static struct rng rng = {5};
+
+static struct exercise exercise_of(bool mirrored)
+{
+    struct exercise e = exercise_default();
+    e.seconds = 3;
+    e.mirrored = mirrored;
+    return e;
+}
+
+static struct joint_samples samples_of(bool mirrored)
+{
+    const struct exercise e = exercise_of(mirrored);
+    struct joint_samples s;
+    exercise_samples(&e, &rng, &s);
+    return s;
+}
+
+// The actor's movement, in which the right arm does more than the left, and its mirror image.
+struct reference {
+    struct movement plain, mirrored;
+};
+
+static struct reference open_reference(void)
+{
+    struct reference r;
+    struct joint_samples s = samples_of(false);
+    EXPECT_STATUS(movement_from_samples(&s, &r.plain), OK);
+    EXPECT_STATUS(movement_mirror(&r.plain, &r.mirrored), OK);
+    joint_samples_free(&s);
+    return r;
+}
+
+static void close_reference(struct reference *r)
+{
+    movement_free(&r->plain);
+    movement_free(&r->mirrored);
+}
+
+static int frames_different(struct live_judge *j, const struct movement *person)
+{
+    int different = 0;
+    for (int32_t f = 0; f < person->count; f++) {
+        struct part_difference parts[PART_COUNT];
+        int32_t at;
+        live_judge_frame(j, &person->frames[f], &at, parts);
+        different += parts[PART_RIGHT_UPPER_ARM].verdict == VERDICT_DIFFERENT;
+    }
+    return different;
+}
+
+static void test_frames_are_judged_by_the_mirrored_actor(void **state)
+{
+    (void)state;
+    struct reference r = open_reference();
+    struct joint_samples s = samples_of(true);
+    struct movement person;
+    struct live_judge *j;
+    EXPECT_STATUS(movement_from_samples(&s, &person), OK);
+    EXPECT_STATUS(live_judge_open(&j, &r.plain), OK);
+    const int by_plain = frames_different(j, &person);
+    live_judge_set_reference(j, &r.mirrored);
+    const int by_mirrored = frames_different(j, &person);
+    live_judge_set_reference(j, &r.plain);
+    const int again = frames_different(j, &person);
+    print_message("the right arm differs in %d of %d frames, in %d by the mirrored actor\n", by_plain, person.count,
+                  by_mirrored);
+    EXPECT_AT_LEAST(by_plain, person.count / 4);
+    EXPECT_INT(by_mirrored, 0);
+    EXPECT_INT(again, by_plain);
+    live_judge_close(&j);
+    movement_free(&person);
+    joint_samples_free(&s);
+    close_reference(&r);
+}
+
+static struct live_attempt judge(const struct movement *reference, bool mirrored, bool person_mirrored)
+{
+    struct joint_samples s = samples_of(person_mirrored);
+    struct attempt_judge *j;
+    struct live_attempt a;
+    const struct attempt_task task = {
+        .reference = reference, .mirrored = mirrored, .first = 0, .end = reference->count, .number = 1};
+    EXPECT_STATUS(attempt_judge_start(&j, &task, &s), OK);
+    while (!attempt_judge_finished(j, &a))
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    attempt_judge_close(&j);
+    EXPECT_TRUE(a.compared);
+    EXPECT_INT(a.mirrored, mirrored);
+    return a;
+}
+
+static void test_attempts_are_judged_by_the_mirrored_actor(void **state)
+{
+    (void)state;
+    struct reference r = open_reference();
+    struct live_attempt a = judge(&r.mirrored, true, true);
+    EXPECT_NEAR(a.comparison.score, 100, 0.01);
+    EXPECT_TRUE(!a.comparison.mirrored); // as asked for, so it is no finding
+    EXPECT_INT(a.comparison.finding_count, 0);
+    live_attempt_free(&a);
+    a = judge(&r.plain, false, true); // the other side was used
+    EXPECT_TRUE(a.comparison.mirrored);
+    live_attempt_free(&a);
+    a = judge(&r.mirrored, true, false); // and so it was here
+    EXPECT_TRUE(a.comparison.mirrored);
+    live_attempt_free(&a);
+    close_reference(&r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_frames_are_judged_by_the_mirrored_actor),
+        cmocka_unit_test(test_attempts_are_judged_by_the_mirrored_actor),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

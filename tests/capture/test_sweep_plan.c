@@ -1,0 +1,228 @@
+// The plan of a room while it is swept: against the synthetic room's truth; its hints; that the map is the same with
+// it.
+//
+//     test_sweep_plan      the tests
+//     test_sweep_plan N    with the whole sweep in N images
+#include "capture/mapping/map_advice.h"
+#include "capture/mapping/mapper.h"
+
+#include "base/clock.h"
+#include "tests/support/test.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static int sweep_frames = 40;
+static double sweep_s = 5;
+
+struct sweep {
+    struct world *world;
+    struct calibration calibration;
+    struct mapper_tag tags[32];
+    int32_t tag_count;
+    const struct place_tag *truth;
+    uint8_t *color;
+    uint16_t *depth;
+};
+
+static void sweep_open(struct sweep *s)
+{
+    struct world_options o = world_default_options();
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&s->world, &o), OK);
+    s->calibration = world_calibration(1);
+    s->truth = world_tags(s->world, &s->tag_count);
+    for (int32_t i = 0; i < s->tag_count; i++)
+        s->tags[i] = (struct mapper_tag){s->truth[i].id, s->truth[i].side_m};
+    const size_t pixels = (size_t)s->calibration.color.width * (size_t)s->calibration.color.height;
+    s->color = malloc(3 * pixels);
+    s->depth = malloc(pixels * sizeof *s->depth);
+}
+
+static void sweep_close(struct sweep *s)
+{
+    free(s->color);
+    free(s->depth);
+    world_close(&s->world);
+}
+
+static void shoot(struct sweep *s, double time_s, uint64_t seed)
+{
+    const struct world_shot shot = {s->calibration.color, world_sweep_pose(s->world, time_s), 0, false};
+    EXPECT_STATUS(world_render(s->world, &shot, &(struct world_image){.color = s->color, .depth = s->depth}), OK);
+    EXPECT_STATUS(world_depth_noise(&s->calibration.color, s->depth, seed, s->depth), OK);
+}
+
+static void add(struct sweep *s, struct mapper *m, double time_s)
+{
+    const struct frame frame = {.time_ns = (int64_t)(time_s * 1e9) + 1, .color = s->color, .depth = s->depth};
+    EXPECT_STATUS(mapper_add(m, &frame), OK);
+}
+
+// The greatest error of the placed tags on the floor, after the best rigid motion in the plane.
+static double plan_error(const struct sweep_plan *p, const struct sweep *s, int *placed)
+{
+    double ax = 0, ay = 0, bx = 0, by = 0, cosine = 0, sine = 0, worst = 0;
+    *placed = 0;
+    for (int pass = 0; pass < 3; pass++)
+        for (int i = 0; i < p->tag_count; i++) {
+            const struct sweep_tag *t = &p->tag[i];
+            const struct place_tag *same = s->truth;
+            while (same->id != t->id)
+                same++;
+            const struct vec3 at = same->world_from_tag.translation;
+            if (!t->placed)
+                continue;
+            if (pass == 0) {
+                ++*placed;
+                ax += t->x;
+                ay += t->y;
+                bx += at.x;
+                by += at.y;
+                continue;
+            }
+            const double n = *placed, u = t->x - ax / n, v = t->y - ay / n, x = at.x - bx / n, y = at.y - by / n;
+            if (pass == 1) {
+                cosine += u * x + v * y;
+                sine += u * y - v * x;
+            } else {
+                const double r = hypot(cosine, sine), c = cosine / r, d = sine / r;
+                worst = fmax(worst, hypot(c * u - d * v - x, d * u + c * v - y));
+            }
+        }
+    return worst;
+}
+
+static bool same_place(const struct place *a, const struct place *b)
+{
+    bool same = a->tag_count == b->tag_count && a->point_count == b->point_count;
+    for (int32_t i = 0; same && i < a->tag_count; i++)
+        same = !memcmp(&a->tags[i].world_from_tag, &b->tags[i].world_from_tag, sizeof a->tags[i].world_from_tag);
+    return same;
+}
+
+static void test_the_plan_of_a_sweep(void **state)
+{
+    (void)state;
+    struct sweep s;
+    struct mapper *m, *plain;
+    struct place place, same;
+    struct mapper_report report;
+    struct mapper_options options = mapper_default_options();
+    double with_ms = 0, without_ms = 0;
+    int placed;
+    sweep_open(&s);
+    EXPECT_STATUS(mapper_open(&plain, &s.calibration, s.tags, s.tag_count, &options), OK);
+    options.plan = true;
+    EXPECT_STATUS(mapper_open(&m, &s.calibration, s.tags, s.tag_count, &options), OK);
+    EXPECT_TRUE(mapper_plan(plain) == NULL);
+    for (int i = 0; i < sweep_frames; i++) {
+        const double time_s = sweep_s * i / sweep_frames;
+        shoot(&s, time_s, (uint64_t)i + 1);
+        int64_t begun = clock_cpu_ns();
+        add(&s, m, time_s);
+        with_ms += (double)(clock_cpu_ns() - begun) * 1e-6;
+        begun = clock_cpu_ns();
+        add(&s, plain, time_s);
+        without_ms += (double)(clock_cpu_ns() - begun) * 1e-6;
+        if (i % 10 == 9)
+            printf("%2d: %s\n", i, mapper_plan(m)->text);
+    }
+    const struct sweep_plan *p = mapper_plan(m);
+    const double error_m = plan_error(p, &s, &placed);
+    printf("%d of %d images located, %d of %d tags placed, at most %.0f mm off; %.1f ms an image\n", p->frames_located,
+           p->frames, placed, (int)s.tag_count, error_m * 1e3, (with_ms - without_ms) / sweep_frames);
+    EXPECT_AT_LEAST(p->frames_located, 0.8 * p->frames);
+    EXPECT_AT_LEAST(placed, 0.8 * p->tags_seen);
+    EXPECT_AT_MOST(error_m, 0.25);
+    EXPECT_AT_LEAST(sweep_plan_recognisable(p), 0.5);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    EXPECT_STATUS(mapper_finish(plain, &same, &report), OK);
+    EXPECT_TRUE(same_place(&place, &same));
+    static struct sweep_plan final;
+    struct map_advice advice;
+    sweep_plan_of_place(&place, &final);
+    map_advise(&place, &report, 0, &advice);
+    const double final_m = plan_error(&final, &s, &placed);
+    printf("the map: %s; tags at most %.1f mm off, %.0f %% recognisable, %d bare\n", advice.summary, final_m * 1e3,
+           100 * sweep_plan_recognisable(&final), final.bare_count);
+    EXPECT_AT_MOST(final_m, 0.02);
+    place_free(&place);
+    place_free(&same);
+    mapper_close(&m);
+    mapper_close(&plain);
+    sweep_close(&s);
+}
+
+// What is said when the sweep goes wrong.
+static void test_hints(void **state)
+{
+    (void)state;
+    struct sweep s;
+    struct mapper *m;
+    struct mapper_options options = mapper_default_options();
+    bool slower = false, lost = false, missing = false;
+    options.plan = true;
+    sweep_open(&s);
+    EXPECT_STATUS(mapper_open(&m, &s.calibration, s.tags, s.tag_count, &options), OK);
+    EXPECT_INT(mapper_plan(m)->hint, SWEEP_LOOKING);
+    for (int i = 0; i < 44; i++) { // slowly, then three times as fast, then something black before it
+        const double at_s = i < 10 ? i * 0.2 : 2 + (i - 10) * 0.2;
+        shoot(&s, fmin(at_s, 7), (uint64_t)i + 1);
+        if (i >= 28) {
+            memset(s.color, 0, 3 * 640 * 480);
+            memset(s.depth, 0, 2 * 640 * 480);
+        }
+        add(&s, m, i < 10 ? i * 0.2 : 2 + (i - 10) * 0.06);
+        const struct sweep_plan *p = mapper_plan(m);
+        missing |= p->hint == SWEEP_MISSING || p->hint == SWEEP_TOGETHER;
+        slower |= p->hint == SWEEP_SLOWER && i >= 10;
+        lost |= p->hint == SWEEP_LOST && i >= 28;
+        if (i % 4 == 3)
+            printf("%2d: %s\n", i, p->text);
+    }
+    EXPECT_TRUE(missing);
+    EXPECT_TRUE(slower);
+    EXPECT_TRUE(lost);
+    mapper_close(&m);
+    sweep_close(&s);
+}
+
+// A wall two metres wide, half of it with landmarks.
+static void test_bare_places(void **state)
+{
+    (void)state;
+    static struct sweep_plan p;
+    sweep_plan_start(&p, 1, 1);
+    for (int i = 0; i < 400; i++) {
+        struct sweep_cell *cell = sweep_plan_cell(&p, -2 + 0.01 * i, 3 + (i % 3) * 0.12);
+        cell->solid = 20;
+        if (i < 180 && i % 10 == 0)
+            sweep_plan_add_landmark(&p, v3(-2 + 0.01 * i, 3, 1));
+    }
+    sweep_plan_find_bare(&p);
+    printf("%d bare places, the first at %.2f, %.2f; %.0f %% recognisable\n", p.bare_count, p.bare[0].x, p.bare[0].y,
+           100 * sweep_plan_recognisable(&p));
+    EXPECT_TRUE(p.bare_count >= 1 && p.bare_count <= 2);
+    EXPECT_AT_LEAST(p.bare[0].x, 0.3);
+    EXPECT_NEAR(sweep_plan_recognisable(&p), 0.57, 0.1);
+    // A tag there, and nothing is bare.
+    sweep_plan_set_tag(&p, 3, true, &(struct vec3){0.7, 3, 1}, 0);
+    sweep_plan_set_tag(&p, 4, true, &(struct vec3){1.7, 3, 1}, 0);
+    sweep_plan_find_bare(&p);
+    EXPECT_INT(p.bare_count, 0);
+    EXPECT_TRUE(sweep_plan_cell(&p, 8, 0) == NULL && sweep_plan_cell(&p, NAN, 0) == NULL);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1) {
+        sweep_frames = atoi(argv[1]);
+        sweep_s = WORLD_SWEEP_S;
+    }
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_bare_places), cmocka_unit_test(test_hints),
+                                       cmocka_unit_test(test_the_plan_of_a_sweep)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,238 @@
+// Driving a ROS robot: a real master and a simulated robot on this machine. What it sees is captured and drawn, it goes
+// where it is sent, and a link lost on either side stops it. Skipped where ROS is not there.
+#include "tests/support/test.h"
+
+#include "base/clock.h"
+#include "platform/file.h"
+#include "reenact/surround/drive/drive_session.h"
+#include "tests/support/process.h"
+
+#include <arpa/inet.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define MASTER  "/usr/bin/rosmaster"
+#define TICK_NS 50000000
+enum { PATIENCE = 30 * 20 /* ticks: a busy machine is slow, not wrong */ };
+
+struct robot {
+    char folder[64], calibration[128], truth[128], uri[64];
+    pid_t master, rover;
+    struct drive_session session;
+    int64_t start_ns, ticks;
+    struct {
+        double seconds, x, y, heading, speed;
+        int touched;
+    } is;
+};
+
+static int free_port(void)
+{
+    struct sockaddr_in at = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof at;
+    const int s = socket(AF_INET, SOCK_STREAM, 0);
+    assert_int_equal(bind(s, (struct sockaddr *)&at, sizeof at), 0);
+    assert_int_equal(getsockname(s, (struct sockaddr *)&at, &size), 0);
+    close(s);
+    return ntohs(at.sin_port);
+}
+
+static bool answers(int port)
+{
+    const struct sockaddr_in at = {
+        .sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    const int s = socket(AF_INET, SOCK_STREAM, 0);
+    const bool good = connect(s, (const struct sockaddr *)&at, sizeof at) == 0;
+    close(s);
+    return good;
+}
+
+static bool read_truth(struct robot *r)
+{
+    FILE *from = fopen(r->truth, "r");
+    if (!from)
+        return false;
+    const int n = fscanf(from, "%lf %lf %lf %lf %lf %d", &r->is.seconds, &r->is.x, &r->is.y, &r->is.heading,
+                         &r->is.speed, &r->is.touched);
+    fclose(from);
+    return n == 6;
+}
+
+static void wait_a_tick(struct robot *r) { clock_sleep_until_ns(r->start_ns + ++r->ticks * TICK_NS); }
+
+// One step with a command (ahead below -9: none), real time.
+static void step(struct robot *r, double ahead)
+{
+    const struct drive_command command = {ahead, 0};
+    wait_a_tick(r);
+    assert_int_equal(drive_session_step(&r->session, r->ticks * TICK_NS, ahead < -9 ? NULL : &command), OK);
+    read_truth(r);
+}
+
+static void start(struct robot *r)
+{
+    char port[16];
+    const int number = free_port();
+    *r = (struct robot){.folder = "/tmp/ros-drive-XXXXXX"};
+    assert_non_null(mkdtemp(r->folder));
+    snprintf(r->calibration, sizeof r->calibration, "%s/calibration.json", r->folder);
+    snprintf(r->truth, sizeof r->truth, "%s/truth.txt", r->folder);
+    snprintf(r->uri, sizeof r->uri, "ros:http://127.0.0.1:%d", number);
+    snprintf(port, sizeof port, "%d", number);
+    setenv("ROS_MASTER_URI", r->uri + 4, 1);
+    setenv("ROS_IP", "127.0.0.1", 1);
+    setenv("ROS_HOME", r->folder, 1);
+    setenv("ROS_LOG_DIR", r->folder, 1);
+    r->master = process_start((const char *const[]){MASTER, "--core", "-p", port, NULL});
+    r->start_ns = clock_now_ns();
+    for (int i = 0; i < PATIENCE && !answers(number); i++)
+        wait_a_tick(r);
+    r->rover = process_start((const char *const[]){PROGRAM_DIR "/ros-rover", r->calibration, r->truth, NULL});
+    for (int i = 0; i < PATIENCE && !read_truth(r); i++)
+        wait_a_tick(r);
+    struct drive_options how = drive_default_options();
+    how.calibration = r->calibration;
+    how.threads = true;
+    how.patience_s = 1;
+    how.processor_clock = clock_cpu_ns;
+    const enum status status = drive_session_open(&r->session, r->uri, &how);
+    if (status != OK)
+        print_error("%s\n", status_message());
+    assert_int_equal(status, OK);
+    r->start_ns = clock_now_ns();
+    r->ticks = 0;
+}
+
+static void end(struct robot *r)
+{
+    kill(r->rover, SIGKILL);
+    kill(r->master, SIGKILL);
+    waitpid(r->rover, NULL, 0);
+    waitpid(r->master, NULL, 0);
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", r->folder);
+    assert_int_equal(system(command), 0);
+}
+
+// Drives on until the robot truly is at x, drawing now and then. A link lost on a busy machine asks for a 0 first.
+static void drive_to(struct robot *r, double x)
+{
+    const struct surround_view *view;
+    for (int i = 0; i < PATIENCE && r->is.x < x; i++) {
+        step(r, r->session.ros.stopped ? 0 : 0.3);
+        if (i % 8 == 0)
+            assert_int_equal(drive_session_draw(&r->session, &view), OK);
+    }
+    EXPECT_AT_LEAST(r->is.x, x);
+}
+
+static void wait_until_moving(struct robot *r, double ahead, bool moving)
+{
+    for (int i = 0; i < PATIENCE && (r->is.speed > 0) != moving; i++)
+        step(r, ahead);
+    EXPECT_INT(r->is.speed > 0, moving);
+}
+
+static void expect_pose(struct robot *r)
+{
+    for (int i = 0; i < 10; i++)
+        step(r, 0); // it stands
+    const struct pose believed = drive_session_pose(&r->session);
+    print_message("truly at %.3f, believed at %.3f, by the wheels %.3f; %d captures, alignment at most %.1f ms\n",
+                  r->is.x, believed.translation.x,
+                  r->session.ros.odometry[r->session.ros.odometry_count - 1].pose.translation.x,
+                  r->session.ros.surroundings.taken, (double)r->session.ros.surroundings.worst_align_ns * 1e-6);
+    EXPECT_NEAR(believed.translation.x, r->is.x, 0.03);
+    EXPECT_NEAR(believed.translation.y, r->is.y, 0.03);
+}
+
+static void expect_picture(struct robot *r)
+{
+    const struct surround_view *view;
+    for (int i = 0; i < PATIENCE && r->session.ros.surroundings.taken < 2; i++) {
+        step(r, 0);
+        assert_int_equal(drive_session_draw(&r->session, &view), OK);
+    }
+    assert_int_equal(drive_session_draw(&r->session, &view), OK);
+    int drawn = 0;
+    const int pixels = view->lens.width * view->lens.height;
+    for (int i = 0; i < pixels; i++)
+        drawn += view->source[i] == SOURCE_SEEN;
+    EXPECT_AT_LEAST(r->session.ros.surroundings.taken, 2);
+    EXPECT_AT_LEAST(drawn, 0.8 * pixels);
+    EXPECT_INT(ros_robot_refused(r->session.ros.link), 0);
+}
+
+// Nothing comes from the robot any more: that is said, and it is stopped until the hand has been off the stick.
+static void expect_link_watched(struct robot *r)
+{
+    kill(r->rover, SIGSTOP);
+    for (int i = 0; i < PATIENCE && !r->session.link_lost; i++)
+        step(r, 0.05);
+    EXPECT_TRUE(r->session.link_lost);
+    kill(r->rover, SIGCONT);
+    for (int i = 0; i < PATIENCE && r->session.link_lost; i++)
+        step(r, 0.05);
+    EXPECT_TRUE(!r->session.link_lost);
+    for (int i = 0; i < 30; i++) // longer than a command that was sent before can have effect
+        step(r, 0.05);
+    EXPECT_NEAR(r->is.speed, 0, 0);
+    step(r, 0);
+    wait_until_moving(r, 0.05, true);
+}
+
+static void test_a_ros_robot_is_driven(void **state)
+{
+    (void)state;
+    struct robot r;
+    if (!ros_robot_available() || access(MASTER, X_OK)) {
+        print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
+        skip();
+    }
+    start(&r);
+    for (int i = 0; i < PATIENCE && !r.session.ros.heard; i++)
+        step(&r, 0);
+    drive_to(&r, 0.7);
+    expect_pose(&r);
+    expect_picture(&r);
+    step(&r, 0);
+    wait_until_moving(&r, 0.05, true);
+    wait_until_moving(&r, -10, false); // no command: the robot's own watchdog
+    step(&r, 0);
+    wait_until_moving(&r, 0.05, true);
+    expect_link_watched(&r);
+    EXPECT_INT(r.is.touched, 0);
+    drive_session_close(&r.session); // its last command is a stop
+    for (int i = 0; i < PATIENCE && r.is.speed > 0; i++) {
+        wait_a_tick(&r);
+        read_truth(&r);
+    }
+    EXPECT_NEAR(r.is.speed, 0, 0);
+    end(&r);
+}
+
+static void test_what_is_missing_is_said(void **state)
+{
+    (void)state;
+    struct drive_session s;
+    struct drive_options how = drive_default_options();
+    assert_int_equal(drive_session_open(&s, "ros:", &how), ERR_INPUT);
+    assert_non_null(strstr(status_message(), "--calibration"));
+    struct ros_robot *robot;
+    if (!ros_robot_available()) {
+        assert_int_equal(ros_robot_open(&robot, "", NULL), ERR_INPUT);
+        assert_non_null(strstr(status_message(), "libroscpp"));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_what_is_missing_is_said),
+        cmocka_unit_test(test_a_ros_robot_is_driven),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,141 @@
+// What a user meets first: --help, -h and --version alike in every command, and what cmake --install puts where:
+// programs, man pages and completion, which are made from the same help.
+#include "tests/support/test.h"
+
+#include "platform/file.h"
+#include "tests/support/process.h"
+#include "tests/support/scratch.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { COMMANDS_MAX = 40 };
+
+static struct scratch scratch;
+
+// The commands that the program lists: "  reenact-capture map        film the empty place".
+static int commands_of(const char *program, char names[COMMANDS_MAX][32])
+{
+    const char *const path = !strcmp(program, "reenact") ? PROGRAM_DIR "/reenact" : PROGRAM_DIR "/reenact-capture";
+    const struct process_result said = PROCESS(path, "--help");
+    EXPECT_INT(said.exit_code, 0);
+    char format[64];
+    int count = 0;
+    snprintf(format, sizeof format, "  %s %%31[a-zA-Z]", program);
+    for (const char *at = said.out; at; at = strchr(at, '\n'), at += at != NULL)
+        if (count < COMMANDS_MAX && !strncmp(at, "  ", 2) && sscanf(at, format, names[count]) == 1)
+            count++;
+    return count;
+}
+
+static void check_command(const char *path, const char *command)
+{
+    const struct process_result help = PROCESS(path, command, "--help"), h = PROCESS(path, command, "-h");
+    const struct process_result version = PROCESS(path, command, "--version");
+    if (help.exit_code || h.exit_code || version.exit_code)
+        print_error("%s %s: --help %d, -h %d, --version %d\n", path, command, help.exit_code, h.exit_code,
+                    version.exit_code);
+    EXPECT_INT(help.exit_code || h.exit_code || version.exit_code, 0);
+    EXPECT_TRUE(!strcmp(help.out, h.out) && strstr(help.out, "Usage"));
+    const char *slash = strrchr(path, '/');
+    EXPECT_TRUE(!strncmp(version.out, slash + 1, strlen(slash + 1)) && strstr(version.out, " 0."));
+    EXPECT_TRUE(!*help.err && !*h.err && !*version.err);
+}
+
+static void test_help_and_version_are_alike(void **state)
+{
+    (void)state;
+    const char *const programs[] = {"reenact", "reenact-capture"};
+    for (size_t i = 0; i < COUNT_OF(programs); i++) {
+        char path[512], names[COMMANDS_MAX][32];
+        snprintf(path, sizeof path, "%s/%s", PROGRAM_DIR, programs[i]);
+        const int count = commands_of(programs[i], names);
+        EXPECT_AT_LEAST(count, 5);
+        for (int k = 0; k < count; k++)
+            check_command(path, names[k]);
+        const struct process_result version = PROCESS(path, "--version");
+        EXPECT_INT(version.exit_code, 0);
+        EXPECT_TRUE(!strncmp(version.out, programs[i], strlen(programs[i])));
+    }
+}
+
+static char *read_text(const char *path)
+{
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(path, &bytes, &count), OK);
+    return (char *)bytes;
+}
+
+// The words that bash would offer after `typed`.
+static struct process_result complete(const char *file, const char *program, const char *function, const char *typed)
+{
+    char script[1024];
+    snprintf(script, sizeof script,
+             "source %s; COMP_WORDS=(%s %s); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); "
+             "%s %s \"${COMP_WORDS[COMP_CWORD]}\"; echo \"${COMPREPLY[@]}\"",
+             file, program, typed, function, program);
+    return PROCESS("/usr/bin/bash", "-c", script);
+}
+
+static void test_what_is_installed(void **state)
+{
+    (void)state;
+    char prefix[300], path[512], names[COMMANDS_MAX][32];
+    snprintf(prefix, sizeof prefix, "%s", scratch_file(&scratch, "usr"));
+    struct process_result said = PROCESS(CMAKE, "--install", BUILD_DIR, "--prefix", prefix);
+    if (said.exit_code)
+        print_error("%s%s\n", said.out, said.err);
+    EXPECT_INT(said.exit_code, 0);
+    snprintf(path, sizeof path, "%s/bin/reenact-capture", prefix);
+    said = PROCESS(path, "--version");
+    EXPECT_INT(said.exit_code, 0);
+    snprintf(path, sizeof path, "%s/share/man/man1/reenact-capture.1", prefix);
+    char *page = read_text(path);
+    const int count = commands_of("reenact-capture", names);
+    for (int i = 0; i < count; i++) {
+        char section[64];
+        snprintf(section, sizeof section, ".SH \"REENACT-CAPTURE %.31s\"", names[i]);
+        if (!strstr(page, section))
+            print_error("the man page lacks %s\n", section);
+        EXPECT_TRUE(strstr(page, section));
+    }
+    EXPECT_TRUE(strstr(page, "no\\-body\\-points"));
+    free(page);
+    snprintf(path, sizeof path, "%s/share/bash-completion/completions/reenact-capture", prefix);
+    said = complete(path, "reenact-capture", "_reenact_capture", "re");
+    EXPECT_TRUE(strstr(said.out, "record") && strstr(said.out, "repair") && !strstr(said.out, "map"));
+    said = complete(path, "reenact-capture", "_reenact_capture", "record --no");
+    EXPECT_TRUE(strstr(said.out, "--no-body-points"));
+    snprintf(path, sizeof path, "%s/share/bash-completion/completions/reenact", prefix);
+    said = complete(path, "reenact", "_reenact", "film.reenact --full");
+    EXPECT_TRUE(strstr(said.out, "--fullscreen"));
+    said = complete(path, "reenact", "_reenact", "render film.reenact --det");
+    EXPECT_TRUE(strstr(said.out, "--detail"));
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    scratch = scratch_make();
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    scratch_remove(&scratch);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_help_and_version_are_alike),
+#ifndef EMULATED
+        cmocka_unit_test(test_what_is_installed),
+#endif
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
