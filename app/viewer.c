@@ -267,6 +267,8 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         next_ns = now_ns + POLL_NS;
     if (s->page == PAGE_WATCH && v->take_view && !take_view_final(v->take_view))
         next_ns = now_ns;
+    if (s->page == PAGE_WATCH && s->sheet == SHEET_CARD)
+        next_ns = now_ns; // the thing turns
     if (v->camera_unneeded_ns && !v->camera_rests && v->camera_unneeded_ns + REST_NS < next_ns)
         next_ns = v->camera_unneeded_ns + REST_NS;
     return sticks || cards_left ? now_ns : next_ns;

@@ -168,6 +168,9 @@ void viewer_room_update(struct viewer *v, int64_t now_ns)
         return;
     if ((viewer_room_wants_filmed(v) || s->room.map) && start_worker(v) != OK)
         v->state.room.filmed = false; // without memory for a thread there is no room
+    int views;
+    if (v->room.worker && room_worker_idle(v->room.worker, &views) && !views)
+        v->state.room.has_views = false;
     const struct room_picture *p = v->room.worker ? room_worker_latest(v->room.worker) : NULL;
     if (p && viewer_room_wants_filmed(v) && p->number != v->room.seen_number) {
         v->room.seen_number = p->number;

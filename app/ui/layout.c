@@ -28,13 +28,16 @@ static struct ui_box sheet_box(const struct layout *l, const struct view_state *
     return (struct ui_box){right - w, l->panel.y - GAP - h, w, h};
 }
 
-// In the lower left corner, or above the panel where that extends there; beside a sheet.
+// In the lower left corner, or above the panel where that extends there; beside a sheet. On a wide screen with a map it
+// is over the map.
 static struct ui_box frame_graph_box(const struct layout *l, const struct view_state *s, double width, double height)
 {
-    const bool beside = l->wide && l->panel.x > GRAPH_W + 2 * MARGIN;
+    const bool on_map = l->wide && l->map.w > 0;
+    const bool beside = l->wide && !on_map && l->panel.x > GRAPH_W + 2 * MARGIN;
+    const double left = on_map ? l->map.x + MARGIN : MARGIN;
     const double bottom = beside ? height - MARGIN : l->panel.y - GAP;
-    const double most = s->sheet != SHEET_NONE ? l->sheet.x - GAP - MARGIN : width - 2 * MARGIN;
-    return (struct ui_box){MARGIN, bottom - GRAPH_H, fmin(GRAPH_W, most), GRAPH_H};
+    const double most = s->sheet != SHEET_NONE ? l->sheet.x - GAP - left : width - MARGIN - left;
+    return (struct ui_box){left, bottom - GRAPH_H, fmin(GRAPH_W, most), GRAPH_H};
 }
 
 // Height of all cards; 0: there are none.
@@ -56,7 +59,9 @@ static struct ui_box free_when_wide(const struct layout *l, const struct view_st
 {
     const double bottom = l->panel.y - GAP;
     double left = cards > 0 ? l->cards.x + l->cards.w + GAP : MARGIN;
-    left = s->frame_graph && l->frame_graph.y < bottom ? fmax(left, l->frame_graph.x + l->frame_graph.w + GAP) : left;
+    left = s->frame_graph && l->frame_graph.y < bottom && l->frame_graph.x < l->picture.w
+               ? fmax(left, l->frame_graph.x + l->frame_graph.w + GAP)
+               : left;
     return box_between(left, fmin(s->sheet != SHEET_NONE ? l->sheet.x : l->shutter.x, l->shutter.x) - GAP, MARGIN,
                        bottom, l->picture.w);
 }

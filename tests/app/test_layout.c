@@ -9,7 +9,7 @@
 
 #include <math.h>
 
-enum { STATES = 3 * 16 };
+enum { SHEETS = 5, STATES = SHEETS * 16 * 2 };
 
 // Less where the CPU is emulated. SHARE: a screen's sides are those of a tablet divided by this.
 #ifdef EMULATED
@@ -18,15 +18,16 @@ enum { SHARE = 4, WAYS_UP = 1, SHOWN = 2 };
 enum { SHARE = 2, WAYS_UP = 2, SHOWN = 4 };
 #endif
 
-// State number n: each sheet, with and without the inset, the sources, the frame graph, and moving.
+// State number n: each sheet, with and without the inset, the sources, the frame graph, moving, and the map.
 static struct view_state state_number(int n)
 {
     struct view_state s = view_state_start(1, true, 0);
-    s.sheet = (enum view_sheet)(n % 3);
-    s.inset = n / 3 & 1;
-    s.sources = n / 3 & 2;
-    s.frame_graph = n / 3 & 4;
-    s.moving = n / 3 & 8;
+    s.sheet = (enum view_sheet)(n % SHEETS);
+    s.inset = n / SHEETS & 1;
+    s.sources = n / SHEETS & 2;
+    s.frame_graph = n / SHEETS & 4;
+    s.moving = n / SHEETS & 8;
+    s.room.map = n / SHEETS & 16;
     s.sheet = s.moving ? SHEET_NONE : s.sheet;
     return s;
 }
@@ -62,7 +63,10 @@ static void check_layout(double width, double height, int state)
     EXPECT_TRUE(!s.frame_graph || !sheet || !overlap(l.frame_graph, l.sheet));
     EXPECT_TRUE(!s.frame_graph || !overlap(l.frame_graph, l.panel));
     EXPECT_TRUE(!(s.inset || s.sources) || !overlap(l.free, cards));
-    EXPECT_AT_LEAST(fmin(l.free.w, l.free.h), 0.25 * fmin(width, height));
+    // Beside the map a picture has half the screen.
+    EXPECT_AT_LEAST(fmin(l.free.w, l.free.h), (s.room.map ? 0.1 : 0.25) * fmin(width, height));
+    EXPECT_TRUE(within(l.map, width, height) && !overlap(l.map, l.picture) && !overlap(l.free, l.map));
+    EXPECT_NEAR(l.picture.w * l.picture.h + l.map.w * l.map.h, width * height, 1);
 }
 
 static void test_free_area_is_not_covered(void **state)

@@ -91,8 +91,8 @@ static void test_commands_through_the_bent_passage_are_counted(void **state)
     struct simulated_rover rover;
     struct trial_result result;
     struct rover_options how = rover_default_options();
-    how.panorama_height = 96;
-    how.view = (struct lens){.width = 160, .height = 120, .fx = 100, .fy = 100, .cx = 79.5, .cy = 59.5};
+    how.panorama_height = 128;
+    how.view = (struct lens){.width = 240, .height = 180, .fx = 150, .fy = 150, .cx = 119.5, .cy = 89.5};
     rover_trial_world(2, &world, &start);
     assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
     assert_int_equal(drive_trial_run(&rover, TRIAL_MAP, &result), OK);

@@ -21,11 +21,12 @@
 // The map's viewpoint: from above, a little from behind.
 #define MAP_ELEVATION  1.4
 #define MAP_DISTANCE_M 5.0
-#define UNSEEN_COST    3.0 // of a step over unseen floor against one over seen floor
-#define DOUBTED_COST   10.0
+#define UNSEEN_COST    10.0 // of a step over unseen floor against one over seen floor
+#define DOUBTED_COST   5.0
 // Obstacles farther away than this are doubted: drawn depth there may be continued from what stands before it. Where
-// that leaves no way, only nearer ones are believed.
+// that leaves no way, or one that is DETOUR times as costly, only nearer ones are believed.
 static const double trust_m[] = {2, 1, 0.6};
+#define DETOUR 1.5
 enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, VOTES = 3, MOST_COMMANDS = 200 };
 
 struct driver {
@@ -240,10 +241,15 @@ static enum status go_on(struct driver *d, struct pose body, struct trial_result
 {
     double seen = 0;
     int corner = -1;
-    for (size_t i = 0; i < COUNT_OF(trust_m) && corner < 0; i++) {
-        mark_forbidden(d, body.translation, trust_m[i]);
+    const int here = cell_of(body.translation.x, body.translation.y);
+    double least = 0;
+    for (size_t n = 0; n <= COUNT_OF(trust_m) && corner < 0; n++) { // the least trust first, to know the shortest way
+        mark_forbidden(d, body.translation, trust_m[n ? n - 1 : COUNT_OF(trust_m) - 1]);
         find_ways(d);
-        corner = next_corner(d, body.translation, &seen);
+        const double cost = here < 0 ? 0 : d->cost[here];
+        if (n && (cost <= DETOUR * least || n == COUNT_OF(trust_m)))
+            corner = next_corner(d, body.translation, &seen);
+        least = n ? least : cost;
     }
     if (corner < 0)
         return NOTHING;
