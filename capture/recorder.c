@@ -421,7 +421,7 @@ static enum status read_all(struct recorder *r, struct source *source, const str
         if (status != OK)
             return status == NOTHING ? OK : status;
         if (options->on_read)
-            options->on_read(options->context, frame.time_ns);
+            options->on_read(options->context, &frame);
         wait_for_file(r, frame.time_ns, clock.frames - 1);
         status = hand_over(r, &frame, clock.after_pause, result);
         if (status != OK)

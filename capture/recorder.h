@@ -58,8 +58,8 @@ struct recorder_options {
     // For every frame tracked, on the recorder's processing thread, which it holds up: a millisecond at most. May be
     // NULL.
     void (*on_seen)(void *context, const struct recorder_seen *seen);
-    void (*on_read)(void *context,
-                    int64_t time_ns); // for every frame of the take, as the sensor delivers it; may be NULL
+    // For every frame of the take as soon as the sensor delivers it, on the caller's thread; may be NULL.
+    void (*on_read)(void *context, const struct frame *frame);
     void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
     bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)

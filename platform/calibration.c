@@ -296,6 +296,49 @@ enum status camera_lens_scale(struct lens *lens, int width, int height, const ch
     return OK;
 }
 
+enum status device_calibration_save(const char *id, const struct calibration *c)
+{
+    char path[4096], folder[4096];
+    enum status status = camera_file(id, path, sizeof path);
+    if (status != OK)
+        return status;
+    memcpy(folder, path, sizeof folder);
+    *strrchr(folder, '/') = 0;
+    status = folder_make(folder);
+    return status == OK ? calibration_write(path, c) : status;
+}
+
+// A lens as it was measured, at the size of the device's images. width 0: it was not.
+static enum status take_lens(const struct lens *measured, struct lens *out, const char *id)
+{
+    if (!measured->width || !out->width)
+        return OK;
+    struct lens scaled = *measured;
+    enum status status = camera_lens_scale(&scaled, out->width, out->height, id);
+    if (status == OK)
+        *out = scaled;
+    return status;
+}
+
+enum status device_calibration_apply(const char *id, struct calibration *c)
+{
+    char path[4096];
+    struct calibration stored;
+    enum status status = camera_file(id, path, sizeof path);
+    if (status != OK)
+        return status;
+    if (!file_exists(path))
+        return OK;
+    status = calibration_read(path, &stored);
+    if (status == OK)
+        status = take_lens(&stored.color, &c->color, id);
+    if (status == OK)
+        status = take_lens(c->registered ? &stored.color : &stored.depth, &c->depth, id);
+    if (status == OK && !c->registered && stored.color.width && stored.depth.width && !stored.registered)
+        c->color_from_depth = stored.color_from_depth;
+    return status;
+}
+
 // Of fields of view between 50 and 75 degrees.
 static const double GUESS_SIGMA = 0.15;
 

@@ -13,7 +13,8 @@
 // of a file begin at 0). Frames are counted as dropped where the depth stream's
 // frame numbers have gaps, or where times do not rise.
 //
-// The calibration comes from the fields of view that the sensor states. OpenNI2
+// The calibration comes from what was measured of this sensor and kept
+// (device_calibration_apply), else from the fields of view that it states. OpenNI2
 // gives neither principal point nor distortion: the image's centre and none are
 // assumed. Registered depth has the colour camera's lens. A file does not say
 // whether its depth is registered; it is assumed to be. A sensor that cannot
@@ -176,6 +177,18 @@ static enum status read_lens(const struct openni_sensor *s, const struct image_s
     return OK;
 }
 
+// What `calibrate` measured of this very sensor, by its serial number; one that states none is known by its name and
+// port.
+static enum status apply_calibration(struct openni_sensor *s)
+{
+    char serial[100] = "";
+    int size = sizeof serial - 1;
+    if (oniDeviceGetProperty(s->device, ONI_DEVICE_PROPERTY_SERIAL_NUMBER, serial, &size) != ONI_STATUS_OK)
+        serial[0] = 0;
+    snprintf(s->facts->camera_id, sizeof s->facts->camera_id, "openni-%.100s", *serial ? serial : s->uri);
+    return device_calibration_apply(s->facts->camera_id, &s->facts->calibration);
+}
+
 static enum status calibrate(struct openni_sensor *s)
 {
     struct calibration *c = &s->facts->calibration;
@@ -196,7 +209,7 @@ static enum status calibrate(struct openni_sensor *s)
         c->depth.fx = c->color.fx * scale;
         c->depth.fy = c->color.fy * scale;
     }
-    return OK;
+    return s->file ? OK : apply_calibration(s);
 }
 
 static enum status make_streams(struct openni_sensor *s)

@@ -92,6 +92,11 @@ enum status source_save_lens(const struct source *s, const struct lens *lens)
     return camera_lens_save(s->facts.camera_id, &kept);
 }
 
+enum status source_save_calibration(const struct source *s, const struct calibration *calibration)
+{
+    return *s->facts.camera_id ? device_calibration_save(s->facts.camera_id, calibration) : NOTHING;
+}
+
 void source_enable_dmabuf(struct source *s) { s->facts.dmabuf_enabled = true; }
 
 enum status source_next(struct source *s, struct frame *out)

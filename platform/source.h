@@ -57,6 +57,10 @@ MUST_CHECK enum status source_next(struct source *s, struct frame *out);
 // no smaller than before, it is for another image size, or the source has its calibration in a file (a folder). ERR_IO.
 MUST_CHECK enum status source_save_lens(const struct source *s, const struct lens *lens);
 
+// Keeps what was measured of this very device, for the next time it is opened. NOTHING: the source has its calibration
+// in a file (a folder, a recording). ERR_IO, ERR_INPUT, ERR_MEMORY.
+MUST_CHECK enum status source_save_calibration(const struct source *s, const struct calibration *calibration);
+
 // From now on frames have `dmabuf` where the source can export it and not too many are unreleased.
 void source_enable_dmabuf(struct source *s);
 

@@ -10,7 +10,7 @@
 struct board_arguments {
     const char *out;
     int paper;
-    bool discs, force;
+    bool discs, chequers, force;
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
@@ -23,6 +23,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->paper = command_parse_choice(state, "--paper", value, paper_names, COUNT_OF(paper_names));
         return 0;
     case COMMAND_KEY + 3: a->force = true; return 0;
+    case COMMAND_KEY + 4: a->chequers = true; return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -33,6 +34,7 @@ int capture_calibrate_board(int argc, char **argv)
     static const struct argp_option options[] = {
         {"board", COMMAND_KEY, "FILE.pdf", 0, "the page to make: a board of circles, for --lens", 0},
         {"discs", COMMAND_KEY + 1, NULL, 0, "instead the black discs for --color-depth, to be cut out", 0},
+        {"chequers", COMMAND_KEY + 4, NULL, 0, "instead a board of chequers, for --lens", 0},
         {"paper", COMMAND_KEY + 2, "SIZE", 0, "a4 (default) or letter", 0},
         {"force", COMMAND_KEY + 3, NULL, 0, "write over FILE.pdf", 0},
         {0},
@@ -58,17 +60,20 @@ int capture_calibrate_board(int argc, char **argv)
     if (status == OK) {
         if (a.discs)
             printed_discs_draw(paper, discs.columns * discs.rows, discs.radius_m, page);
+        else if (a.chequers)
+            printed_chequers_draw(paper, page);
         else
             printed_board_draw(paper, page);
         status = page_finish(&page);
     }
     if (status != OK)
         return command_failed(argv[0]);
-    const struct stereo_board board = printed_board(paper);
+    const struct stereo_board board = a.chequers ? printed_chequers(paper) : printed_board(paper);
     if (a.discs)
         printf("%s: %d discs of %g mm across\n", a.out, discs.columns * discs.rows, discs.radius_m * 2e3);
     else
-        printf("%s: %d x %d circles, %g mm apart; calibrate --lens with --circles %dx%d\n", a.out, board.columns,
-               board.rows, board.pitch_m * 1e3, board.columns, board.rows);
+        printf("%s: %d x %d %s, %g mm apart; calibrate --lens with --%s %dx%d\n", a.out, board.columns, board.rows,
+               a.chequers ? "inner corners" : "circles", board.pitch_m * 1e3, a.chequers ? "chequers" : "circles",
+               board.columns, board.rows);
     return 0;
 }

@@ -19,7 +19,7 @@ struct camera_arguments {
     const char *lens, *color_depth, *rolling_shutter, *out;
     struct stereo_board board;
     int views;
-    bool json, force;
+    bool json, force, chequers;
 };
 
 enum {
@@ -28,6 +28,7 @@ enum {
     KEY_ROLLING,
     KEY_OUT,
     KEY_CIRCLES,
+    KEY_CHEQUERS,
     KEY_PITCH,
     KEY_VIEWS,
     KEY_FORCE,
@@ -41,7 +42,8 @@ static const struct argp_option options[] = {
     {"rolling-shutter", KEY_ROLLING, "URI", 0, "the camera's read-out time: swing it left and right before a tag", 0},
     {"out", KEY_OUT, "FILE", 0, "the calibration.json to make (default: print it)", 0},
     {"circles", KEY_CIRCLES, "CxR", 0, "circles of the board (default: the A4 board's)", 0},
-    {"pitch", KEY_PITCH, "MM", 0, "between their middles (default 20)", 0},
+    {"chequers", KEY_CHEQUERS, "CxR", 0, "a board of chequers instead, with so many inner corners", 0},
+    {"pitch", KEY_PITCH, "MM", 0, "from one to the next (default 20)", 0},
     {"views", KEY_VIEWS, "N", 0, "stop after so many views of the board (default 20)", 0},
     {"force", KEY_FORCE, NULL, 0, "write over FILE", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
@@ -62,10 +64,12 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_VIEWS:
         a->views = (int)command_parse_number(state, "--views", value, LENS_LEAST_VIEWS, LENS_MOST_VIEWS);
         return 0;
+    case KEY_CHEQUERS:
     case KEY_CIRCLES:
+        a->chequers = key == KEY_CHEQUERS;
         if (sscanf(value, "%dx%d", &a->board.columns, &a->board.rows) != 2 || a->board.columns < 4 ||
             a->board.rows < 4 || a->board.columns * a->board.rows > STEREO_MOST_CIRCLES)
-            argp_error(state, "--circles takes a size like 12x9, not '%s'", value);
+            argp_error(state, "--%s takes a size like 12x9, not '%s'", a->chequers ? "chequers" : "circles", value);
         return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     default: return ARGP_ERR_UNKNOWN;
@@ -204,15 +208,21 @@ static char *calibration_text(const struct calibration *c)
     return text;
 }
 
-// A camera's lens goes to where the camera is looked up, where there is such a place and no --out.
+// Where there is no --out, the result goes to where the device's is looked up, if it has such a place.
 static enum status keep(struct calibration_run *r, struct source *source)
 {
+    enum status status = NOTHING;
+    if (!r->a->out) {
+        status = source_save_calibration(source, &r->calibration);
+        if (status == OK)
+            printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
+    }
+    if (status != NOTHING)
+        return status;
     char *text = calibration_text(&r->calibration);
-    enum status status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
+    status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
     if (status == OK && r->a->out)
         status = file_write(r->a->out, text, strlen(text));
-    else if (status == OK && !r->a->color_depth && source_save_lens(source, &r->calibration.color) == OK)
-        printf("kept for this camera\n");
     else if (status == OK && !r->a->json)
         printf("%s", text);
     free(text);
@@ -285,6 +295,7 @@ static enum status prepare(struct calibration_run *r)
     if (!color->width)
         return fail(ERR_INPUT, "this sensor has no colour camera");
     lens_calibration_start(&r->lens, &r->a->board, color->width, color->height);
+    r->lens.chequers = r->a->chequers;
     r->readout.lens = *color;
     r->readout.lens.readout_s = 0;
     r->gray = malloc((size_t)color->width * (size_t)color->height);
@@ -295,17 +306,20 @@ static enum status prepare(struct calibration_run *r)
     return tag_detector_open(&r->detector, 1);
 }
 
+// A depth sensor's colour camera is a camera, too.
+static enum source_wanted kind_of(const struct camera_arguments *a, const char *uri)
+{
+    return a->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR : SOURCE_CAMERA;
+}
+
 static enum status calibrate(struct calibration_run *r)
 {
     const struct camera_arguments *a = r->a;
+    const char *uri = a->lens ? a->lens : a->color_depth ? a->color_depth : a->rolling_shutter;
     struct source *source = NULL;
     enum status status = a->out ? file_check_output(a->out, a->force) : OK;
     if (status == OK)
-        status = source_open(&source,
-                             a->lens          ? a->lens
-                             : a->color_depth ? a->color_depth
-                                              : a->rolling_shutter,
-                             a->color_depth ? SOURCE_SENSOR : SOURCE_CAMERA);
+        status = source_open(&source, uri, kind_of(a, uri));
     if (status == OK) {
         r->calibration = *source_calibration(source);
         status = prepare(r);
@@ -333,7 +347,8 @@ int capture_calibrate_camera(int argc, char **argv)
                                      "pictures, or a live camera until enough was "
                                      "seen or Ctrl-C. The answer is in pixels and millimetres; where it fails, the "
                                      "reason. --out makes a calibration.json, "
-                                     "as folders of pictures have it; without it a tablet's camera keeps its lens.",
+                                     "as folders of pictures have it; without it the result is kept for this camera or "
+                                     "sensor, and used whenever it is opened.",
                                      NULL,
                                      NULL,
                                      NULL};

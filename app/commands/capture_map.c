@@ -88,7 +88,7 @@ static void note_progress(struct mapper *mapper, char *out, size_t capacity)
     struct mapper_progress p;
     const struct sweep_plan *plan = mapper_plan(mapper);
     if (plan) {
-        snprintf(out, capacity, "%s", plan->text);
+        snprintf(out, capacity, "%.95s", plan->text); // as long as the status line
         return;
     }
     mapper_get_progress(mapper, &p);

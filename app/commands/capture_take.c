@@ -76,6 +76,21 @@ static enum status trim_take(const struct take_arguments *a)
     return status;
 }
 
+// Frames that damage cost are no reason not to copy the others, but one to say so.
+static void warn_of_lost(const char *file, const char *name)
+{
+    struct recording *r = NULL;
+    struct take *take = NULL;
+    enum status status = recording_open(&r, file);
+    if (status == OK)
+        status = take_open(&take, r, name);
+    if (status == OK && take_lost(take))
+        fprintf(stderr, "reenact-capture take: warning: %lld frames of the take are lost to damage\n",
+                (long long)take_lost(take));
+    take_close(&take);
+    recording_free(&r);
+}
+
 static enum status copy_take(const struct take_arguments *a)
 {
     bool differs;
@@ -86,6 +101,8 @@ static enum status copy_take(const struct take_arguments *a)
     if (status == OK)
         printf("%s: take '%s' is a copy of '%s'%s\n", to, name, a->take,
                differs ? "; the place there is another one, so the copy does not know where it was filmed" : "");
+    if (status == OK)
+        warn_of_lost(to, name);
     return status;
 }
 

@@ -223,21 +223,20 @@ void command_catch_signals(void)
 bool command_stopped(void) { return stopped; }
 
 // "2 min 5 s left", from the time that what is done took; "": too early to say.
-static const char *time_left(const struct progress_bar *p, int64_t now_ns, char out[32])
+static void time_left(const struct progress_bar *p, int64_t now_ns, char out[32])
 {
     const int64_t least_ns = 2000000000;
     const double spent_s = (double)(now_ns - p->started_ns) * 1e-9;
     *out = 0;
     if (p->done < 1 || p->done >= p->total || now_ns - p->started_ns < least_ns)
-        return out;
+        return;
     const double left_s = ceil(spent_s * (double)(p->total - p->done) / (double)p->done);
     if (left_s < 60)
-        snprintf(out, 32, "%.0f s left ", left_s);
+        snprintf(out, 32, "%.0f s left", left_s);
     else if (left_s < 3600)
-        snprintf(out, 32, "%.0f min %.0f s left ", floor(left_s / 60), fmod(left_s, 60));
+        snprintf(out, 32, "%.0f min %.0f s left", floor(left_s / 60), fmod(left_s, 60));
     else
-        snprintf(out, 32, "%.1f h left ", left_s / 3600);
-    return out;
+        snprintf(out, 32, "%.1f h left", left_s / 3600);
 }
 
 static void draw_progress(struct progress_bar *p, int64_t now_ns)
@@ -249,8 +248,9 @@ static void draw_progress(struct progress_bar *p, int64_t now_ns)
         fprintf(stderr, "\r%s [", p->what);
         for (int i = 0; i < WIDTH; i++)
             fputc(i < filled ? '#' : '.', stderr);
-        fprintf(stderr, "] %lld/%lld %s%s\033[K", (long long)p->done, (long long)p->total, time_left(p, now_ns, left),
-                p->note);
+        time_left(p, now_ns, left);
+        fprintf(stderr, "] %lld/%lld %s%s%s\033[K", (long long)p->done, (long long)p->total, left,
+                *left && *p->note ? " · " : "", p->note);
     } else {
         fprintf(stderr, "\r%s %lld %s\033[K", p->what, (long long)p->done, p->note);
     }

@@ -1,5 +1,7 @@
 #include "app/studio/room_screen.h"
 
+#include "app/studio/studio_picture.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

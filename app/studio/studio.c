@@ -1,6 +1,7 @@
 #include "app/studio/studio.h"
 
 #include "app/studio/room_screen.h"
+#include "app/studio/studio_picture.h"
 #include "base/clock.h"
 #include "reenact/render/shaders.h"
 

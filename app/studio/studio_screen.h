@@ -14,11 +14,4 @@ struct studio_view {
     struct ui_box plan_part;                        // room_plan_part
 };
 
-// Draws the image as large as fits, mirrored as a mirror would show it or not. Returns where it is.
-struct ui_box studio_picture_draw(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
-                                  struct ui_box box, bool mirrored);
-
 void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns);
-
-// Colours for a depth image, RGB: near warm, far cold; no reading hatched. out: 3 * width * height bytes.
-void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *out);

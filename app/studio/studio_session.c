@@ -112,7 +112,8 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     count_frame(s, seen, &counters);
     pthread_mutex_lock(&s->lock);
     struct studio_snapshot *out = &s->shown;
-    studio_snapshot_pictures(out, seen->color, seen->depth, seen->mask);
+    if (!s->taking || !source_is_live(s->source))
+        studio_snapshot_pictures(out, seen->color, seen->depth, seen->mask);
     out->number++;
     out->has_skeleton = seen->skeleton != NULL;
     if (seen->skeleton)
@@ -125,7 +126,8 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
         out->counters.dropped = before.dropped;
         out->counters.mb_per_s = before.mb_per_s;
         out->counters.minutes_left = before.minutes_left;
-        out->counters.behind_s = fmax((double)(s->newest_ns - seen->time_ns) * 1e-9, 0);
+        out->counters.skeleton_behind_s = fmax((double)(s->newest_ns - seen->time_ns) * 1e-9, 0);
+        out->counters.behind_s = source_is_live(s->source) ? 0 : out->counters.skeleton_behind_s;
     }
     out->gestures += gesture;
     snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
@@ -148,12 +150,21 @@ static void on_state(void *context, const struct recorder_state *state)
     pthread_mutex_unlock(&s->lock);
 }
 
-static void on_read(void *context, int64_t time_ns)
+// A live sensor's picture is shown at once, whatever still waits to be tracked; a film's with its skeleton.
+static void on_read(void *context, const struct frame *frame)
 {
     struct studio_session *s = context;
+    const bool live = source_is_live(s->source);
     pthread_mutex_lock(&s->lock);
-    s->newest_ns = time_ns;
+    s->newest_ns = frame->time_ns;
+    if (live) {
+        studio_snapshot_pictures(&s->shown, frame->color, frame->depth, NULL);
+        s->shown.number++;
+        s->shown.counters.behind_s = 0;
+    }
     pthread_mutex_unlock(&s->lock);
+    if (live)
+        wake(s);
 }
 
 static void on_seen(void *context, const struct recorder_seen *seen) { show(context, seen); }

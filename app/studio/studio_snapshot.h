@@ -19,7 +19,8 @@ struct studio_counters {
     double frames_per_s, mb_per_s, minutes_left;
     int64_t frames, dropped; // of the take
     double take_s;
-    double behind_s; // the picture shown is as much older than the one the sensor delivered last
+    // Of a take: how much older the picture and the skeleton shown are than the sensor's newest picture.
+    double behind_s, skeleton_behind_s;
 };
 
 // The room, swept or being swept.

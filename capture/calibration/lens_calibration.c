@@ -1,5 +1,6 @@
 #include "capture/calibration/lens_calibration.h"
 
+#include "platform/chequers.h"
 #include "platform/image_file.h"
 
 #include <stdlib.h>
@@ -44,6 +45,22 @@ static double moved_px(const struct lens_calibration *c, const struct circle *fo
     return most;
 }
 
+// Circles of a part of the board, or all corners of the chequers. *count 0: it is not in sight.
+static enum status find_board(const struct lens_calibration *c, const uint8_t *gray, struct circle *found, int *count)
+{
+    const struct stereo_board *b = &c->board;
+    if (!c->chequers)
+        return stereo_circles_find(gray, c->width, c->height, found, count);
+    struct pixel *corners = malloc((size_t)b->columns * (size_t)b->rows * sizeof *corners);
+    enum status status = corners ? chequers_find(gray, c->width, c->height, b->columns, b->rows, corners)
+                                 : fail(ERR_MEMORY, "no memory to look for the board");
+    *count = status == OK ? b->columns * b->rows : 0;
+    for (int i = 0; i < *count; i++)
+        found[i] = (struct circle){.at = corners[i], .column = i % b->columns, .row = i / b->columns};
+    free(corners);
+    return status == NOTHING ? OK : status;
+}
+
 enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb, bool *used)
 {
     const size_t pixels = (size_t)c->width * (size_t)c->height;
@@ -54,7 +71,7 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
     *used = false;
     if (status == OK) {
         image_gray(rgb, pixels, gray);
-        status = stereo_circles_find(gray, c->width, c->height, found, &count);
+        status = find_board(c, gray, found, &count);
     }
     c->frames++;
     if (status == OK && count >= LEAST_CIRCLES && c->views < LENS_MOST_VIEWS &&

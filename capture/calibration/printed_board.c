@@ -39,6 +39,33 @@ void printed_board_draw(enum paper paper, struct page *page)
     page_text(page, PRINT_MARGIN_MM, PRINT_MARGIN_MM + h + 3, 3, text);
 }
 
+// One even and one odd, so that the board turned upside down is another one; a white edge stays around.
+struct stereo_board printed_chequers(enum paper paper)
+{
+    double w, h;
+    area_of(paper, &w, &h);
+    int columns = (int)floor(h / PITCH_MM) - 1, rows = (int)floor(w / PITCH_MM) - 1;
+    rows -= (columns - rows) % 2 == 0;
+    return (struct stereo_board){columns, rows, PITCH_MM * 1e-3};
+}
+
+void printed_chequers_draw(enum paper paper, struct page *page)
+{
+    const struct stereo_board b = printed_chequers(paper);
+    double w, h;
+    char text[120];
+    area_of(paper, &w, &h);
+    const double x0 = PRINT_MARGIN_MM + 0.5 * (w - (b.rows + 1) * PITCH_MM),
+                 y0 = PRINT_MARGIN_MM + 0.5 * (h - (b.columns + 1) * PITCH_MM);
+    for (int c = 0; c <= b.columns; c++)
+        for (int r = c % 2; r <= b.rows; r += 2)
+            page_rectangle(page, x0 + r * PITCH_MM, y0 + c * PITCH_MM, PITCH_MM, PITCH_MM, 0);
+    printed_ruler(page, paper_size(paper));
+    snprintf(text, sizeof text, "%d x %d inner corners, %g mm apart. Glue it flat on glass or a board.", b.columns,
+             b.rows, PITCH_MM);
+    page_text(page, PRINT_MARGIN_MM, PRINT_MARGIN_MM + h + 3, 3, text);
+}
+
 void printed_discs_draw(enum paper paper, int count, double radius_m, struct page *page)
 {
     double w, h;

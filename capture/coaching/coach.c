@@ -37,7 +37,7 @@ static const char *const fault_texts[FAULT_COUNT] = {
 static const char *const advice_texts[] = {
     [ADVICE_ENOUGH] = "every side is seen",    [ADVICE_TURN_LEFT] = "turn left",
     [ADVICE_TURN_RIGHT] = "turn right",        [ADVICE_LIFT_ARMS] = "lift your arms to the sides",
-    [ADVICE_SPREAD_LEGS] = "spread your legs",
+    [ADVICE_SPREAD_LEGS] = "spread your legs", [ADVICE_SHOW_SOLES] = "show the soles of your feet to the sensor",
 };
 
 const char *coach_fault_text(enum coach_fault fault) { return fault_texts[fault]; }

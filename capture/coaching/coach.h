@@ -73,7 +73,7 @@ bool coach_any_fault(const struct coach *c); // one is raised now
 enum { VERDICT_LINES = 8 };
 struct coach_verdict {
     bool good;
-    double grade; // 0..1: what the picture of this take is expected to be worth
+    double grade; // the outline (intersection over union) that its picture is expected to have all round; 0: no person
     int count;
     char line[VERDICT_LINES][160]; // "your back was never seen: turn all the way round"; worst first
 };

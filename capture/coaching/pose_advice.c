@@ -11,6 +11,8 @@ static const double TURN_SHARE = 0.02,
 static const double LIFTED_COSINE = 0.6;  // of the upper arm against straight down: 53 degrees
 static const double SPREAD_COSINE = 0.94; // between the thighs: 20 degrees
 static const double PATIENCE_S = 8;
+static const double SOLE_COSINE = 0.5, SOLE_SEEN = 0.5; // of the shin against straight down; share of the sole
+enum { SOLE_TIMES = 10 };                               // a second, at one call in three frames
 
 static bool faced(const uint32_t facing[SURFACE_ANGLES], int sector)
 {
@@ -110,6 +112,31 @@ static void note_pose(struct advisor *a, const struct surface_pose *pose)
         a->lifted[sector]++;
     if (l->known && r->known && v3_dot(l->z, r->z) < SPREAD_COSINE)
         a->spread[sector]++;
+    // Down is the sensor's, which stands within some degrees of level.
+    for (int k = 0; k < 2; k++) {
+        const struct surface_frame *shin = &pose->part[k ? PART_RIGHT_SHIN : PART_LEFT_SHIN];
+        a->soles[k] += shin->known && shin->z.y < SOLE_COSINE;
+    }
+}
+
+// Whether a sole was turned to the side for a while and was not seen: then a picture from there has to show it.
+static bool needs_soles(const struct advisor *a, const struct coverage *c)
+{
+    for (int k = 0; k < 2; k++) {
+        const int foot = k ? SURFACE_RIGHT_FOOT : SURFACE_LEFT_FOOT;
+        double all = 0, seen = 0;
+        for (int h = 0; h < SURFACE_HEIGHTS; h++)
+            for (int angle = 0; angle < SURFACE_ANGLES; angle++) {
+                if (portable_cos(surface_angle(angle)) > -0.5) // a foot's own front is up
+                    continue;
+                const double area = coverage_cell_area(c, foot, h, angle);
+                all += area;
+                seen += coverage_cell_seen(c, foot, h, angle) ? area : 0;
+            }
+        if (a->soles[k] >= SOLE_TIMES && seen < SOLE_SEEN * all)
+            return true;
+    }
+    return false;
 }
 
 // A pose that is not taken is not asked for for ever.
@@ -136,6 +163,8 @@ enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const
         advice = ask(a, ADVICE_LIFT_ARMS, time_ns, &a->lift_refused);
     else if (m.legs > POSE_SHARE && !a->spread_refused)
         advice = ask(a, ADVICE_SPREAD_LEGS, time_ns, &a->spread_refused);
+    else if (!a->soles_refused && needs_soles(a, c))
+        advice = ask(a, ADVICE_SHOW_SOLES, time_ns, &a->soles_refused);
     a->last = advice;
     return advice;
 }

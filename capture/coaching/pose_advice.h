@@ -14,6 +14,7 @@ enum pose_advice {
     ADVICE_TURN_RIGHT,
     ADVICE_LIFT_ARMS,
     ADVICE_SPREAD_LEGS,
+    ADVICE_SHOW_SOLES, // where the take shows them: who kneels, lies or kicks
 };
 
 struct advisor {
@@ -21,7 +22,8 @@ struct advisor {
         spread[SURFACE_ANGLES]; // as coverage.facing, with the arms lifted, the legs spread
     enum pose_advice last;
     int64_t asked_ns; // since when, for a pose
-    bool lift_refused, spread_refused;
+    bool lift_refused, spread_refused, soles_refused;
+    int soles[2]; // how often the left, the right shin lay so that its sole faced the side
 };
 
 // After each coverage_add. The answer's reason is in c: cells unseen.

@@ -6,7 +6,7 @@
 static const double ABOVE_HEAD_M =
     0.12; // the hand over the head's joint: over the crown of a child, at an adult's brow
 static const double HAND_SPEED = 0.6, TRUNK_SPEED = 0.3; // metres a second
-static const double FACING_RAD = 1.05;
+static const double FACING_RAD = 1.05, GAP_S = 0.15;
 static const double UPRIGHT_COSINE = 0.87; // against the camera's vertical, which a stand keeps within some degrees
 
 static double height(const struct surface_pose *pose, struct vec3 p, struct vec3 from)
@@ -22,7 +22,8 @@ static bool hand_is_up(const struct skeleton *s, const struct surface_pose *pose
                      shoulder = left ? JOINT_LEFT_SHOULDER : JOINT_RIGHT_SHOULDER,
                      other = left ? JOINT_RIGHT_HAND : JOINT_LEFT_HAND,
                      other_shoulder = left ? JOINT_RIGHT_SHOULDER : JOINT_LEFT_SHOULDER;
-    if (s->confidence[hand] < 1 || s->confidence[JOINT_HEAD] <= 0 || s->confidence[shoulder] <= 0 ||
+    // An inferred hand will do: above the head the tracker calls a good one inferred every other frame.
+    if (s->confidence[hand] <= 0 || s->confidence[JOINT_HEAD] <= 0 || s->confidence[shoulder] <= 0 ||
         s->confidence[elbow] <= 0 || s->confidence[other] <= 0)
         return false;
     return height(pose, s->joint[hand], s->joint[JOINT_HEAD]) > ABOVE_HEAD_M * pose->scale &&
@@ -51,9 +52,13 @@ bool raised_hand_next(struct raised_hand *g, int64_t time_ns, const struct skele
         g->any = false;
     }
     g->last_ns = time_ns;
-    if (!up) {
-        g->since_ns = 0;
-        g->given = false;
+    if (up)
+        g->up_ns = time_ns;
+    if (!up) { // a single frame in which the tracker errs interrupts nothing
+        if (!g->since_ns || (double)(time_ns - g->up_ns) * 1e-9 > GAP_S) {
+            g->since_ns = 0;
+            g->given = false;
+        }
         return false;
     }
     if (!g->since_ns)

@@ -404,7 +404,7 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
         return fail(ERR_MEMORY, "out of memory");
     int usable = 0;
     for (int i = 0; i < s->taken; i++)
-        if (!s->blank[i])
+        if (!s->blank[i] && (!s->thread || s->pictures[i].inverse))
             pictures[usable++] = &s->pictures[i];
     status = surround_view_rank(world_from_view, pictures, usable);
     const int count = usable < s->how.most_pictures ? usable : s->how.most_pictures;

@@ -236,6 +236,46 @@ static void test_the_obedient_are_seen(void **state)
     EXPECT_AT_MOST(slowest_s, 12);
 }
 
+// Soles are asked for where they were turned to the side and not seen, and not of one who stands.
+static void test_soles_are_asked_for_where_they_show(void **state)
+{
+    (void)state;
+    static struct coverage c;
+    struct stage s;
+    stage_open(&s, "man", "still", 0);
+    shoot(&s, world_sensor_pose(s.world), 0, 1, true);
+    coverage_reset(&c);
+    const struct coverage_view view = {&s.calibration, s.depth, s.mask, &s.skeleton, 0};
+    EXPECT_TRUE(coverage_add(&c, &view));
+    for (int p = 0; p < SURFACE_PARTS; p++)
+        for (int h = 0; h < SURFACE_HEIGHTS; h++)
+            for (int k = 0; k < SURFACE_ANGLES; k++)
+                c.cell[p][h][k].quality = p >= SURFACE_LEFT_FOOT && cos(surface_angle(k)) < -0.5 ? 0 : 1;
+    struct skeleton kneeling = s.skeleton;
+    for (int left = 0; left < 2; left++) { // the shins lie behind the knees
+        const enum joint knee = left ? JOINT_LEFT_KNEE : JOINT_RIGHT_KNEE,
+                         foot = left ? JOINT_LEFT_FOOT : JOINT_RIGHT_FOOT;
+        kneeling.joint[foot] = v3_add(kneeling.joint[knee], v3(0, 0.05, 0.4));
+    }
+    struct advisor standing = {.last = ADVICE_ENOUGH}, kneels = standing;
+    enum pose_advice stood = ADVICE_ENOUGH, knelt = ADVICE_ENOUGH;
+    for (int i = 0; i < 15; i++) {
+        stood = advisor_next(&standing, &c, &s.skeleton, (int64_t)i * 100000000);
+        knelt = advisor_next(&kneels, &c, &kneeling, (int64_t)i * 100000000);
+    }
+    EXPECT_INT(stood, ADVICE_ENOUGH);
+    EXPECT_INT(knelt, ADVICE_SHOW_SOLES);
+    for (int i = 15; i < 110; i++) // not taken: not asked for for ever
+        knelt = advisor_next(&kneels, &c, &kneeling, (int64_t)i * 100000000);
+    EXPECT_INT(knelt, ADVICE_ENOUGH);
+    kneels.soles_refused = false;
+    for (int k = 0; k < SURFACE_ANGLES; k++)
+        for (int h = 0; h < SURFACE_HEIGHTS; h++)
+            c.cell[SURFACE_LEFT_FOOT][h][k].quality = c.cell[SURFACE_RIGHT_FOOT][h][k].quality = 1;
+    EXPECT_INT(advisor_next(&kneels, &c, &kneeling, 0), ADVICE_ENOUGH);
+    stage_close(&s);
+}
+
 // ---------------------------------------------------------------- the raised hand
 
 // Ten minutes of kata and other movements from two sides: never. The joints are the world's own, at 30 Hz.
@@ -328,9 +368,13 @@ static void test_cost(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_good_films_raise_nothing), cmocka_unit_test(test_faults_are_named_within_a_second),
-        cmocka_unit_test(test_the_obedient_are_seen),    cmocka_unit_test(test_no_gesture_by_accident),
-        cmocka_unit_test(test_the_gesture_is_found),     cmocka_unit_test(test_cost),
+        cmocka_unit_test(test_good_films_raise_nothing),
+        cmocka_unit_test(test_faults_are_named_within_a_second),
+        cmocka_unit_test(test_the_obedient_are_seen),
+        cmocka_unit_test(test_no_gesture_by_accident),
+        cmocka_unit_test(test_the_gesture_is_found),
+        cmocka_unit_test(test_cost),
+        cmocka_unit_test(test_soles_are_asked_for_where_they_show),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

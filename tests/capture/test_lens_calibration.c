@@ -1,5 +1,5 @@
-// A lens from rendered pictures of a board of circles, and a rolling shutter's read-out from a swing before a tag of
-// the small world.
+// A lens from rendered pictures of boards of circles and chequers, and a rolling shutter's read-out from a swing before
+// a tag of the small world.
 #include "capture/calibration/lens_calibration.h"
 #include "capture/calibration/readout.h"
 #include "locate/tag_corners.h"
@@ -20,34 +20,39 @@ static const struct lens true_lens = {.width = 640,
                                       .p1 = 0.0007,
                                       .p2 = -0.0004};
 
-static double luma(const struct stereo_board *b, struct pose board_from_camera, struct vec3 ray)
+static double luma(const struct stereo_board *b, bool chequers, struct pose board_from_camera, struct vec3 ray)
 {
     const struct vec3 from = board_from_camera.translation, along = quat_rotate(board_from_camera.rotation, ray);
     const double t = -from.z / along.z, x = (from.x + t * along.x) / b->pitch_m,
                  y = (from.y + t * along.y) / b->pitch_m;
     const double c = round(x), r = round(y);
+    if (chequers) // squares between the corners, and one more all round
+        return x < -1.5 || y < -1.5 || x > b->columns + 0.5 || y > b->rows + 0.5 ? 130
+               : x < -1 || y < -1 || x > b->columns || y > b->rows               ? 225
+               : ((int)floor(x) + (int)floor(y)) % 2                             ? 225
+                                                                                 : 25;
     if (c >= 0 && r >= 0 && c < b->columns && r < b->rows && hypot(x - c, y - r) < 0.3)
         return 25;
     return x > -1 && y > -1 && x < b->columns && y < b->rows ? 225 : 130;
 }
 
-static void render_board(const struct stereo_board *b, struct pose camera_from_board, uint64_t seed, uint8_t *rgb)
+static void render_board(const struct stereo_board *b, bool chequers, struct pose camera_from_board, uint64_t seed,
+                         uint8_t *rgb)
 {
     const struct pose board_from_camera = pose_inverse(camera_from_board);
     for (int y = 0; y < true_lens.height; y++)
         for (int x = 0; x < true_lens.width; x++) {
             double sum = 0;
             for (int i = 0; i < 9; i++)
-                sum += luma(b, board_from_camera,
+                sum += luma(b, chequers, board_from_camera,
                             lens_ray(&true_lens, (struct pixel){x + (i % 3 - 1) / 3.0, y + (i / 3 - 1) / 3.0}));
             memset(rgb + 3 * (y * true_lens.width + x), (int)(sum / 9 + 0.5), 3);
         }
     world_color_noise(rgb, true_lens.width, true_lens.height, seed);
 }
 
-static void test_a_lens(void **state)
+static void calibrate_by(bool chequers)
 {
-    (void)state;
     static uint8_t rgb[3 * 640 * 480];
     const struct stereo_board board = {10, 7, 0.02};
     struct lens_calibration c;
@@ -56,13 +61,14 @@ static void test_a_lens(void **state)
     struct rng rng = {11};
     bool used;
     lens_calibration_start(&c, &board, 640, 480);
+    c.chequers = chequers;
     for (int i = 0; i < 12; i++) {
         const double tilt = rng_between(&rng, -0.6, 0.6), pan = rng_between(&rng, -0.6, 0.6),
                      z = rng_between(&rng, 0.28, 0.4), x = rng_between(&rng, -0.05, 0.05),
                      y = rng_between(&rng, -0.04, 0.04);
         const struct quat turn = quat_from_rotation_vector(v3(tilt, pan, rng_between(&rng, -0.3, 0.3)));
         const struct pose pose = {turn, v3_add(v3(x, y, z), quat_rotate(turn, v3(-0.09, -0.06, 0)))};
-        render_board(&board, pose, (uint64_t)i + 1, rgb);
+        render_board(&board, chequers, pose, (uint64_t)i + 1, rgb);
         EXPECT_STATUS(lens_calibration_add(&c, rgb, &used), OK);
         if (i == 3) { // the same once more says nothing new
             EXPECT_STATUS(lens_calibration_add(&c, rgb, &used), OK);
@@ -72,15 +78,27 @@ static void test_a_lens(void **state)
         }
     }
     EXPECT_STATUS(lens_calibration_solve(&c, &lens, &report), OK);
-    printf("%d views, %d circles: %.3f px; fx %.2f fy %.2f cx %.2f cy %.2f k1 %.4f; focal lengths to %.3f %%\n",
-           report.views, report.circles, report.rms_px, lens.fx, lens.fy, lens.cx, lens.cy, lens.k1,
-           report.focal_sigma * 100);
+    printf("%s: %d views, %d points: %.3f px; fx %.2f fy %.2f cx %.2f cy %.2f k1 %.4f; focal lengths to %.3f %%\n",
+           chequers ? "chequers" : "circles", report.views, report.circles, report.rms_px, lens.fx, lens.fy, lens.cx,
+           lens.cy, lens.k1, report.focal_sigma * 100);
     EXPECT_AT_MOST(report.rms_px, 0.15);
     EXPECT_NEAR(lens.fx / true_lens.fx, 1, 0.003);
     EXPECT_NEAR(lens.fy / true_lens.fy, 1, 0.003);
     EXPECT_NEAR(lens.cx, true_lens.cx, 1.5);
     EXPECT_NEAR(lens.cy, true_lens.cy, 1.5);
     lens_calibration_free(&c);
+}
+
+static void test_a_lens_by_circles(void **state)
+{
+    (void)state;
+    calibrate_by(false);
+}
+
+static void test_a_lens_by_chequers(void **state)
+{
+    (void)state;
+    calibrate_by(true);
 }
 
 // ---------------------------------------------------------------- rolling shutter
@@ -161,7 +179,8 @@ static void test_a_rolling_shutter(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_lens),
+        cmocka_unit_test(test_a_lens_by_circles),
+        cmocka_unit_test(test_a_lens_by_chequers),
         cmocka_unit_test(test_a_rolling_shutter),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,10 +1,13 @@
 // joints-csv files: what is read, what is left out, and one sentence for each kind that is refused.
 #include "compare/joint_samples.h"
+#include "compare/comparison.h"
 #include "compare/movement.h"
+#include "tests/support/exercise.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 
 #define HEADER "timestamp,joint,x_m,y_m,z_m,confidence\n"
 
@@ -87,6 +90,46 @@ static void test_a_take_name_is_refused(void **state)
     EXPECT_SAYS("hips");
 }
 
+// A movement as a file, with a hand that is no number in every fifth frame and for a third of a second.
+static void write_exercise(const char *name, bool holes)
+{
+    const struct exercise e = exercise_default();
+    struct rng rng = {3};
+    const int frames = (int)(e.seconds * e.rate_hz);
+    char *text = malloc((size_t)frames * JOINT_COUNT * 80 + sizeof HEADER), *to = text;
+    to += sprintf(to, HEADER);
+    for (int i = 0; i < frames; i++) {
+        const struct skeleton s = exercise_at(&e, i / e.rate_hz, &rng);
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const bool hole = holes && j == JOINT_RIGHT_HAND && (i % 5 == 0 || (i > 60 && i < 70));
+            const struct vec3 p = s.joint[j];
+            to += hole ? sprintf(to, "%.4f,%s,nan,%.5f,-inf,1\n", i / e.rate_hz, joint_name((enum joint)j), p.y)
+                       : sprintf(to, "%.4f,%s,%.5f,%.5f,%.5f,1\n", i / e.rate_hz, joint_name((enum joint)j), p.x, p.y,
+                                 p.z);
+        }
+    }
+    scratch_text(&scratch, name, text);
+    free(text);
+}
+
+static void test_a_file_with_nan_is_compared(void **state)
+{
+    (void)state;
+    struct movement a, b;
+    struct movement_source source;
+    struct comparison c;
+    write_exercise("whole.csv", false);
+    write_exercise("holes.csv", true);
+    EXPECT_STATUS(movement_read(scratch_file(&scratch, "whole.csv"), NULL, &a, &source), OK);
+    EXPECT_STATUS(movement_read(scratch_file(&scratch, "holes.csv"), NULL, &b, &source), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    EXPECT_TRUE(isfinite(c.score));
+    EXPECT_AT_LEAST(c.score, 98);
+    for (int32_t f = 0; f < c.finding_count; f++)
+        EXPECT_TRUE(c.findings[f].kind != FINDING_POSTURE);
+    comparison_free(&c);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -94,6 +137,7 @@ int main(void)
         cmocka_unit_test(test_numbers_that_are_none_are_left_out),
         cmocka_unit_test(test_bad_files_are_refused_in_a_sentence),
         cmocka_unit_test(test_a_take_name_is_refused),
+        cmocka_unit_test(test_a_file_with_nan_is_compared),
     };
     scratch = scratch_make();
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);

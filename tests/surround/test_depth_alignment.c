@@ -4,6 +4,7 @@
 
 #include "reenact/surround/alignment/depth_alignment.h"
 #include "reenact/surround/drive/simulated_rover.h"
+#include "reenact/surround/photo_refinement.h"
 #include "base/portable_math.h"
 
 #include <stdio.h>
@@ -140,6 +141,37 @@ static void test_one_flat_wall(void **state)
     depth_alignment_close(&r.alignment);
 }
 
+// Along it the pictures decide, if there is something on it to see; exposures may differ.
+static void test_one_flat_wall_with_pictures(void **state)
+{
+    (void)state;
+    enum { HEIGHT = 256 };
+    struct ride r;
+    struct photo_refinement photo = {.body_from_picture = rover_head()};
+    const struct pose truth[3] = {at(0, 0, 0), at(0.5, 0.1, 2), at(0.9, 0.05, -3)};
+    const struct pose odometry[3] = {at(0, 0, 0), at(0.52, 0.06, 3), at(0.95, 0.02, -1)};
+    start(&r, 1);
+    r.world.boxes[0].low[0] = -30; // no end in range
+    r.world.boxes[0].high[0] = 30;
+    for (int i = 0; i < 3; i++) {
+        struct depth_points points = {0};
+        struct surround_picture picture;
+        struct pose found;
+        uint8_t *rgb = malloc((size_t)HEIGHT * HEIGHT * 2 * 3);
+        box_world_panorama(&r.world, pose_multiply(truth[i], rover_head()), 2 * HEIGHT, HEIGHT, rgb);
+        for (int k = 0; i == 1 && k < HEIGHT * HEIGHT * 2 * 3; k++)
+            rgb[k] = (uint8_t)(rgb[k] * 0.7);
+        assert_int_equal(surround_picture_make(&picture, rgb, 2 * HEIGHT, HEIGHT, NULL), OK);
+        see(&r, truth[i], &points);
+        assert_int_equal(photo_alignment_add(&photo, &r.alignment, &picture, &points, odometry[i], &found), OK);
+        expect_pose(found, truth[i], 0.006, 0.1);
+        depth_points_free(&points);
+        surround_picture_free(&picture);
+    }
+    photo_refinement_free(&photo);
+    depth_alignment_close(&r.alignment);
+}
+
 static void test_a_person_walks_through(void **state)
 {
     (void)state;
@@ -193,10 +225,10 @@ static void test_when_to_capture(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_branch_and_bound_is_exact), cmocka_unit_test(test_captures_are_placed),
-        cmocka_unit_test(test_odometry_that_jumps),       cmocka_unit_test(test_one_flat_wall),
-        cmocka_unit_test(test_a_person_walks_through),    cmocka_unit_test(test_what_does_not_fit),
-        cmocka_unit_test(test_when_to_capture),
+        cmocka_unit_test(test_branch_and_bound_is_exact),   cmocka_unit_test(test_captures_are_placed),
+        cmocka_unit_test(test_odometry_that_jumps),         cmocka_unit_test(test_one_flat_wall),
+        cmocka_unit_test(test_one_flat_wall_with_pictures), cmocka_unit_test(test_a_person_walks_through),
+        cmocka_unit_test(test_what_does_not_fit),           cmocka_unit_test(test_when_to_capture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

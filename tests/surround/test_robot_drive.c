@@ -2,7 +2,9 @@
 // nearest distance approaches a wall without touching it.
 #include "tests/support/test.h"
 
+#include "base/clock.h"
 #include "reenact/surround/drive/drive_trial.h"
+#include "reenact/surround/drive/head_tracker.h"
 
 #include <stdio.h>
 
@@ -133,6 +135,72 @@ static void test_overlay(void **state)
     simulated_rover_close(&rover);
 }
 
+// The tablet looks along its place's y when it is centred: half a metre that way is half a metre ahead of the robot, a
+// quarter turn to the left looks to the robot's left, and what is raised is raised.
+static void test_the_tablet_is_the_head(void **state)
+{
+    (void)state;
+    double level[3][3] = {{1, 0, 0}, {0, 0, 1}, {0, -1, 0}}; // x right, y down, z along the place's y
+    struct pose tablet = {quat_from_matrix(level), v3(3, 2, 1.5)};
+    struct head_tracker head = {0};
+    struct pose eye = head_tracker_eye(&head, tablet, v3(0, 0, 1.2));
+    struct vec3 ahead = quat_rotate(eye.rotation, v3(0, 0, 1));
+    EXPECT_NEAR(v3_distance(eye.translation, v3(0, 0, 1.2)), 0, 1e-12);
+    EXPECT_NEAR(v3_distance(ahead, v3(1, 0, 0)), 0, 1e-9);
+    tablet.translation = v3(3, 2.5, 1.6);
+    tablet.rotation = quat_multiply(quat_from_rotation_vector(v3(0, 0, 1.5707963267948966)), tablet.rotation);
+    eye = head_tracker_eye(&head, tablet, v3(0, 0, 1.2));
+    ahead = quat_rotate(eye.rotation, v3(0, 0, 1));
+    EXPECT_NEAR(v3_distance(eye.translation, v3(0.5, 0, 1.3)), 0, 1e-9);
+    EXPECT_NEAR(v3_distance(ahead, v3(0, 1, 0)), 0, 1e-9);
+    const struct vec3 down = quat_rotate(eye.rotation, v3(0, 1, 0));
+    EXPECT_NEAR(v3_distance(down, v3(0, 0, -1)), 0, 1e-9);
+    head.centred = false;
+    eye = head_tracker_eye(&head, tablet, v3(0, 0, 1.2));
+    EXPECT_NEAR(v3_distance(eye.translation, v3(0, 0, 1.2)), 0, 1e-12);
+}
+
+static void ride(struct simulated_rover *r, bool threads)
+{
+    struct box_world world;
+    struct pose start;
+    struct rover_options how = rover_default_options();
+    how.panorama_height = 96;
+    rover_trial_world(3, &world, &start);
+    assert_int_equal(simulated_rover_open(r, &world, start, &how), OK);
+    if (threads) {
+        assert_int_equal(surroundings_start_threads(&r->surroundings), OK);
+        EXPECT_INT(r->surroundings.taken, 1); // before the threads
+    }
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(simulated_rover_step(r, (struct drive_command){0.31, 0.05}, 2), OK);
+        const struct pose eye = operator_viewpoint(VIEWPOINT_THIRD, simulated_rover_pose(r), how.size_m);
+        for (int k = 0; k < 2000 && r->surroundings.taken < i + 2; k++) { // drawing never waits for a capture
+            assert_int_equal(simulated_rover_draw(r, eye), OK);
+            if (threads)
+                clock_sleep_until_ns(clock_now_ns() + 10000000);
+        }
+    }
+}
+
+// Captures handed to threads are placed where they are without.
+static void test_captures_on_threads(void **state)
+{
+    (void)state;
+    struct simulated_rover plain, threaded;
+    ride(&plain, false);
+    ride(&threaded, true);
+    EXPECT_INT(threaded.surroundings.taken, 3);
+    EXPECT_INT(plain.surroundings.taken, 3);
+    for (int i = 0; i < 3; i++)
+        EXPECT_NEAR(v3_distance(plain.surroundings.poses[i].translation, threaded.surroundings.poses[i].translation), 0,
+                    0);
+    EXPECT_NEAR(v3_distance(simulated_rover_pose(&plain).translation, simulated_rover_pose(&threaded).translation), 0,
+                0);
+    simulated_rover_close(&plain);
+    simulated_rover_close(&threaded);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -140,6 +208,8 @@ int main(void)
         cmocka_unit_test(test_a_lost_link_stops_the_robot),
         cmocka_unit_test(test_clearance),
         cmocka_unit_test(test_overlay),
+        cmocka_unit_test(test_the_tablet_is_the_head),
+        cmocka_unit_test(test_captures_on_threads),
         cmocka_unit_test(test_commands_through_the_bent_passage_are_counted),
         cmocka_unit_test(test_approaches_without_touching),
     };

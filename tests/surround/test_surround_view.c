@@ -4,6 +4,7 @@
 #include "tests/support/test.h"
 
 #include "reenact/surround/drive/simulated_rover.h"
+#include "reenact/surround/view/exposure.h"
 
 #include <stdio.h>
 
@@ -280,6 +281,60 @@ static void test_a_black_panorama(void **state)
     simulated_rover_close(&rover);
 }
 
+// Pictures taken with different exposures and white balances, one of them with a person of another colour in every
+// fifth pixel and saturated highlights: the gains agree with the exposures, and the drawn picture with one that was
+// evenly exposed, but for its mean brightness.
+static void test_exposure_is_evened(void **state)
+{
+    (void)state;
+    static const double exposures[PICTURES][3] = {{0.7, 0.75, 0.8}, {1, 1, 1}, {1.3, 1.25, 1.1}};
+    struct scene s;
+    struct exposure even = {0};
+    open_scene(&s);
+    film(&s);
+    for (int i = 0; i < PICTURES; i++)
+        for (int k = 0; k < WIDTH * HEIGHT * 3; k++) {
+            const double value = s.pictures[i].rgb[k] * exposures[i][k % 3];
+            s.pictures[i].rgb[k] = (uint8_t)(value < 255 ? value + 0.5 : 255);
+        }
+    for (int v = 0; v < HEIGHT; v++) // a person, there in the second picture only
+        for (int u = 0; u < WIDTH / 5; u++)
+            memset(s.pictures[1].rgb + 3 * (v * WIDTH + u), 40, 3);
+    const struct surround_picture *list[PICTURES] = {&s.pictures[0], &s.pictures[1], &s.pictures[2]};
+    assert_int_equal(exposure_even(&even, s.pictures, list, PICTURES), OK);
+    for (int c = 0; c < 3; c++) {
+        const double one = s.pictures[1].gain[c] * exposures[1][c];
+        for (int i = 0; i < PICTURES; i++)
+            EXPECT_NEAR(s.pictures[i].gain[c] * exposures[i][c] / one, 1, 0.02);
+        EXPECT_NEAR(s.pictures[0].gain[c] * s.pictures[1].gain[c] * s.pictures[2].gain[c], 1, 0.02);
+    }
+    const int pairs = even.pair_count;
+    assert_int_equal(exposure_even(&even, s.pictures, list, PICTURES), OK); // nothing is measured twice
+    EXPECT_INT(even.pair_count, pairs);
+    exposure_free(&even);
+    close_scene(&s);
+}
+
+// One picture, or pictures that have nothing in common, keep their colours.
+static void test_exposure_without_overlap(void **state)
+{
+    (void)state;
+    struct scene s;
+    struct exposure even = {0};
+    open_scene(&s);
+    film(&s);
+    const struct surround_picture *list[2] = {&s.pictures[0], &s.pictures[1]};
+    assert_int_equal(exposure_even(&even, s.pictures, list, 1), OK);
+    EXPECT_NEAR(s.pictures[0].gain[0], 1, 0);
+    for (int k = 0; k < WIDTH * HEIGHT; k++)
+        s.pictures[1].inverse[k] = DEPTH_UNKNOWN;
+    assert_int_equal(exposure_even(&even, s.pictures, list, 2), OK);
+    EXPECT_NEAR(s.pictures[0].gain[0], 1, 0);
+    EXPECT_NEAR(s.pictures[1].gain[0], 1, 0);
+    exposure_free(&even);
+    close_scene(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -287,6 +342,7 @@ int main(void)
         cmocka_unit_test(test_no_capture_yet),        cmocka_unit_test(test_poses_off),
         cmocka_unit_test(test_beyond_a_wall),         cmocka_unit_test(test_a_thin_pole),
         cmocka_unit_test(test_glass_and_walls_above), cmocka_unit_test(test_a_black_panorama),
+        cmocka_unit_test(test_exposure_is_evened),    cmocka_unit_test(test_exposure_without_overlap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,12 +32,13 @@ static pid_t keep_busy(const char *path)
         return child;
     static uint8_t block[BLOCK];
     const int fd = open(path, O_CREAT | O_WRONLY, 0600);
-    for (uint64_t i = 0; fd >= 0; i++) {
+    if (fd < 0)
+        _exit(1);
+    for (uint64_t i = 0;; i++) {
         memset(block, (int)i, sizeof block);
         if (pwrite(fd, block, sizeof block, (off_t)(i % BLOCKS) * BLOCK) < 0 || fsync(fd))
             usleep(1000);
     }
-    _exit(1);
 }
 
 // Films until SIGINT, which `timeout` sends.

@@ -243,6 +243,44 @@ static void test_calibration(void **state)
     source_close(&s);
 }
 
+// What was measured of a sensor is kept and used the next time it is opened: the lens, and colour to depth where depth
+// is not registered.
+static void test_measured_calibration(void **state)
+{
+    struct openni_case *setup = *state;
+    setenv("XDG_CONFIG_HOME", setup->scratch.path, 1);
+    for (int registered = 0; registered < 2; registered++) {
+        put_calibration(setup, registered ? "\"registered\": true"
+                                          : "\"registered\": false, \"color_from_depth\": {\"translation_m\": "
+                                            "[0, 0, 0], \"rotation\": [0, 0, 0, 1]}");
+        struct source *s = open_it("openni");
+        struct calibration measured = *source_calibration(s);
+        EXPECT_INT(measured.registered, registered);
+        measured.color.fx = 54.5 + registered;
+        measured.color.k1 = -0.02;
+        measured.color_from_depth.translation = v3(registered ? 0 : 0.024, 0.001, 0);
+        EXPECT_STATUS(source_save_calibration(s, &measured), OK);
+        source_close(&s);
+        s = open_it("openni");
+        const struct calibration *c = source_calibration(s);
+        EXPECT_NEAR(c->color.fx, 54.5 + registered, 1e-9);
+        EXPECT_NEAR(c->color.k1, -0.02, 1e-9);
+        EXPECT_NEAR(c->depth.fx, registered ? 55.5 : 57, 1e-4);
+        EXPECT_NEAR(c->color_from_depth.translation.x, registered ? 0 : 0.024, 1e-9);
+        source_close(&s);
+    }
+    // One of another shape is refused, with what to do.
+    struct source *s = open_it("openni");
+    struct calibration wrong = *source_calibration(s);
+    wrong.color.height = 40;
+    wrong.depth = wrong.color;
+    EXPECT_STATUS(source_save_calibration(s, &wrong), OK);
+    source_close(&s);
+    EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("calibrate it again");
+    unsetenv("XDG_CONFIG_HOME");
+}
+
 static void test_devices(void **state)
 {
     struct openni_case *setup = *state;
@@ -400,6 +438,7 @@ int main(void)
         WITH_CASE(test_silent),
         WITH_CASE(test_looping_time_rises),
         WITH_CASE(test_calibration),
+        WITH_CASE(test_measured_calibration),
         WITH_CASE(test_devices),
         WITH_CASE(test_recording),
         WITH_CASE(test_recording_with_less_colour),

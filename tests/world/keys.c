@@ -175,6 +175,21 @@ static const struct key exercise_wrong[] = {
     {.t = 6.4, .apart = 0.04, ARMS(DOWN, DOWN)},
 };
 
+// One hand above the head, then the other: the gesture that starts and stops a take.
+#define ABOVE       {0.22, -0.10, 1}, {0.02, -0.06, 1}
+
+static const struct key raise_hand[] = {
+    {.t = 0.0, ARMS(DOWN, DOWN)},
+    {.t = 0.5, ARMS(DOWN, DOWN)},
+    {.t = 1.0, ARMS(DOWN, ABOVE)},
+    {.t = 2.0, ARMS(DOWN, ABOVE)},
+    {.t = 2.6, ARMS(DOWN, DOWN)},
+    {.t = 3.0, ARMS(DOWN, DOWN)},
+    {.t = 3.5, ARMS(ABOVE, DOWN)},
+    {.t = 4.5, ARMS(ABOVE, DOWN)},
+    {.t = 5.1, ARMS(DOWN, DOWN)},
+};
+
 const struct named_motion named_motions[] = {
     {"pirouette", 0.40, pirouette, COUNT_OF(pirouette)},
     {"kata", 0.45, kata, COUNT_OF(kata)},
@@ -185,5 +200,6 @@ const struct named_motion named_motions[] = {
     {"visit", 0.5, visit, COUNT_OF(visit)},
     {"exercise", 0.5, exercise, COUNT_OF(exercise)},
     {"exercise-wrong", 0.5, exercise_wrong, COUNT_OF(exercise_wrong)},
+    {"raise-hand", 0.5, raise_hand, COUNT_OF(raise_hand)}, // not in world_motion_names: random films stay as they are
 };
 const size_t named_motion_count = COUNT_OF(named_motions);

@@ -57,8 +57,8 @@ struct world_options {
     // "pirouette" (default): steps 1.5 m towards the sensor and turns all the way round, arms moving. "kata": punches,
     // a kick with each leg, arms crossed. "still", "bend" (bends down and lifts), "walk" (across, and back), "hide" (an
     // arm behind the back, and quickly out again), "visit" (comes in from the side, moves, and leaves on the other
-    // side). Or the path of a BVH file, which must contain a '/' or end in ".bvh"; of one that extends further than 2.6
-    // m, the longest stretch that does not is taken.
+    // side), "raise-hand" (one hand above the head, then the other). Or the path of a BVH file, which must contain a
+    // '/' or end in ".bvh"; of one that extends further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
     uint64_t seed; // of posters, camera shake and the like; default 1
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1

@@ -154,6 +154,38 @@ static enum status list_pairs(const struct exposure *e, struct pair_lists *out)
     return OK;
 }
 
+// The sum of the logarithms of those that are compared with each other, directly or not, is made 0: the iteration comes
+// to that only slowly. group: of picture_count, overwritten.
+static void centre(struct exposure *e, int *group)
+{
+    for (int p = 0; p < e->picture_count; p++)
+        group[p] = p;
+    for (bool changed = true; changed;) {
+        changed = false;
+        for (int i = 0; i < e->pair_count; i++) {
+            const struct exposure_pair *pair = &e->pairs[i];
+            const int least = group[pair->a] < group[pair->b] ? group[pair->a] : group[pair->b];
+            if (!pair->measured || group[pair->a] == group[pair->b])
+                continue;
+            group[pair->a] = group[pair->b] = least;
+            changed = true;
+        }
+    }
+    for (int g = 0; g < e->picture_count; g++)
+        for (int c = 0; c < 3; c++) {
+            double sum = 0;
+            int count = 0;
+            for (int p = g; p < e->picture_count; p++)
+                if (group[p] == g) {
+                    sum += e->log_gain[p][c];
+                    count++;
+                }
+            for (int p = g; count && p < e->picture_count; p++)
+                if (group[p] == g)
+                    e->log_gain[p][c] -= sum / count;
+        }
+}
+
 // Gauss and Seidel's iteration, from the gains there are.
 static enum status solve(struct exposure *e)
 {
@@ -175,6 +207,8 @@ static enum status solve(struct exposure *e)
         for (int c = 0; c < 3; c++)
             e->log_gain[p][c] = sum[c] / weights[c];
     }
+    if (status == OK)
+        centre(e, lists.first);
     free(lists.first);
     free(lists.next);
     return status;
