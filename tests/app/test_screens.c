@@ -385,8 +385,8 @@ static void test_take_opens_immediately_and_refines(void **state)
     EXPECT_TRUE(!v->image.prepared);
     int plain = 0, both = 0, simple = 0, better = 0;
     double share = 0;
-    for (int64_t until = clock_now_ns() + 200000000000;
-         (v->state.crossfade < 1 || !v->image.full) && clock_now_ns() < until;) {
+    const int64_t making = clock_now_ns();
+    for (int64_t until = making + 200000000000; (v->state.crossfade < 1 || !v->image.full) && clock_now_ns() < until;) {
         glass_draw_and_wait(&g);
         EXPECT_AT_LEAST(v->state.avatar_progress, share);
         share = v->state.avatar_progress;
@@ -401,10 +401,16 @@ static void test_take_opens_immediately_and_refines(void **state)
     EXPECT_AT_LEAST(plain, 1);
     EXPECT_AT_LEAST(both, 1);
     EXPECT_INT(better, 1);
+    const int64_t made_ns = clock_now_ns() - making;
     glass_close(&g); // after the avatar was written into the recording
+    const int64_t reading = clock_now_ns();
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "once more", NULL);
-    glass_draw(&g);
-    EXPECT_TRUE(v->image.full); // with the first drawing
+    do // with the first drawing, but on a machine that is busy with more
+        glass_draw(&g);
+    while (!v->image.full && clock_now_ns() < reading + 200000000000);
+    print_message("full after %.1f s, when opened again after %.1f s\n", (double)made_ns * 1e-9,
+                  (double)(clock_now_ns() - reading) * 1e-9);
+    EXPECT_AT_MOST((double)(clock_now_ns() - reading), 0.5 * (double)made_ns);
     glass_draw(&g);
     EXPECT_NEAR(v->state.avatar_progress, 1, 0);
     glass_close(&g);
