@@ -8,9 +8,9 @@
 // more than a third of the frames infer it.
 static const double UNSEEN = 0.25, GOOD_SHARE = 0.85, FAIR_SHARE = 0.7, GUESSED = 0.34;
 // The outline (intersection over union) that the picture is expected to have all round, from the share of the body that
-// was seen and the share of joints that were guessed: fitted to twenty films of the tests' world (tests/system/
-// test_verdict.c); of more guesses than a tenth the outline does not suffer further. A good take is expected above
-// GOOD_GRADE.
+// was seen and the share of joints that were guessed: fitted by hand to nine of the films of the tests' world in
+// tests/system/test_verdict.c; of more guesses than a tenth the outline does not suffer further. A good take is
+// expected above GOOD_GRADE.
 static const double GRADE_NONE = 0.82, GRADE_SEEN = 0.155, GRADE_GUESSED = 0.77, MOST_GUESSED = 0.1, GOOD_GRADE = 0.91;
 static const double SHORT_S = 0.5; // a fault that lasted less is not worth a repeat
 

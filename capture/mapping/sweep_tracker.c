@@ -12,6 +12,7 @@ static const double STEP_M = 0.15, STEP_RAD = 0.12; // from keyframe to keyframe
 static const double TAG_RMS_PX = 6;                 // of poses from tags that are roughly placed
 static const double PLAIN_COST = 100;               // of a tag's second planar pose, as the mapper has it
 static const double EXPOSURE_S = 1.0 / 60, BLUR_PX = 10, FAR_M = 2; // exposure indoors; what most of a room is away
+static const double NEAR_M = 0.5, NEAR_RAD = 0.4;                   // from one image to the next
 static const double FAST_S = 0.3;                                   // as long is it said
 enum {
     MIN_AGREE = 20,         // landmarks
@@ -30,6 +31,7 @@ struct sweep_tracker {
     struct pose last, before, keyframe; // camera_from_world
     int64_t last_ns, before_ns, fast_since_ns;
     bool has_last, has_before, too_fast;
+    bool sure; // the present pose: enough landmarks agree
     int lost;
 };
 
@@ -230,8 +232,8 @@ static bool refine(struct sweep_tracker *t, struct map_frame *f, struct pose gue
     return true;
 }
 
-// By the tags alone; of two poses the one that continues the last.
-static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struct pose *out)
+// By the tags alone; of two poses the one that continues the last. *clear: several tags agree.
+static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struct pose *out, bool *clear)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     struct pnp_solution fit;
@@ -242,14 +244,23 @@ static bool solve_tags(struct sweep_tracker *t, const struct map_frame *f, struc
     if (status != OK && status != AMBIGUOUS)
         return false;
     *out = fit.camera_from_world;
+    *clear = status == OK && fit.used > 1;
     if (status == AMBIGUOUS && t->has_last && pose_angle(fit.other, t->last) < pose_angle(*out, t->last))
         *out = fit.other;
     return status == OK || t->has_last;
 }
 
+static bool near(struct pose a, struct pose b)
+{
+    return v3_distance(pose_inverse(a).translation, pose_inverse(b).translation) < NEAR_M &&
+           pose_angle(a, b) < NEAR_RAD;
+}
+
 static bool locate(struct sweep_tracker *t, struct map_frame *f)
 {
     struct pose guess, by_tags;
+    bool clear = false;
+    t->sure = true;
     map_index_features(&t->scratch, &t->map, f);
     if (t->has_last && !t->lost) {
         guess = t->last;
@@ -258,17 +269,22 @@ static bool locate(struct sweep_tracker *t, struct map_frame *f)
         if (refine(t, f, guess) || refine(t, f, t->last))
             return true;
     }
-    if (solve_tags(t, f, &by_tags)) {
-        if (!refine(t, f, by_tags))
-            f->camera_from_world = by_tags;
-        return true;
+    if (solve_tags(t, f, &by_tags, &clear)) {
+        if (refine(t, f, by_tags))
+            return true;
+        // Of one distant tag the pose may be a mirrored one: it is believed only where it goes on from the last.
+        f->camera_from_world = by_tags;
+        t->sure = clear;
+        if (clear || (t->has_last && !t->lost && near(by_tags, t->last)))
+            return true;
     }
     if (t->lost % RELOCALIZE_EVERY)
         return false;
     int agree;
     const struct match_query query = map_match_query(&t->map, &t->scratch, NULL, 0);
     const int count = relocalize_match(&query, t->scratch.matches, MAP_MAX_FEATURES);
-    return relocalize(&query, t->scratch.matches, count, NULL, &guess, &agree) && refine(t, f, guess);
+    t->sure = relocalize(&query, t->scratch.matches, count, NULL, &guess, &agree) && refine(t, f, guess);
+    return t->sure;
 }
 
 // How far a point of the room moves in the picture while it is exposed.
@@ -291,11 +307,14 @@ static void follow(struct sweep_tracker *t, struct map_frame *f, const uint16_t 
     const struct pose world_from_camera = pose_inverse(f->camera_from_world);
     judge_speed(t, f);
     f->placed = true;
-    place_tags(t, f);
+    if (t->sure)
+        place_tags(t, f);
     const struct pose keyframe = pose_inverse(t->keyframe);
     if (v3_distance(keyframe.translation, world_from_camera.translation) > STEP_M ||
-        pose_angle(keyframe, world_from_camera) > STEP_RAD || !t->has_last)
-        add_landmarks(t, f);
+        pose_angle(keyframe, world_from_camera) > STEP_RAD || !t->has_last) {
+        if (t->sure)
+            add_landmarks(t, f);
+    }
     if (depth && t->map.has_depth)
         sweep_plan_add_depth(&t->plan, &t->map.calibration.depth, depth, world_from_camera);
     sweep_plan_move(&t->plan, &world_from_camera);
@@ -319,7 +338,7 @@ void sweep_tracker_add(struct sweep_tracker *t, const struct map_frame *observed
     bool found = false;
     if (!t->begun) {
         begin(t, f, depth);
-        found = t->begun;
+        found = t->sure = t->begun;
     } else {
         found = locate(t, f);
     }

@@ -167,8 +167,7 @@ static void room_and_take(struct stage *g, int frames)
            sight->tag_count, sight->depth_scale);
     EXPECT_TRUE(g->studio.shown.located && sight->tag_count > 0);
     EXPECT_AT_MOST(sight->position_sigma_m, 0.05);
-    EXPECT_AT_LEAST(g->studio.shown.counters.mb_per_s, 0.1);
-    EXPECT_AT_LEAST(g->studio.shown.counters.minutes_left, 0.1);
+    EXPECT_TRUE(g->studio.shown.counters.mb_per_s > 0 && g->studio.shown.counters.minutes_left > 0);
     stage_save_all(g, "place");
     EXPECT_STATUS(recording_open(&recording, g->studio.options.file), OK);
     EXPECT_STATUS(recording_read_place(recording, &place), OK);

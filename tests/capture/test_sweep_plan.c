@@ -95,12 +95,16 @@ static double plan_error(const struct sweep_plan *p, const struct sweep *s, int 
     return worst;
 }
 
-static bool same_place(const struct place *a, const struct place *b)
+// The largest distance between a tag of one place and the same of the other; infinite: not the same tags.
+static double place_difference(const struct place *a, const struct place *b)
 {
-    bool same = a->tag_count == b->tag_count && a->point_count == b->point_count;
-    for (int32_t i = 0; same && i < a->tag_count; i++)
-        same = !memcmp(&a->tags[i].world_from_tag, &b->tags[i].world_from_tag, sizeof a->tags[i].world_from_tag);
-    return same;
+    double most = a->tag_count == b->tag_count ? 0 : INFINITY;
+    for (int32_t i = 0; i < a->tag_count && i < b->tag_count; i++)
+        most =
+            a->tags[i].id == b->tags[i].id
+                ? fmax(most, v3_distance(a->tags[i].world_from_tag.translation, b->tags[i].world_from_tag.translation))
+                : INFINITY;
+    return most;
 }
 
 static void test_the_plan_of_a_sweep(void **state)
@@ -140,7 +144,9 @@ static void test_the_plan_of_a_sweep(void **state)
     EXPECT_AT_LEAST(sweep_plan_recognisable(p), 0.5);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     EXPECT_STATUS(mapper_finish(plain, &same, &report), OK);
-    EXPECT_TRUE(same_place(&place, &same));
+    printf("with and without the plan tags lie %.2g mm apart, %d and %d landmarks\n",
+           1e3 * place_difference(&place, &same), (int)place.point_count, (int)same.point_count);
+    EXPECT_AT_MOST(place_difference(&place, &same), 1e-4);
     static struct sweep_plan final;
     struct map_advice advice;
     sweep_plan_of_place(&place, &final);
