@@ -318,6 +318,14 @@ enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
 enum status surroundings_start_threads(struct surroundings *s)
 {
     assert(s->kind == SURROUNDINGS_ROBOT);
+    // What was captured before has its depth at once: the threads know none of its points
+    enum status status = OK;
+    for (int i = 0; i < s->taken && status == OK; i++) {
+        const struct surround_picture *one = &s->pictures[i];
+        status = make_depths(s, &one, 1);
+    }
+    if (status != OK)
+        return status;
     return capture_thread_open(&s->thread, &s->alignment, &s->photo, &s->how.depth, s->processor_clock);
 }
 
@@ -347,6 +355,8 @@ static enum status redo_one(struct surroundings *s)
 static enum status take_done(struct surroundings *s, struct capture_job *job)
 {
     enum status status = failure_restore(&job->failure);
+    if (job->again && status == OK && !job->picture.inverse) // no points are known yet
+        return OK;
     if (job->again) {
         struct surround_picture *p = &s->pictures[job->number];
         free(status == OK ? p->inverse : job->picture.inverse);
