@@ -164,7 +164,7 @@ void viewer_room_update(struct viewer *v, int64_t now_ns)
     (void)now_ns;
     update_path(v);
     update_answers(v);
-    if (s->page != PAGE_WATCH || !v->take_view)
+    if (s->page != PAGE_WATCH || !v->take_view || !v->has_image) // the actor comes first
         return;
     if ((viewer_room_wants_filmed(v) || s->room.map) && start_worker(v) != OK)
         v->state.room.filmed = false; // without memory for a thread there is no room

@@ -31,7 +31,7 @@ struct room_picture {
     int64_t number; // from 1
     struct lens lens;
     struct pose world_from_view;
-    float *inverse_z; // 1/m; negative: nobody has filmed what is there
+    float *inverse_z; // 1/m; negative: what is there was not filmed
     uint8_t *rgba;    // premultiplied, transparent where nothing was filmed
     bool final;       // a better one of this view will not come
 };

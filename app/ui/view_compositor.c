@@ -82,7 +82,7 @@ static void draw_studio(const struct brush *b, const struct take_view_image *p, 
     }
 }
 
-// Diagonal lines: nobody has filmed what is there.
+// Diagonal lines: what is there was not filmed.
 static void draw_hatching(const struct brush *b, struct ui_box box)
 {
     const double step = 18;

@@ -8,6 +8,8 @@
 // Standard deviation of a picture's position in its place, metres; chosen by hand, above what keyframes of a mapped
 // place have.
 #define POSE_SIGMA_M 0.002
+// How far away a thing may be: the length of a room.
+#define FARTHEST_M 8
 
 struct searched {
     struct lens lens;
@@ -33,7 +35,9 @@ enum status thing_search_open(struct thing_search **out, const struct thing_list
     if (!s)
         return fail(ERR_MEMORY, "no memory to look for things");
     s->things = things;
-    const enum status status = recognizer_open(&s->recognizer, things, NULL);
+    struct recognition_options how = recognition_default_options();
+    how.farthest_m = FARTHEST_M;
+    const enum status status = recognizer_open(&s->recognizer, things, &how);
     if (status != OK)
         thing_search_close(out);
     return status;

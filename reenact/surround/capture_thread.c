@@ -5,6 +5,7 @@
 #include "base/thread_priority.h"
 
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 struct capture_thread {
@@ -15,7 +16,8 @@ struct capture_thread {
     struct queue *fresh, *placed, *aligned, *done; // of struct capture_job *
     pthread_t align_thread, depth_thread;
     bool align_runs, depth_runs;
-    int in_flight; // the caller's thread alone
+    atomic_bool closing; // what waits is left as it is
+    int in_flight;       // the caller's thread alone
 };
 
 static void free_job(struct capture_job **job)
@@ -58,8 +60,9 @@ static void *align_all(void *self)
     struct capture_thread *t = self;
     struct capture_job *job;
     while ((job = queue_take(t->fresh))) {
-        struct capture_job *pose = job->again ? NULL : malloc(sizeof *pose);
-        if (!job->again)
+        const bool align_it = !job->again && !t->closing;
+        struct capture_job *pose = align_it ? malloc(sizeof *pose) : NULL;
+        if (align_it)
             align(t, job);
         if (pose) { // without memory for it the pose comes with the depth
             *pose = *job;
@@ -87,7 +90,7 @@ static void *make_depths(void *self)
             newest = job->surface;
             job->surface = NULL;
         }
-        if (job->failure.status == OK && newest) {
+        if (job->failure.status == OK && newest && !t->closing) {
             const struct world_points points = surface_points_world(newest);
             failure_keep(&job->failure, dense_depth_make(&job->picture, &points, &t->depth));
         }
@@ -132,6 +135,7 @@ void capture_thread_close(struct capture_thread **out)
     if (!t)
         return;
     struct queue **const queues[] = {&t->fresh, &t->placed, &t->aligned, &t->done};
+    t->closing = true;
     if (t->align_runs) {
         queue_stop(t->fresh);
         pthread_join(t->align_thread, NULL); // it stops `placed`

@@ -8,12 +8,13 @@
 #define PI 3.14159265358979323846
 enum { MOST_POINTS = 4000 };
 #define GRAY_SCALE 16.0f
-// Chosen on the rover set: what is fainter says little; a residual's standard deviation is between these, of noise,
-// depth and resampling; a point's neighbours and its references err alike.
+// Chosen on the rover set and on the small world's coarse panoramas: what is fainter says little; a residual's standard
+// deviation in levels is between these.
 #define LEAST_GRADIENT 4.0f
 #define LEAST_SIGMA    1.5
 #define MOST_SIGMA     8.0
-#define ALIKE          2.0
+#define OFF_PX         0.3   // resampling and depth move a point by so much of a pixel
+#define INDEPENDENT    400.0 // neighbours and references err alike: all points count as so many
 
 void photo_refinement_free(struct photo_refinement *r)
 {
@@ -182,6 +183,11 @@ static double spread_of(const struct photo_refinement *r, const struct sight_of_
     return fmin(MOST_SIGMA, fmax(LEAST_SIGMA, 1.4826 * (bin + 0.5) / 4));
 }
 
+static double share_of(const struct photo_refinement *r)
+{
+    return fmin(1, INDEPENDENT / ((double)r->point_count * r->reference_count + 1));
+}
+
 static void add_reference(const struct photo_refinement *r, const struct photo_reference *reference,
                           const struct pose *now, struct sight_of_point *sights, struct normal_equations *e)
 {
@@ -207,11 +213,13 @@ static void add_reference(const struct photo_refinement *r, const struct photo_r
         const double share = residual / (4.7 * sigma), rest = 1 - share * share;
         if (rest <= 0)
             continue;
+        const double slope2 = (double)(s->gray[1] * s->gray[1] + s->gray[2] * s->gray[2]);
         double n[3], arm[3];
         world_gradient(&reference->shape, s->world, s->gray, n);
         for (int k = 0; k < 3; k++)
             arm[k] = s->world[k] - origin[k];
-        normal_equations_add(e, n, arm, residual, rest * rest / (sigma * sigma * ALIKE));
+        normal_equations_add(e, n, arm, residual,
+                             share_of(r) * rest * rest / (sigma * sigma + slope2 * OFF_PX * OFF_PX));
     }
 }
 

@@ -177,6 +177,8 @@ static void note_alignment(struct surroundings *s, struct pose odometry, struct 
     s->align_ns += spent_ns;
     s->worst_align_ns = spent_ns > s->worst_align_ns ? spent_ns : s->worst_align_ns;
     s->unplaced += !fits;
+    if (!fits && s->any_aligned) // another is wanted at once
+        s->taken_odometry = s->aligned_odometry;
     if (fits) {
         s->aligned_odometry = odometry;
         s->aligned_pose = pose;

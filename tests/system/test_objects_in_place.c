@@ -11,7 +11,7 @@
 #include <string.h>
 
 static const char program[] = PROGRAM_DIR "/reenact-capture";
-enum { SWEEP = 36 };
+enum { SWEEP = 30 };
 
 // The poster with words on the back wall: the middle of its front, and its size (tests/world/scene.c).
 static const struct vec3 poster = {-0.58, 3.6, 1.62};
@@ -21,11 +21,12 @@ static struct scratch scratch;
 static struct world *world;
 static char file[256], objects[256], tags[256], sweep[300];
 
-// A photograph of it alone, from straight before it.
+// A photograph of it from straight before it, with some of the even wall around it.
 static void photograph(void)
 {
-    const double away = 1.3, f = 650;
-    struct lens lens = {.width = (int)(f * wide_m / away), .height = (int)(f * high_m / away), .fx = f, .fy = f};
+    const double away = 1.3, f = 650, margin = 1.08;
+    struct lens lens = {
+        .width = (int)(margin * f * wide_m / away), .height = (int)(margin * f * high_m / away), .fx = f, .fy = f};
     lens.cx = (lens.width - 1) / 2.0;
     lens.cy = (lens.height - 1) / 2.0;
     const double half = sqrt(0.5);
