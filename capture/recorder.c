@@ -437,6 +437,8 @@ static enum status read_all(struct recorder *r, struct source *source, const str
 static void drain(struct queue *queue)
 {
     struct item *item;
+    if (!queue)
+        return;
     queue_stop(queue);
     while ((item = queue_take(queue)))
         item_free(item);
@@ -444,12 +446,9 @@ static void drain(struct queue *queue)
 
 static void recorder_free(struct recorder *r)
 {
-    if (r->to_look)
-        drain(r->to_look);
-    if (r->to_process)
-        drain(r->to_process);
-    if (r->to_write)
-        drain(r->to_write);
+    drain(r->to_look);
+    drain(r->to_process);
+    drain(r->to_write);
     queue_close(&r->to_look);
     queue_close(&r->to_process);
     queue_close(&r->to_write);
@@ -514,8 +513,6 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     result->slowest_ms = r->slowest_ms;
     result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
 }
-
-// ------------------------------------------------------------- smoothing
 
 // The take is complete already, and stays so whatever fails here.
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,

@@ -4,7 +4,7 @@
 #include <string.h>
 
 // All chosen by hand.
-static const double FLOOR_M = 0.25, TALL_M = 2.2; // what stands up, and what nobody sees
+static const double FLOOR_M = 0.25, TALL_M = 2.2; // what stands up, and what is over everything
 static const double TRAIL_STEP_M = 0.05;
 enum {
     DEPTH_STEP = 16,     // pixels
