@@ -368,13 +368,13 @@ static void test_cost(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_soles_are_asked_for_where_they_show),
         cmocka_unit_test(test_good_films_raise_nothing),
         cmocka_unit_test(test_faults_are_named_within_a_second),
         cmocka_unit_test(test_the_obedient_are_seen),
         cmocka_unit_test(test_no_gesture_by_accident),
         cmocka_unit_test(test_the_gesture_is_found),
         cmocka_unit_test(test_cost),
-        cmocka_unit_test(test_soles_are_asked_for_where_they_show),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
