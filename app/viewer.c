@@ -188,7 +188,7 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     view_state_gesture(&v->state, &g, floor ? &drag : NULL, now_ns);
 }
 
-// Where the takes are listed: their lengths and images, some at a time so that the list is there at once.
+// Where the takes are listed: their lengths and images, some at a time so that the list is there immediately.
 static bool load_cards(struct viewer *v)
 {
     if (v->state.page != PAGE_TAKES || !v->recording)

@@ -15,7 +15,7 @@
 //
 // While a take pauses, frames are read and thrown away. In the file the pause is closed: the first frame after it comes
 // RECORDER_PAUSE_NS after the last one before it, longer than anything that joins one frame to the next (the smoother's
-// and the skeleton track's gaps), and the person is looked for anew, so that nothing is interpolated across.
+// and the skeleton track's gaps), and the person is looked for again, so that nothing is interpolated across.
 //
 // Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.

@@ -93,7 +93,7 @@ MUST_CHECK enum status command_print_json(struct json **root);
 void command_catch_signals(void);
 bool command_stopped(void);
 
-// A bar on stderr where that is a terminal, else nothing, with the time left as soon as that can be told. total <= 0:
+// A bar on stderr where that is a terminal, else nothing, with the time left as soon as that is known. total <= 0:
 // only the count is shown.
 struct progress_bar {
     const char *what;

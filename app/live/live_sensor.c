@@ -222,7 +222,7 @@ static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
         live_tracker_show(s->tracker, &wish->shown);
 }
 
-// What was found in an earlier image goes to the tracker, and this one to whoever looks.
+// What was found in an earlier image goes to the tracker, and this one to the thread that looks.
 static void exchange_points(struct live_sensor *s, const struct frame *frame)
 {
     struct body_points points;

@@ -93,7 +93,7 @@ struct placement {
 struct view_trim {
     bool offered;
     int64_t from_ns, to_ns; // of the take
-    bool wanted;            // asked for: whoever opened the viewer cuts
+    bool wanted;            // asked for: the owner of the viewer cuts
 };
 
 struct view_state {

@@ -150,7 +150,7 @@ static void on_state(void *context, const struct recorder_state *state)
     pthread_mutex_unlock(&s->lock);
 }
 
-// A live sensor's picture is shown at once, whatever still waits to be tracked; a film's with its skeleton.
+// A live sensor's picture is shown immediately, whatever still waits to be tracked; a film's with its skeleton.
 static void on_read(void *context, const struct frame *frame)
 {
     struct studio_session *s = context;

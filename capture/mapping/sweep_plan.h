@@ -1,5 +1,5 @@
 // The plan of a room, from above, while it is swept and afterwards: what of it was seen, where its tags and landmarks
-// are, where the sensor is, and what to do next. Plain data, 35 KiB: copied for whoever draws it. Pure.
+// are, where the sensor is, and what to do next. Plain data, 35 KiB: copied for the drawing thread. Pure.
 //
 // World axes: z up from the floor, metres. While a sweep adds to no place, they are the sweep's own, not yet those that
 // mapper_finish chooses.

@@ -177,7 +177,7 @@ static void note_alignment(struct surroundings *s, struct pose odometry, struct 
     s->align_ns += spent_ns;
     s->worst_align_ns = spent_ns > s->worst_align_ns ? spent_ns : s->worst_align_ns;
     s->unplaced += !fits;
-    if (!fits && s->any_aligned) // another is wanted at once
+    if (!fits && s->any_aligned) // another is wanted immediately
         s->taken_odometry = s->aligned_odometry;
     if (fits) {
         s->aligned_odometry = odometry;
@@ -318,7 +318,7 @@ enum status surroundings_advance(struct surroundings *s, int64_t time_ns)
 enum status surroundings_start_threads(struct surroundings *s)
 {
     assert(s->kind == SURROUNDINGS_ROBOT);
-    // What was captured before has its depth at once: the threads know none of its points
+    // What was captured before has its depth immediately: the threads know none of its points
     enum status status = OK;
     for (int i = 0; i < s->taken && status == OK; i++) {
         const struct surround_picture *one = &s->pictures[i];

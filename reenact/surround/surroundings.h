@@ -64,7 +64,7 @@ MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surro
 void surroundings_close(struct surroundings *s); // what was zeroed, too
 
 // From now on a robot's captures are aligned and given depth on threads of their own (capture_thread.h):
-// surroundings_take returns at once, surroundings_draw uses what is ready. ERR_MEMORY.
+// surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.
 MUST_CHECK enum status surroundings_start_threads(struct surroundings *s);
 
 // Whether it is time for a robot's next capture: alignment_options' way, turn or time since the one taken last.
