@@ -6,8 +6,8 @@
 #include "reenact/surround/photo_refinement.h"
 
 struct capture_job {
-    int number;                      // the caller's own
-    bool again;                      // no new capture: the depth of a placed picture made again, from all points by then
+    int number; // the caller's own
+    bool again; // no new capture: the depth of a placed picture made again, from all points by then
     struct surround_picture picture; // again: without depth; its colours and rays are borrowed
     struct depth_points points;      // of a new capture; freed by the thread
     struct pose odometry;
