@@ -5,6 +5,7 @@
 //     test_studio_room FOLDER      images of the screens, for the documents
 #include "base/clock.h"
 #include "capture/recorder.h"
+#include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/studio_stage.h"
 #include "tests/support/test.h"
@@ -348,6 +349,7 @@ static void test_trim_while_it_plays(void **state)
 
 int main(int argc, char **argv)
 {
+    keep_player();
     if (argc > 1) {
         static struct stage g;
         g.folder = argv[1];
