@@ -6,6 +6,7 @@
 #include "app/studio/studio_session.h"
 
 #include "base/clock.h"
+#include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/test.h"
 
@@ -88,6 +89,7 @@ static void test_thirty_frames_a_second(void **state)
 
 int main(int argc, char **argv)
 {
+    keep_player();
     wanted_s = argc > 1 ? atof(argv[1]) : wanted_s;
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_thirty_frames_a_second)};
     return cmocka_run_group_tests(tests, NULL, NULL);
