@@ -7,13 +7,6 @@
 #include <elf.h>
 #include <string.h>
 
-// The sanitizers bring checks of their own.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-enum { SANITIZED = 1 };
-#else
-enum { SANITIZED = 0 };
-#endif
-
 struct program {
     uint8_t *bytes;
     size_t count;
