@@ -1,6 +1,7 @@
 #include "compare/alignment_bound.h"
 
 #include "compare/alignment_internal.h"
+#include "compare/feature_box.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,39 +10,14 @@
 // blocks wide and high. Chosen by time on the alignments of reenact-bench compare and growth.
 enum { FINEST = 6, COARSER = 4, MOST = 24, LEVELS = 12 };
 
-struct box {
-    int16_t low[FEATURE_NUMBERS], high[FEATURE_NUMBERS];
-};
-
-static struct box *boxes_of(const struct features *f, int block, int32_t blocks)
+static struct feature_box *boxes_of(const struct features *f, int block, int32_t blocks)
 {
-    struct box *boxes = malloc((size_t)blocks * sizeof *boxes);
+    struct feature_box *boxes = malloc((size_t)blocks * sizeof *boxes);
     for (int32_t k = 0; boxes && k < blocks; k++) {
-        struct box *box = &boxes[k];
-        const int32_t first = k * block, end = f->count - first > block ? first + block : f->count;
-        memcpy(box->low, f->frames[first].number, sizeof box->low);
-        memcpy(box->high, f->frames[first].number, sizeof box->high);
-        for (int32_t i = first + 1; i < end; i++)
-            for (int n = 0; n < FEATURE_NUMBERS; n++) {
-                const int16_t x = f->frames[i].number[n];
-                box->low[n] = x < box->low[n] ? x : box->low[n];
-                box->high[n] = x > box->high[n] ? x : box->high[n];
-            }
+        const int32_t first = k * block;
+        boxes[k] = feature_box_of(f, first, f->count - first > block ? first + block : f->count);
     }
     return boxes;
-}
-
-// No pair of frames from the two boxes costs less.
-static int32_t box_cost(const struct box *a, const struct box *b)
-{
-    int32_t sum = 0;
-    for (int n = 0; n < FEATURE_NUMBERS; n++) {
-        const int16_t below = (int16_t)(a->low[n] - b->high[n]), above = (int16_t)(b->low[n] - a->high[n]);
-        int16_t d = below > above ? below : above;
-        d = d > 0 ? d : 0;
-        sum += d * d;
-    }
-    return sum;
 }
 
 void block_level_close(struct block_level *l)
@@ -118,11 +94,11 @@ static enum status level_open(struct block_level *l, const struct features *a, c
 
 static enum status fill_costs(struct block_level *l, const struct features *a, const struct features *b)
 {
-    struct box *rows = boxes_of(a, l->block, l->rows), *columns = boxes_of(b, l->block, l->columns);
+    struct feature_box *rows = boxes_of(a, l->block, l->rows), *columns = boxes_of(b, l->block, l->columns);
     const bool have = rows && columns;
     for (int32_t row = 0; row < l->rows && have; row++)
         for (int32_t column = l->begin[row]; column < l->end[row]; column++)
-            l->least[l->offset[row] + column - l->begin[row]] = box_cost(&rows[row], &columns[column]);
+            l->least[l->offset[row] + column - l->begin[row]] = feature_box_cost(&rows[row], &columns[column]);
     free(rows);
     free(columns);
     return have ? OK : fail(ERR_MEMORY, "no memory to align two movements");

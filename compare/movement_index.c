@@ -1,44 +1,23 @@
 #include "compare/movement_index.h"
 
 #include "compare/alignment_internal.h"
+#include "compare/feature_box.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { BLOCK = 8, MOST_QUERY = 3000 };
 
-struct box {
-    int16_t low[FEATURE_NUMBERS], high[FEATURE_NUMBERS];
-};
-
 struct movement_index {
     struct features frames;
-    struct box *boxes;
+    struct feature_box *boxes;
     int32_t blocks;
 };
 
-static void box_of(const struct features *f, int32_t first, struct box *box)
+// Of the block that begins with this frame.
+static struct feature_box box_of(const struct features *f, int32_t first)
 {
-    memcpy(box->low, f->frames[first].number, sizeof box->low);
-    memcpy(box->high, f->frames[first].number, sizeof box->high);
-    for (int32_t i = first + 1; i < first + BLOCK && i < f->count; i++)
-        for (int n = 0; n < FEATURE_NUMBERS; n++) {
-            const int16_t x = f->frames[i].number[n];
-            box->low[n] = x < box->low[n] ? x : box->low[n];
-            box->high[n] = x > box->high[n] ? x : box->high[n];
-        }
-}
-
-static int32_t box_distance(const struct box *a, const struct box *b)
-{
-    int32_t sum = 0;
-    for (int n = 0; n < FEATURE_NUMBERS; n++) {
-        const int16_t below = (int16_t)(a->low[n] - b->high[n]), above = (int16_t)(b->low[n] - a->high[n]);
-        int16_t d = below > above ? below : above;
-        d = d > 0 ? d : 0;
-        sum += d * d;
-    }
-    return sum;
+    return feature_box_of(f, first, f->count - first > BLOCK ? first + BLOCK : f->count);
 }
 
 enum status movement_index_open(struct movement_index **out, const struct features *f)
@@ -57,7 +36,7 @@ enum status movement_index_open(struct movement_index **out, const struct featur
     m->frames = *f;
     m->blocks = blocks;
     for (int32_t k = 0; k < blocks; k++)
-        box_of(f, k * BLOCK, &m->boxes[k]);
+        m->boxes[k] = box_of(f, k * BLOCK);
     *out = m;
     return OK;
 }
@@ -83,11 +62,10 @@ static void bound_starts(const struct movement_index *m, const struct features *
         const int32_t first = q * BLOCK;
         const int64_t *after = rest + (size_t)(q + 1) * (size_t)m->blocks;
         int64_t *bound = rest + (size_t)q * (size_t)m->blocks;
-        struct box box;
-        box_of(query, first, &box);
+        const struct feature_box box = box_of(query, first);
         const int32_t frames = query->count - first < BLOCK ? query->count - first : BLOCK;
         for (int32_t k = 0; k < m->blocks; k++)
-            distance[k] = box_distance(&box, &m->boxes[k]);
+            distance[k] = feature_box_cost(&box, &m->boxes[k]);
         // Frame first of the query is reached at the earliest at the start, and no path goes on beyond `reach`.
         for (int32_t k = 0; k < m->blocks; k++) {
             int32_t least = distance[k];
