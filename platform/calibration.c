@@ -238,6 +238,19 @@ static enum status camera_file(const char *id, char *path, size_t size)
     return OK;
 }
 
+// The same, its folder made where it is missing. Errors of folder_make, too.
+static enum status camera_file_for_writing(const char *id, char *path, size_t size)
+{
+    const enum status status = camera_file(id, path, size);
+    if (status != OK)
+        return status;
+    char *slash = strrchr(path, '/');
+    *slash = 0;
+    const enum status made = folder_make(path);
+    *slash = '/';
+    return made;
+}
+
 enum status camera_lens_read(const char *id, struct lens *out)
 {
     char path[4096];
@@ -261,21 +274,17 @@ static const double MIN_SAVED_SIGMA = 0.005;
 
 enum status camera_lens_save(const char *id, const struct lens *lens)
 {
-    char path[4096], folder[4096];
-    enum status status = camera_file(id, path, sizeof path);
+    char path[4096];
+    enum status status = camera_file_for_writing(id, path, sizeof path);
     if (status != OK)
         return status;
-    memcpy(folder, path, sizeof folder);
-    *strrchr(folder, '/') = 0;
     struct lens kept = *lens;
     kept.focal_sigma = fmax(MIN_SAVED_SIGMA, lens->focal_sigma);
     struct json *root = json_new_object();
     add_lens(root, "color", &kept);
     char *text = json_print(root);
     json_free(&root);
-    status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to save a camera's lens");
-    if (status == OK)
-        status = file_write(path, text, strlen(text));
+    status = text ? file_write(path, text, strlen(text)) : fail(ERR_MEMORY, "no memory to save a camera's lens");
     free(text);
     return status;
 }
@@ -298,14 +307,11 @@ enum status camera_lens_scale(struct lens *lens, int width, int height, const ch
 
 enum status device_calibration_save(const char *id, const struct calibration *c)
 {
-    char path[4096], folder[4096];
-    enum status status = camera_file(id, path, sizeof path);
+    char path[4096];
+    enum status status = camera_file_for_writing(id, path, sizeof path);
     if (status != OK)
         return status;
-    memcpy(folder, path, sizeof folder);
-    *strrchr(folder, '/') = 0;
-    status = folder_make(folder);
-    return status == OK ? calibration_write(path, c) : status;
+    return calibration_write(path, c);
 }
 
 // A lens as it was measured, at the size of the device's images. width 0: it was not.
