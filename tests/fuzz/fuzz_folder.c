@@ -1,8 +1,7 @@
 // Any bytes as a folder's lists: rgb.txt, a 0, depth.txt. Frames are read as a sensor's and as a camera's.
-#include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/fuzz_source.h"
 
 #include "platform/png.h"
-#include "platform/source.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -25,25 +24,6 @@ static void make_pictures(void)
     FUZZ_CHECK(png_write(fuzz_path("folder/d.png"), PNG_GRAY16, pixels, 8, 6) == OK);
 }
 
-static void read_frames(const char *uri, enum source_wanted wanted)
-{
-    struct source *s;
-    if (fuzz_said(source_open(&s, uri, wanted)) != OK)
-        return;
-    int64_t last_ns = INT64_MIN;
-    for (int i = 0; i < 50; i++) {
-        struct frame frame;
-        const enum status status = fuzz_said(source_next(s, &frame));
-        if (status == NOTHING)
-            break;
-        if (status != OK)
-            continue;
-        FUZZ_CHECK(frame.time_ns > last_ns && !strchr(frame.name, '/'));
-        last_ns = frame.time_ns;
-    }
-    source_close(&s);
-}
-
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     char uri[160];
@@ -53,7 +33,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_file("folder/rgb.txt", data, first);
     fuzz_file("folder/depth.txt", end ? end + 1 : data, end ? size - first - 1 : size);
     snprintf(uri, sizeof uri, "folder:%s", fuzz_path("folder"));
-    read_frames(uri, SOURCE_SENSOR);
-    read_frames(uri, SOURCE_CAMERA);
+    fuzz_read_frames(uri, SOURCE_SENSOR, false);
+    fuzz_read_frames(uri, SOURCE_CAMERA, false);
     return 0;
 }
