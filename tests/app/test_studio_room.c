@@ -189,22 +189,32 @@ static void test_room_and_take(void **state)
     stage_close(&g);
 }
 
+// The sensor's film, at a quarter of its size, in a scratch folder. tags: as world_options has them, 0: all. Returns
+// the URI, valid until the next call.
+static const char *film_for(struct stage *g, const char *motion, uint32_t tags, int frames)
+{
+    static char uri[300];
+    struct world *world;
+    struct world_options o = world_default_options();
+    o.plain = true;
+    o.motion = motion;
+    if (tags)
+        o.tags = tags;
+    EXPECT_STATUS(world_open(&world, &o), OK);
+    g->scratch = scratch_make();
+    film_sensor(world, &g->scratch, "sensor", 0.25, 0, frames);
+    world_close(&world);
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g->scratch, "sensor"));
+    return uri;
+}
+
 // Tags that are nowhere in the pictures: no map, a reason, and nothing is kept.
 static void test_no_map_is_said(void **state)
 {
     (void)state;
     static struct stage g;
-    struct world *world;
-    struct world_options o = world_default_options();
-    o.plain = true;
-    o.tags = 1;
-    EXPECT_STATUS(world_open(&world, &o), OK);
-    g.scratch = scratch_make();
-    film_sensor(world, &g.scratch, "sensor", 0.25, 0, 12);
-    world_close(&world);
+    const char *uri = film_for(&g, "pirouette", 1, 12);
     scratch_text(&g.scratch, "tags.json", "{\"family\": \"tag36h11\", \"side_m\": {\"77\": 0.2}}");
-    char uri[300];
-    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g.scratch, "sensor"));
     open_stage(&g, uri);
     wait_page(&g, STUDIO_LIVE, 2);
     stage_press(&g, 'm');
@@ -231,16 +241,9 @@ static void test_a_live_sensor(void **state)
 {
     (void)state;
     static struct stage g;
-    struct world *world;
-    struct world_options o = world_default_options();
     struct recording *recording;
     struct take *take;
-    o.motion = "kata";
-    o.plain = true;
-    EXPECT_STATUS(world_open(&world, &o), OK);
-    g.scratch = scratch_make();
-    film_sensor(world, &g.scratch, "sensor", 0.25, 0, 40);
-    world_close(&world);
+    film_for(&g, "kata", 0, 40);
     fake("", scratch_file(&g.scratch, "sensor"));
     fake("FPS", "15");
     fake("AT_END", "loop");
@@ -302,19 +305,9 @@ static void test_trim_while_it_plays(void **state)
 {
     (void)state;
     static struct stage g;
-    struct world *world;
-    struct world_options o = world_default_options();
     struct recording *recording;
     struct take *take;
-    char uri[300];
-    o.motion = "kata";
-    o.plain = true;
-    EXPECT_STATUS(world_open(&world, &o), OK);
-    g.scratch = scratch_make();
-    film_sensor(world, &g.scratch, "sensor", 0.25, 0, 45);
-    world_close(&world);
-    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g.scratch, "sensor"));
-    open_stage(&g, uri);
+    open_stage(&g, film_for(&g, "kata", 0, 45));
     wait_page(&g, STUDIO_LIVE, 2);
     stage_press(&g, ' ');
     g.skipped_ns += 6 * SECOND;
