@@ -8,9 +8,11 @@
 
 #include "compare/movement.h"
 #include "compare/movement_index.h"
+#include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { ITEMS = 12, FRAMES = 300, HOUR = 108000, SECOND = 30, QUERIES = 20 };
 static const uint64_t SEED = 2026;
@@ -102,6 +104,39 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     out->error = 100 * ((double)x.price / (double)p->best - 1);
     out->extra[0] = (double)x.cells / (FRAMES * FRAMES);
     alignment_free(&x);
+    return status;
+}
+
+// How different each pair of frames is, bright: alike; green: the best alignment, red: the contender's.
+static enum status draw_alignment(struct bench *b, const struct pair *p, const char *name, int32_t radius)
+{
+    struct alignment best = {0}, x = {0};
+    char caption[100];
+    uint8_t *rgb = malloc((size_t)3 * FRAMES * FRAMES);
+    enum status status = rgb ? align(&p->fa, &p->fb, &prices, &best) : fail(ERR_MEMORY, "no memory for a picture");
+    if (status == OK)
+        status = radius ? align_corridor(&p->fa, &p->fb, &prices, radius, &x) : align(&p->fa, &p->fb, &prices, &x);
+    for (int i = 0; i < FRAMES && status == OK; i++)
+        for (int j = 0; j < FRAMES; j++) {
+            const double c = feature_cost(&p->a[i], &p->b[j]) / (double)(FEATURE_UNIT * FEATURE_UNIT);
+            memset(rgb + 3 * (i * FRAMES + j), (int)(220 / (1 + c)), 3);
+        }
+    const struct alignment *drawn[] = {&best, &x};
+    static const uint8_t color[][3] = {{60, 200, 60}, {240, 60, 40}};
+    const struct drawing d = {rgb, FRAMES, FRAMES, FRAMES};
+    for (size_t k = 0; k < COUNT_OF(drawn) && status == OK; k++)
+        for (int32_t i = 0; i < drawn[k]->count; i++) {
+            const struct pixel at = {drawn[k]->pairs[i].b, drawn[k]->pairs[i].a};
+            drawing_put_line(&d, at, at, k ? 0.4 : 1.4, color[k]);
+        }
+    if (status == OK) {
+        snprintf(caption, sizeof caption, "%s: %.1f %% above the best price; bright: alike; green: the best", name,
+                 100 * ((double)x.price / (double)p->best - 1));
+        bench_picture(b, caption, rgb, FRAMES, FRAMES);
+    }
+    alignment_free(&best);
+    alignment_free(&x);
+    free(rgb);
     return status;
 }
 
@@ -205,6 +240,13 @@ static enum status run(struct bench *b)
     };
     if (status == OK)
         status = bench_run(b, contenders, COUNT_OF(contenders), ITEMS);
+    // A hard pair.
+    if (status == OK)
+        status = draw_alignment(b, &pairs[2], "exact", 0);
+    if (status == OK)
+        status = draw_alignment(b, &pairs[2], "FastDTW, radius 10", 10);
+    if (status == OK)
+        status = draw_alignment(b, &pairs[2], "FastDTW, radius 1", 1);
     for (int i = 0; i < ITEMS; i++) {
         free(pairs[i].a);
         free(pairs[i].b);

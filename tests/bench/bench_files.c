@@ -52,6 +52,40 @@ static enum status measure_color(void *self, int item, struct bench_measure *out
     return status;
 }
 
+// About the person's neck in the first frame, magnified.
+static enum status draw_part(struct bench *b, const struct color_contender *c, const char *name)
+{
+    enum { PART_WIDTH = 80, PART_HEIGHT = 60, TIMES = 4, WIDTH = PART_WIDTH * TIMES, HEIGHT = PART_HEIGHT * TIMES };
+    static uint8_t part[3 * WIDTH * HEIGHT];
+    const struct lens *lens = &take_calibration(c->take)->color;
+    const size_t count = (size_t)lens->width * (size_t)lens->height * 3;
+    const struct pixel at = lens_project(lens, take_entry(c->take, 0)->skeleton.joint[JOINT_NECK]);
+    const int left = (int)fmin(fmax(at.x - PART_WIDTH / 2, 0), lens->width - PART_WIDTH),
+              top = (int)fmin(fmax(at.y - PART_HEIGHT / 2, 0), lens->height - PART_HEIGHT);
+    struct take_images images;
+    uint8_t *bytes = NULL, *back = malloc(count);
+    size_t coded = 0;
+    char caption[100];
+    enum status status = back ? take_read(c->take, 0, TAKE_COLOR, &images) : fail(ERR_MEMORY, "no memory");
+    if (status == OK)
+        memcpy(back, images.color, count);
+    if (status == OK && c->quality)
+        status = jpeg_encode(images.color, lens->width, lens->height, c->quality, &bytes, &coded);
+    if (status == OK && c->quality)
+        status = jpeg_decode(bytes, coded, back, lens->width, lens->height);
+    for (int y = 0; y < HEIGHT && status == OK; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            const int from = 3 * ((top + y / TIMES) * lens->width + left + x / TIMES);
+            memcpy(part + 3 * (y * WIDTH + x), back + from, 3);
+        }
+    snprintf(caption, sizeof caption, "%s, %d times magnified", name, TIMES);
+    if (status == OK)
+        bench_picture(b, caption, part, WIDTH, HEIGHT);
+    free(bytes);
+    free(back);
+    return status;
+}
+
 static enum status run_color(struct bench *b)
 {
     static const int qualities[] = {60, 75, 85, 92, 97, 0};
@@ -68,6 +102,9 @@ static enum status run_color(struct bench *b)
     }
     if (status == OK)
         status = bench_run(b, contenders, CONTENDERS, (int)take_frame_count(rehearsed.take));
+    static const int shown[] = {0, 2, 3, CONTENDERS - 1};
+    for (size_t i = 0; i < COUNT_OF(shown) && status == OK; i++)
+        status = draw_part(b, &all[shown[i]], names[shown[i]]);
     rehearsed_close(&rehearsed);
     return status;
 }
@@ -203,6 +240,8 @@ struct open_contender {
     const char *file;
     struct gpu *gpu;
     enum open_way way;
+    uint8_t *picture; // the first one, RGB
+    struct lens lens; // of it
 };
 
 // Wrong pixels of the actor from the sensor's own side, of those that either mask or picture has.
@@ -217,7 +256,16 @@ static double wrong_percent(const uint8_t *rgba, const uint8_t *mask, size_t pix
     return either ? 100.0 * (either - both) / either : 0;
 }
 
-static enum status draw_first(const struct open_contender *c, struct take *take, double *wrong)
+// The actor over a plain background.
+static void keep_picture(struct open_contender *c, const uint8_t *rgba)
+{
+    const size_t pixels = (size_t)c->lens.width * (size_t)c->lens.height;
+    for (size_t i = 0; i < pixels && c->picture; i++)
+        for (size_t k = 0; k < 3; k++)
+            c->picture[3 * i + k] = rgba[4 * i + 3] >= 128 ? rgba[4 * i + k] : 60;
+}
+
+static enum status draw_first(struct open_contender *c, struct take *take, double *wrong)
 {
     const struct lens *lens = &take_calibration(take)->color;
     const size_t pixels = (size_t)lens->width * (size_t)lens->height;
@@ -235,6 +283,8 @@ static enum status draw_first(const struct open_contender *c, struct take *take,
     uint8_t *rgba = malloc(4 * pixels);
     if (status == OK)
         status = rgba ? renderer_read_actor(renderer, rgba) : fail(ERR_MEMORY, "no memory for an image");
+    if (status == OK)
+        keep_picture(c, rgba);
     if (status == OK)
         status = take_read(take, 0, TAKE_MASK, &images);
     *wrong = status == OK && images.mask ? wrong_percent(rgba, images.mask, pixels) : NAN;
@@ -254,10 +304,13 @@ static enum status measure_open(void *self, int item, struct bench_measure *out)
     enum status status = recording_open(&r, c->file);
     if (status == OK)
         status = take_open(&take, r, recording_take_name(r, 0));
-    if (status == OK && c->way == OPEN_VIDEO)
+    if (status == OK && c->way == OPEN_VIDEO) {
         status = take_read(take, 0, TAKE_COLOR, &images);
-    else if (status == OK)
+        if (status == OK && c->picture)
+            memcpy(c->picture, images.color, 3 * (size_t)c->lens.width * (size_t)c->lens.height);
+    } else if (status == OK) {
         status = draw_first(c, take, &out->error);
+    }
     out->time_ms = bench_all_threads_ms() - from_ms;
     take_close(&take);
     recording_free(&r);
@@ -271,14 +324,26 @@ static enum status run_open(struct bench *b)
     enum status status = rehearsed_open(&rehearsed, 0);
     if (status == OK)
         status = gpu_open(&gpu);
-    struct open_contender all[] = {{rehearsed.rehearsal.file, gpu, OPEN_CYLINDERS},
-                                   {rehearsed.rehearsal.file, gpu, OPEN_AVATAR},
-                                   {rehearsed.rehearsal.file, gpu, OPEN_VIDEO}};
-    const struct bench_contender contenders[] = {{"cylinders first", measure_open, &all[0], false},
-                                                 {"with the avatar", measure_open, &all[1], false},
-                                                 {"plain video", measure_open, &all[2], true}};
+    static const char *const names[] = {
+        [OPEN_CYLINDERS] = "cylinders first", [OPEN_AVATAR] = "with the avatar", [OPEN_VIDEO] = "plain video"};
+    enum { WAYS = COUNT_OF(names) };
+    struct open_contender all[WAYS] = {{0}};
+    struct bench_contender contenders[WAYS];
+    for (int i = 0; i < WAYS && status == OK; i++) {
+        const struct lens *lens = &take_calibration(rehearsed.take)->color;
+        all[i] = (struct open_contender){rehearsed.rehearsal.file, gpu, (enum open_way)i,
+                                         malloc(3 * (size_t)lens->width * (size_t)lens->height), *lens};
+        contenders[i] = (struct bench_contender){names[i], measure_open, &all[i], i == OPEN_VIDEO};
+        if (!all[i].picture)
+            status = fail(ERR_MEMORY, "no memory for an image");
+    }
     if (status == OK)
-        status = bench_run(b, contenders, COUNT_OF(contenders), 2);
+        status = bench_run(b, contenders, WAYS, 2);
+    for (int i = 0; i < WAYS; i++) {
+        if (status == OK)
+            bench_picture(b, names[i], all[i].picture, all[i].lens.width, all[i].lens.height);
+        free(all[i].picture);
+    }
     gpu_close(&gpu);
     rehearsed_close(&rehearsed);
     return status;

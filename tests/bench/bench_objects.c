@@ -8,9 +8,12 @@
 #include "tests/bench/bench_objects_peers.h"
 #include "tests/support/desk.h"
 #include "tests/support/random.h"
+#include "tests/support/skeleton_drawing.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { PAIRS = 3, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 2009;
@@ -30,6 +33,9 @@ struct objects {
 struct contender {
     struct objects *all;
     enum method method;
+    const char *name;
+    struct pixel found[2 * DESK_THINGS]; // in the left picture of the pair looked at last
+    int found_count, missed, wrong;
 };
 
 static enum status make(struct objects *o)
@@ -65,21 +71,27 @@ static enum status make(struct objects *o)
     return recognizer_open(&o->recognizer, &o->desk.things, NULL);
 }
 
-static void judge(const struct objects *o, int pair, int thing, struct pixel at, double *errors, int *count,
+static struct pixel true_middle(const struct objects *o, int pair, int thing)
+{
+    const struct pose left_from_world = pose_inverse(o->world_from_left[pair]);
+    return lens_project(&o->desk.rig.left, pose_apply(left_from_world, o->desk.world_from_thing[thing].translation));
+}
+
+static void judge(struct contender *c, int pair, int thing, struct pixel at, double *errors, int *count,
                   struct bench_measure *out)
 {
-    const struct vec3 p =
-        pose_apply(pose_inverse(o->world_from_left[pair]), o->desk.world_from_thing[thing].translation);
-    const struct pixel truth = lens_project(&o->desk.rig.left, p);
+    const struct pixel truth = true_middle(c->all, pair, thing);
     const double error = sqrt((at.x - truth.x) * (at.x - truth.x) + (at.y - truth.y) * (at.y - truth.y));
+    c->found[c->found_count++] = at;
     if (thing >= DESK_THINGS / 2 || error > RIGHT_PX)
         out->extra[1] += 1;
     else
         errors[(*count)++] = error;
 }
 
-static enum status measure_ours(struct objects *o, int pair, double *errors, int *count, struct bench_measure *out)
+static enum status measure_ours(struct contender *c, int pair, double *errors, int *count, struct bench_measure *out)
 {
+    const struct objects *o = c->all;
     const struct lens *lenses[2] = {&o->desk.rig.left, &o->desk.rig.right};
     const struct pose from_left[2] = {POSE_IDENTITY, pose_inverse(o->desk.rig.left_from_right)};
     struct thing_view views[2] = {0};
@@ -94,7 +106,7 @@ static enum status measure_ours(struct objects *o, int pair, double *errors, int
     for (int i = 0; i < n && status == OK; i++) {
         struct sighting s;
         if (recognizer_refine(o->recognizer, &found[i], NULL, views, 2, &s) == OK)
-            judge(o, pair, s.thing, lens_project(lenses[0], s.left_from_thing.translation), errors, count, out);
+            judge(c, pair, s.thing, lens_project(lenses[0], s.left_from_thing.translation), errors, count, out);
     }
     thing_view_free(&views[0]);
     thing_view_free(&views[1]);
@@ -124,26 +136,56 @@ static enum status find_plainly(const struct objects *o, enum method method, int
 
 static enum status measure(void *self, int pair, struct bench_measure *out)
 {
-    const struct contender *c = self;
+    struct contender *c = self;
     double errors[2 * DESK_THINGS];
     int count = 0;
     enum status status = OK;
     const double started_ms = bench_clock_ms();
     out->extra[1] = 0;
+    c->found_count = 0;
     if (c->method == OURS)
-        status = measure_ours(c->all, pair, errors, &count, out);
+        status = measure_ours(c, pair, errors, &count, out);
     for (int i = 0; i < DESK_THINGS && status == OK && c->method != OURS; i++) {
         struct pixel at, in_right;
         const enum status found = find_plainly(c->all, c->method, 2 * pair, i, &at);
         (void)find_plainly(c->all, c->method, 2 * pair + 1, i, &in_right);
         if (found == OK)
-            judge(c->all, pair, i, at, errors, &count, out);
+            judge(c, pair, i, at, errors, &count, out);
         status = found < OK ? found : OK;
     }
     out->time_ms = bench_clock_ms() - started_ms;
     out->extra[0] = DESK_THINGS / 2 - count;
+    c->missed = (int)out->extra[0];
+    c->wrong = (int)out->extra[1];
     out->error = count ? bench_percentile(errors, count, 0.5) : 0;
     return status == OK && !count ? NOTHING : status;
+}
+
+// The left picture of the pair looked at last: rings where the things are, dots where the method found one.
+static void draw_found(struct bench *b, const struct contender *c, int pair)
+{
+    static const uint8_t white[3] = {255, 255, 255}, red[3] = {230, 40, 40};
+    const struct drawing d = {malloc((size_t)PIXELS * 3), WIDTH, HEIGHT, WIDTH};
+    char caption[100];
+    if (!d.rgb)
+        return;
+    memcpy(d.rgb, c->all->rgb + (size_t)(2 * pair) * PIXELS * 3, (size_t)PIXELS * 3);
+    for (int thing = 0; thing < DESK_THINGS / 2; thing++) {
+        const struct pixel at = true_middle(c->all, pair, thing);
+        struct pixel last = {at.x + RIGHT_PX, at.y};
+        for (int k = 1; k <= 24; k++) {
+            const double angle = k * 6.283185307179586 / 24;
+            const struct pixel next = {at.x + RIGHT_PX * cos(angle), at.y + RIGHT_PX * sin(angle)};
+            drawing_put_line(&d, last, next, 1, white);
+            last = next;
+        }
+    }
+    for (int i = 0; i < c->found_count; i++)
+        drawing_put_line(&d, c->found[i], c->found[i], 5, red);
+    snprintf(caption, sizeof caption, "%s: %d of %d missed, %d wrong; rings: the truth", c->name, c->missed,
+             DESK_THINGS / 2, c->wrong);
+    bench_picture(b, caption, d.rgb, WIDTH, HEIGHT);
+    free(d.rgb);
 }
 
 static enum status run(struct bench *b)
@@ -151,17 +193,23 @@ static enum status run(struct bench *b)
     struct objects *o = calloc(1, sizeof *o);
     enum status status = o ? make(o) : fail(ERR_MEMORY, "no memory");
     if (status == OK) {
+        static const char *const names[METHODS] = {[OURS] = "ours",
+                                                   [PLAIN] = "paper's plain, all placements",
+                                                   [PLAIN_FINE] = "paper's plain, coarse to fine",
+                                                   [ORB] = "OpenCV ORB, homography",
+                                                   [TEMPLATE] = "OpenCV matchTemplate"};
         struct contender c[METHODS];
-        for (int i = 0; i < METHODS; i++)
-            c[i] = (struct contender){o, (enum method)i};
-        const struct bench_contender contenders[] = {
-            {"ours", measure, &c[OURS], false},
-            {"paper's plain, all placements", measure, &c[PLAIN], false},
-            {"paper's plain, coarse to fine", measure, &c[PLAIN_FINE], false},
-            {"OpenCV ORB, homography", measure, &c[ORB], true},
-            {"OpenCV matchTemplate", measure, &c[TEMPLATE], false},
-        };
-        status = bench_run(b, contenders, COUNT_OF(contenders), PAIRS);
+        struct bench_contender contenders[METHODS];
+        for (int i = 0; i < METHODS; i++) {
+            c[i] = (struct contender){.all = o, .method = (enum method)i, .name = names[i]};
+            contenders[i] = (struct bench_contender){names[i], measure, &c[i], i == ORB};
+        }
+        // All placements of all things are two thirds of a minute a pair: one of them is enough for the page.
+        const int pairs = bench_inputs(b)->brief ? 1 : PAIRS;
+        status = bench_run(b, contenders, METHODS, pairs);
+        const enum method shown[] = {OURS, PLAIN_FINE, ORB};
+        for (size_t i = 0; i < COUNT_OF(shown) && status == OK; i++)
+            draw_found(b, &c[shown[i]], pairs - 1);
     }
     if (o) {
         recognizer_close(&o->recognizer);

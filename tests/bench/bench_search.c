@@ -6,6 +6,7 @@
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_search_nanoflann.h"
 #include "tests/support/limbs.h"
+#include "tests/support/skeleton_drawing.h"
 
 #include "reenact/retrieval/pose_index.h"
 #include "reenact/retrieval/frame_selection.h"
@@ -178,6 +179,56 @@ static enum status make(struct take_of_limbs *t, int count, bool quiet)
     return status == OK ? nanoflann_peer_open(&t->peer, t->numbers, (size_t)count) : status;
 }
 
+// The frame found, in colours, over the query, in white, both about the neck and seen from the front.
+static enum status draw_found(struct bench *b, const struct search_contender *c, const char *name, int query)
+{
+    static const struct lens lens = {.width = 240, .height = 320, .fx = 300, .fy = 300, .cx = 119.5, .cy = 99.5};
+    static const struct drawn_window all = {0, 0, 1};
+    const struct skeleton *wanted = &c->take->queries[query];
+    const struct drawing d = {calloc((size_t)lens.width * (size_t)lens.height, 3), lens.width, lens.height, lens.width};
+    int64_t found;
+    char caption[100];
+    enum status status = d.rgb ? c->search(c->take, wanted, &found) : fail(ERR_MEMORY, "no memory for a picture");
+    for (int k = 0; k < 2 && status == OK; k++) {
+        struct skeleton shown = k ? *wanted : c->take->frames[found];
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const struct vec3 p = v3_sub(shown.joint[j], (k ? wanted : &c->take->frames[found])->joint[JOINT_NECK]);
+            shown.joint[j] = v3(p.x, p.y, p.z + 2);
+            shown.confidence[j] = 1;
+        }
+        drawing_put_skeleton(&d, &lens, &shown, &all, k);
+    }
+    if (status == OK) {
+        snprintf(caption, sizeof caption, "%s: %.2f m above the best frame's cost; white: the pose asked for", name,
+                 equation_5(wanted, &c->take->frames[found]) - c->take->best[query].cost_m);
+        bench_picture(b, caption, d.rgb, lens.width, lens.height);
+    }
+    free(d.rgb);
+    return status;
+}
+
+// The query at which the peer is farthest from the best frame.
+static enum status draw_pictures(struct bench *b, const struct search_contender *ours,
+                                 const struct search_contender *peer)
+{
+    const struct take_of_limbs *t = ours->take;
+    double worst_m = -1;
+    int query = 0;
+    enum status status = OK;
+    for (int i = 0; i < QUERIES && status == OK; i++) {
+        int64_t found;
+        status = peer->search(t, &t->queries[i], &found);
+        const double above_m = status == OK ? equation_5(&t->queries[i], &t->frames[found]) - t->best[i].cost_m : 0;
+        if (above_m > worst_m) {
+            worst_m = above_m;
+            query = i;
+        }
+    }
+    if (status == OK)
+        status = draw_found(b, ours, "ours", query);
+    return status == OK ? draw_found(b, peer, "nanoflann", query) : status;
+}
+
 static enum status run(struct bench *b)
 {
     static struct take_of_limbs takes[TAKES];
@@ -203,6 +254,8 @@ static enum status run(struct bench *b)
             {"exhaustive", measure, &large[2], false},           {"nanoflann", measure, &large[3], false},
         };
         status = bench_run(b, contenders, brief ? COUNT_OF(small) : COUNT_OF(contenders), QUERIES / BATCH);
+        if (status == OK && brief)
+            status = draw_pictures(b, &small[0], &small[3]);
     }
     for (int i = 0; i < TAKES; i++) {
         nanoflann_peer_close(&takes[i].peer);

@@ -6,6 +6,7 @@
 // --joints, --sequences or --empty tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
+#include "tests/bench/bench_skeleton_picture.h"
 #include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
 
@@ -21,6 +22,8 @@ struct skeleton_ours {
     struct tracker *tracker;
     struct pose_network *network; // NULL: depth alone
     double look_ms;               // of the last image that was looked at, a frame
+    struct skeleton joints;       // of the last frame
+    double error_mm;
 };
 
 // Body points of the frame's colour image, if it has one that is to be looked at. The network's time is spread evenly
@@ -70,7 +73,24 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
         out->extra[0] += (e < 0.1 && got.confidence[j] > 0) * 100.0 / JOINT_COUNT;
         out->extra[1] = fmax(out->extra[1], 1000 * e);
     }
+    o->joints = got;
+    o->error_mm = out->error;
     return OK;
+}
+
+// The last frame by the fewest, the usual and the most points.
+static void draw_pictures(struct bench *b, const struct skeleton_ours *ours, const struct bench_contender *contenders,
+                          const int *shown, int count)
+{
+    const struct skeleton_data *data = ours->data;
+    const struct skeleton_frame *f = &data->frame[data->count - 1];
+    for (int i = 0; i < count; i++) {
+        const struct skeleton_ours *o = &ours[shown[i]];
+        const struct skeleton_instant instant = {&data->calibration, f->depth, &f->truth, &o->joints};
+        char caption[100];
+        snprintf(caption, sizeof caption, "%s: %.0f mm; white: the truth", contenders[shown[i]].name, o->error_mm);
+        bench_skeleton_picture(b, caption, &instant);
+    }
 }
 
 struct skeleton_peer {
@@ -128,6 +148,8 @@ static enum status run_settings(struct bench *b)
         status = apriltag_peer_open(&peer.apriltag, 2);
     if (status == OK)
         status = bench_run(b, contenders, SETTINGS + 1 + networks, data.count);
+    if (status == OK)
+        draw_pictures(b, ours, contenders, (const int[]){0, 2, SETTINGS - 1}, 3);
     for (int i = 0; i < SETTINGS; i++)
         tracker_close(&ours[i].tracker);
     tracker_close(&pointed.tracker);

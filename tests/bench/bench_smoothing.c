@@ -1,12 +1,14 @@
 // Stage "smoothing": a take's skeletons once its end is known, next to the online estimate and to the filters that one
 // would put over it. The small world's kata at 320 x 240; times are of tracking and smoothing together, a frame.
 #include "tests/bench/bench.h"
+#include "tests/bench/bench_skeleton_picture.h"
 
 #include "capture/tracking/tracker.h"
 #include "tests/support/smoothed_film.h"
 #include "tests/world/world.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -141,6 +143,14 @@ static double jitter_mm(const struct contender *c, int k, int joint)
     return 1e3 * v3_length(v3_add(v3_sub(error[0], v3_scale(error[1], 2)), error[2]));
 }
 
+static double error_mm(const struct contender *c, int k)
+{
+    double sum = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        sum += v3_distance(c->joints[k].joint[j], c->of->truth[k].joint[j]);
+    return 1e3 * sum / JOINT_COUNT;
+}
+
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct contender *c = self;
@@ -148,14 +158,37 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     out->time_ms = c->frame_ms;
     if (status != OK)
         return status;
+    out->error = error_mm(c, item);
     for (int j = 0; j < JOINT_COUNT; j++) {
         const double e = v3_distance(c->joints[item].joint[j], c->of->truth[item].joint[j]);
-        out->error += 1e3 * e / JOINT_COUNT;
         out->extra[0] += (e < 0.1) * 100.0 / JOINT_COUNT;
         out->extra[1] = fmax(out->extra[1], 1e3 * e);
         out->extra[2] += item < 2 ? 0 : jitter_mm(c, item, j) / JOINT_COUNT;
     }
     return c->found[item] ? OK : NOTHING;
+}
+
+// The instant at which the online estimate is farthest off.
+static void draw_pictures(struct bench *b, const struct contender *c, const struct bench_contender *contenders,
+                          size_t count)
+{
+    const struct smoothed_film *f = &c->of->film;
+    const struct contender *online = c;
+    for (size_t i = 0; i < count; i++)
+        if (c[i].method == ONLINE)
+            online = &c[i];
+    int worst = 0;
+    for (int k = 0; k < f->count; k++)
+        if (error_mm(online, k) > error_mm(online, worst))
+            worst = k;
+    for (size_t i = 0; i < count; i++) {
+        const struct skeleton_instant instant = {&f->calibration, f->depth[worst], &c->of->truth[worst],
+                                                 &c[i].joints[worst]};
+        char caption[100];
+        snprintf(caption, sizeof caption, "%s: %.0f mm; white: the truth", contenders[i].name, error_mm(&c[i], worst));
+        if (c[i].method != MEAN || c[i].window == WINDOW_MOST)
+            bench_skeleton_picture(b, caption, &instant);
+    }
 }
 
 static enum status run(struct bench *b)
@@ -186,6 +219,8 @@ static enum status run(struct bench *b)
     }
     if (status == OK)
         status = bench_run(b, contenders, COUNT_OF(contenders), s.film.count);
+    if (status == OK)
+        draw_pictures(b, c, contenders, COUNT_OF(contenders));
     for (size_t i = 0; i < COUNT_OF(methods); i++) {
         free(c[i].joints);
         free(c[i].found);

@@ -120,6 +120,25 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     return status;
 }
 
+// The truth, and the same view by three of the settings.
+static enum status draw_pictures(struct bench *bench, struct contender *c, const struct bench_contender *contenders)
+{
+    static const int shown[] = {0, 3, 5}, item = VIEWS / 2;
+    const struct surround_bench *b = c->all;
+    enum status status = OK;
+    bench_picture(bench, "the truth", b->truth[item], b->lens.width, b->lens.height);
+    for (size_t i = 0; i < COUNT_OF(shown) && status == OK; i++) {
+        struct bench_measure measured = {0};
+        char caption[100];
+        status = measure(&c[shown[i]], item, &measured);
+        snprintf(caption, sizeof caption, "%s: %.0f levels, %.0f %% of silhouettes off", contenders[shown[i]].name,
+                 measured.error, measured.extra[0]);
+        if (status == OK)
+            bench_picture(bench, caption, b->view.rgb, b->lens.width, b->lens.height);
+    }
+    return status;
+}
+
 static enum status run(struct bench *bench)
 {
     struct surround_bench *b = calloc(1, sizeof *b);
@@ -143,6 +162,8 @@ static enum status run(struct bench *bench)
             {"coloured points, splatted", measure, &c[5], true},
         };
         status = bench_run(bench, contenders, COUNT_OF(contenders), VIEWS);
+        if (status == OK)
+            status = draw_pictures(bench, c, contenders);
     }
     if (b) {
         road_scene_free(&b->scene);

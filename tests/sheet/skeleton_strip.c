@@ -4,6 +4,7 @@
 #include "capture/tracking/tracker.h"
 #include "platform/png.h"
 #include "platform/source.h"
+#include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -86,12 +87,7 @@ static enum status track_person(struct strip *s, const char *folder, int count, 
 
 // ---------------------------------------------------------------- drawing
 
-struct strip_canvas {
-    uint8_t *rgb;
-    int stride, x0, width, height; // of one cell
-};
-
-static void paint_depth(const struct strip *s, const struct instant *i, struct strip_canvas *c)
+static void paint_depth(const struct strip *s, const struct instant *i, const struct drawing *c)
 {
     int wide = s->right - s->left + 1, high = s->bottom - s->top + 1, z_near = 65535, far = 0;
     const struct lens *l = &s->calibration.depth;
@@ -104,85 +100,29 @@ static void paint_depth(const struct strip *s, const struct instant *i, struct s
         for (int x = 0; x < c->width; x++) {
             int at = (s->top + y * high / c->height) * l->width + s->left + x * wide / c->width, d = i->depth[at];
             int grey = !d ? 20 : !i->mask[at] ? 60 : 235 - 120 * (d - z_near) / (far > z_near ? far - z_near : 1);
-            memset(c->rgb + 3 * (y * c->stride + c->x0 + x), grey, 3);
+            memset(c->rgb + 3 * (y * c->stride + x), grey, 3);
         }
-}
-
-// A line with round ends; a == b is a dot.
-static void paint_line(struct strip_canvas *c, struct pixel a, struct pixel b, double radius, const uint8_t color[3])
-{
-    double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
-    for (int y = 0; y < c->height; y++)
-        for (int x = 0; x < c->width; x++) {
-            double t = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
-            t = fmin(1, fmax(0, t));
-            double cover = fmin(1, radius + 0.5 - hypot(x - a.x - t * dx, y - a.y - t * dy));
-            uint8_t *to = c->rgb + 3 * (y * c->stride + c->x0 + x);
-            for (int k = 0; k < 3 && cover > 0; k++)
-                to[k] = (uint8_t)lround(to[k] + cover * (color[k] - to[k]));
-        }
-}
-
-static const uint8_t *color_of(enum joint j)
-{
-    static const uint8_t left[3] = {255, 140, 0}, right[3] = {30, 110, 255}, middle[3] = {40, 170, 60};
-    const char *name = joint_name(j);
-    return !strncmp(name, "left_", 5) ? left : !strncmp(name, "right_", 6) ? right : middle;
-}
-
-static void paint_skeleton(const struct strip *s, const struct instant *i, struct strip_canvas *c)
-{
-    static const enum joint bone[][2] = {
-        {JOINT_NECK, JOINT_HEAD},
-        {JOINT_NECK, JOINT_TORSO},
-        {JOINT_TORSO, JOINT_WAIST},
-        {JOINT_NECK, JOINT_LEFT_SHOULDER},
-        {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
-        {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-        {JOINT_NECK, JOINT_RIGHT_SHOULDER},
-        {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
-        {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-        {JOINT_WAIST, JOINT_LEFT_HIP},
-        {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
-        {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-        {JOINT_WAIST, JOINT_RIGHT_HIP},
-        {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
-        {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
-    };
-    struct skeleton in_depth = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &i->skeleton);
-    double scale = (double)c->height / (s->bottom - s->top + 1);
-    for (size_t k = 0; k < COUNT_OF(bone); k++) {
-        struct pixel end[2];
-        float sure = 1;
-        for (int e = 0; e < 2; e++) {
-            struct vec3 p = in_depth.joint[bone[k][e]];
-            sure = fminf(sure, p.z > 0.1 ? in_depth.confidence[bone[k][e]] : 0);
-            end[e] = sure > 0 ? lens_project(&s->calibration.depth, p) : (struct pixel){0, 0};
-            end[e].x = (end[e].x - s->left) * scale;
-            end[e].y = (end[e].y - s->top) * scale;
-        }
-        if (!(sure > 0))
-            continue;
-        paint_line(c, end[0], end[1], sure < 1 ? 0.6 : 1.6, color_of(bone[k][1]));
-        paint_line(c, end[1], end[1], in_depth.confidence[bone[k][1]] < 1 ? 2 : 4, color_of(bone[k][1]));
-    }
 }
 
 static enum status draw(const struct strip *s, const char *path)
 {
     int width = CELL_HEIGHT * (s->right - s->left + 1) / (s->bottom - s->top + 1);
-    struct strip_canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
-    c.rgb = malloc(3 * (size_t)c.stride * CELL_HEIGHT);
-    if (!c.rgb)
+    const int stride = s->count * (width + GAP) - GAP;
+    const struct lens *l = &s->calibration.depth;
+    const struct drawn_window window = {s->left, s->top, (double)CELL_HEIGHT / (s->bottom - s->top + 1)};
+    uint8_t *rgb = malloc(3 * (size_t)stride * CELL_HEIGHT);
+    if (!rgb)
         return fail(ERR_MEMORY, "no memory for a strip of %d images", s->count);
-    memset(c.rgb, 255, 3 * (size_t)c.stride * CELL_HEIGHT);
+    memset(rgb, 255, 3 * (size_t)stride * CELL_HEIGHT);
     for (int i = 0; i < s->count; i++) {
-        c.x0 = i * (width + GAP);
-        paint_depth(s, &s->instant[i], &c);
-        paint_skeleton(s, &s->instant[i], &c);
+        const struct drawing cell = {rgb + 3 * i * (width + GAP), width, CELL_HEIGHT, stride};
+        const struct skeleton in_depth =
+            skeleton_transform(pose_inverse(s->calibration.color_from_depth), &s->instant[i].skeleton);
+        paint_depth(s, &s->instant[i], &cell);
+        drawing_put_skeleton(&cell, l, &in_depth, &window, false);
     }
-    enum status status = png_write(path, PNG_RGB8, c.rgb, c.stride, CELL_HEIGHT);
-    free(c.rgb);
+    enum status status = png_write(path, PNG_RGB8, rgb, stride, CELL_HEIGHT);
+    free(rgb);
     return status;
 }
 

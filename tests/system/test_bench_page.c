@@ -58,6 +58,25 @@ static void test_page_needs_nothing_from_elsewhere(void **state)
     free(text);
 }
 
+// What an error looks like, at three settings.
+static void test_a_stage_has_pictures(void **state)
+{
+    (void)state;
+    char file[300];
+    uint8_t *text = NULL;
+    size_t size;
+    int pictures = 0;
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "compare.html"));
+    const struct process_result r = PROCESS(PROGRAM_DIR "/reenact-bench", "compare", "--html", file, "--rounds", "1");
+    EXPECT_INT(r.exit_code, 0);
+    EXPECT_STATUS(file_read(file, &text, &size), OK);
+    for (const char *at = (const char *)text; (at = strstr(at, "src=\"data:image/jpeg;")); at++)
+        pictures++;
+    EXPECT_INT(pictures, 3);
+    EXPECT_TRUE(strstr((const char *)text, "FastDTW, radius 1: "));
+    free(text);
+}
+
 // A screenshot's pixels, RGB; freed by the caller.
 static uint8_t *shoot(const char *name, const char *scheme, int width, int height)
 {
@@ -147,6 +166,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lists_stages), cmocka_unit_test(test_page_needs_nothing_from_elsewhere),
-        cmocka_unit_test(test_browser_shows_light_and_dark), cmocka_unit_test(test_browser_prints)};
+        cmocka_unit_test(test_a_stage_has_pictures), cmocka_unit_test(test_browser_shows_light_and_dark),
+        cmocka_unit_test(test_browser_prints)};
     return cmocka_run_group_tests(tests, make_page, remove_page);
 }
