@@ -1,5 +1,5 @@
-// What a user meets first: --help, -h and --version alike in every command, and what cmake --install puts where:
-// programs, man pages and completion, which are made from the same help.
+// What a user meets first: --help, -h and --version alike in every command, what cmake --install puts where (programs,
+// man pages and completion, which are made from the same help), and the package.
 #include "tests/support/test.h"
 
 #include "platform/file.h"
@@ -115,6 +115,30 @@ static void test_what_is_installed(void **state)
     EXPECT_TRUE(strstr(said.out, "--detail"));
 }
 
+// The package of Debian's own tools: what it depends on is found by the libraries that the programs link.
+static void test_package_can_be_unpacked_and_run(void **state)
+{
+    (void)state;
+    char folder[300], path[1024];
+    if (SANITIZED || access("/usr/bin/dpkg-shlibdeps", X_OK))
+        skip();
+    snprintf(folder, sizeof folder, "%s", scratch_file(&scratch, "package"));
+    struct process_result said = PROCESS(CPACK, "--config", BUILD_DIR "/CPackConfig.cmake", "-G", "DEB", "-B", folder);
+    if (said.exit_code)
+        print_error("%s%s\n", said.out, said.err);
+    EXPECT_INT(said.exit_code, 0);
+    snprintf(path, sizeof path, "dpkg-deb -x %s/reenact_*.deb %s/root && dpkg-deb -f %s/reenact_*.deb Depends", folder,
+             folder, folder);
+    said = PROCESS("/usr/bin/bash", "-c", path);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "libsqlite3-0") && strstr(said.out, "libopenni2-0"));
+    snprintf(path, sizeof path, "%s/root/usr/bin/reenact", folder);
+    said = PROCESS(path, "--version");
+    EXPECT_INT(said.exit_code, 0);
+    snprintf(path, sizeof path, "%s/root/usr/lib/udev/rules.d/60-reenact-sensors.rules", folder);
+    EXPECT_INT(access(path, R_OK), 0);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -135,6 +159,7 @@ int main(void)
         cmocka_unit_test(test_help_and_version_are_alike),
 #ifndef EMULATED
         cmocka_unit_test(test_what_is_installed),
+        cmocka_unit_test(test_package_can_be_unpacked_and_run),
 #endif
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
