@@ -22,7 +22,7 @@ static void stage_open(struct stage *s, const char *figure, const char *motion, 
 {
     struct world_options o = world_default_options();
     o.motion = motion;
-    o.plain = true;
+    o.plain = o.unshadowed = true;
     o.spot.turned = turned;
     EXPECT_TRUE(world_figure_named(figure, &o.figure));
     EXPECT_STATUS(world_open(&s->world, &o), OK);

@@ -25,6 +25,7 @@ struct actor {
     struct vec3 *at;       // world
     struct vec3f *normal;  // world
     float (*light)[3];     // irradiance / pi
+    struct mesh caster;    // of shadows: the figure, or a mesh without triangles
     struct shadow *shadow; // NULL: not lit
     double low_z;          // of the lowest vertex
 
@@ -85,7 +86,10 @@ enum status actor_open(struct actor **out, const struct world *w, double time_s,
     parallel_for(w->options.threads, chunks, pose_chunk, a);
     enum status status = OK;
     if (lit) {
-        status = shadow_open(&a->shadow, &w->scene, a->mesh, a->at, &a->posed.joints, w->options.threads);
+        a->caster = *a->mesh;
+        if (w->options.unshadowed)
+            a->caster.triangle_count = 0;
+        status = shadow_open(&a->shadow, &w->scene, &a->caster, a->at, &a->posed.joints, w->options.threads);
         if (!status)
             parallel_for(w->options.threads, chunks, light_chunk, a);
     }

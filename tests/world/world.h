@@ -69,9 +69,10 @@ struct world_options {
         struct vec3 low, high;
     } box[WORLD_BOXES];
     int boxes;
-    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
-    bool bare;     // no posters on the walls and no rug: only the tags and the furniture can be recognised
-    uint32_t tags; // bit i: tag i is present; default all 15
+    bool unshadowed; // lamps cast no shadow of the figure: small pictures in half the time
+    bool plain;      // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
+    bool bare;       // no posters on the walls and no rug: only the tags and the furniture can be recognised
+    uint32_t tags;   // bit i: tag i is present; default all 15
     // Tags that were moved to the right and up on their wall, metres.
     struct world_moved {
         uint32_t tags; // bit i: tag i; default none
