@@ -51,6 +51,7 @@ static const struct rule rules[] = {
     {"reenact/surround/view/", {"reenact/surround/picture/", "base/"}},
     {"reenact/surround/", {SURROUND}},
     {"reenact/surround/drive/", {"reenact/surround/", SURROUND}},
+    {"reenact/surround/gpu/", {"reenact/surround/drive/", "reenact/surround/", "reenact/render/", SURROUND}},
     {"reenact/surround/filmed/", {"reenact/surround/", "capture/recording/", SURROUND}},
     {"compare/", {RECORDING}},
     {"app/state/", {"base/"}},
@@ -71,7 +72,7 @@ static const struct rule rules[] = {
     {"app/commands/",
      {"app/studio/", "app/", "app/camera/", "compare/", "capture/", "capture/coaching/", "capture/objects/",
       "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/filmed/",
-      "reenact/surround/drive/", "reenact/surround/", SURROUND}},
+      "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

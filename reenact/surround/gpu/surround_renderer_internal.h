@@ -1,0 +1,25 @@
+// What the files of the surroundings' renderer share.
+#pragma once
+#include "reenact/surround/gpu/picture_store.h"
+#include "reenact/surround/gpu/surround_renderer.h"
+
+struct surround_renderer {
+    struct gpu *gpu;
+    struct picture_store store;
+    struct gpu_program *surface_program, *texture_program, *tint_program, *sample_program;
+    struct gpu_mesh *fullscreen;
+    struct gpu_texture *none; // an array, while there are no pictures
+    struct gpu_target *surface, *image, *sample;
+    struct lens lens; // of the image
+    struct pose world_from_view;
+    int sample_width, sample_height;
+    // Of the image under way: its pictures in their order
+    const struct surround_picture *pictures[SURROUND_RENDERER_MOST];
+    int layers[SURROUND_RENDERER_MOST], count;
+};
+
+// The programs of surround_readback.c. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status surround_renderer_open_overlay(struct surround_renderer *r);
+
+// Rows of the rigid map's 3 x 4 matrix.
+void surround_rows_of(struct pose a_from_b, float rows[12]);
