@@ -246,7 +246,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
     GLuint vertex = 0, fragment = 0;
-    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, NULL, text->name);
+    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, text->word, text->name);
     if (status == OK)
         status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
     if (status == OK)
@@ -390,12 +390,11 @@ enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, cons
     t->layers = layers;
     t->bytes = (size_t)width * (size_t)height * (size_t)layers * array_formats[layout->format].bytes;
     gpu_count_made(g, t->bytes);
-    const GLint how = layout->format == GPU_ARRAY_RGB8 ? GL_LINEAR : GL_NEAREST;
     glGenTextures(1, &t->id);
     glBindTexture(GL_TEXTURE_2D_ARRAY, t->id);
     glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, array_formats[layout->format].kept, width, height, layers);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, how);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, how);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     const enum status status = gpu_check(g);

@@ -54,7 +54,7 @@ struct gpu_program_source {
     int uniform_count;             // at most 16
     const char *const *samplers;   // in the order of gpu_job.textures
     int sampler_count;             // at most 4
-    const char *word;              // #defined in the fragment shader; NULL: none
+    const char *word;              // #defined in both shaders, may be "NAME VALUE"; NULL: none
 };
 // The texts are not needed afterwards. The vertex shader's inputs are at
 // locations 0 and up. ERR_DEVICE: it does not compile or link (the sentence has
@@ -81,8 +81,7 @@ void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
 
-// Layers of one size, for a sampler2DArray: bytes read as 0..1, filtered; or numbers kept with 11 bits, not filtered.
-// Undefined until written. ERR_DEVICE: too large, or out of memory.
+// Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until written. ERR_DEVICE: too large, or out of memory.
 enum gpu_array_format { GPU_ARRAY_RGB8, GPU_ARRAY_R16F, GPU_ARRAY_RG16F };
 struct gpu_array_layout {
     enum gpu_array_format format;

@@ -10,7 +10,7 @@ layout(location = 0) in vec4 ray_inverse; // in the picture's axes; the point is
 uniform vec4 view_from_picture[3]; // rows, metres
 uniform vec4 view_lens;            // fx, fy, cx, cy
 uniform vec4 view_range;           // width, height, nearest z drawn
-uniform vec4 order;                // of this picture; pictures that judge it; share that a later one is put back by
+uniform vec4 order;                // of this picture; 1: it is judged; share that a later one is put back by
 uniform sampler2DArray ranges;     // least and most inverse distance about each 2 x 2 pixels; most < 0: not known
 
 out float inverse;
@@ -19,22 +19,24 @@ out float inverse;
 
 // Share of the pictures, weighted by 1 / sine of the angle to the view, that see something behind the point p / inverse;
 // those from which it is hidden say nothing. Tolerances as in view_merge.c.
+void judge(int i, vec3 p, float per_near, inout float sum, inout float weights)
+{
+    vec3 turned, q = in_picture(i, p, ray_inverse.w, turned);
+    ivec2 at = clamp(ivec2(pixel_of(q) + 0.5), ivec2(0), ivec2(camera[0].zw) - 1) / 2;
+    vec2 range = texelFetch(ranges, ivec3(at, layer_of(i)), 0).rg;
+    float per_far = inversesqrt(dot(q, q) + 1e-18), wanted = ray_inverse.w * per_far;
+    float cosine = dot(turned, q) * per_far * per_near;
+    float weight = 1.0 / (sqrt(max(1.0 - cosine * cosine, 0.0)) + 0.05);
+    bool silent = !in_frame(i, q) || range.y < 0.0 || range.x > wanted * 1.03 + 1e-4;
+    weights += silent ? 0.0 : weight;
+    sum += silent || range.y >= wanted * 0.97 - 1e-4 ? 0.0 : weight;
+}
+#define FOR_EACH(i) judge(i, p, per_near, sum, weights);
+
 float share_through(vec3 p)
 {
-    float sum = 0.0, weights = 0.0;
-    for (int i = 0; i < int(order.y); i++) {
-        vec3 turned, q = in_picture(i, p, ray_inverse.w, turned);
-        if (in_frame(i, q)) {
-            ivec2 last = ivec2(pictures[6 * i + 3].zw) - 1;
-            ivec2 at = clamp(ivec2(floor(pixel_of(i, q) + 0.5)), ivec2(0), last) / 2;
-            vec2 range = texelFetch(ranges, ivec3(at, layer_of(i)), 0).rg;
-            float far = length(q), wanted = ray_inverse.w / far;
-            float weight = 1.0 / (length(cross(turned, q)) / (length(turned) * far + 1e-9) + 0.05);
-            bool silent = range.y < 0.0 || range.x > wanted * 1.03 + 1e-4;
-            weights += silent ? 0.0 : weight;
-            sum += silent || range.y >= wanted * 0.97 - 1e-4 ? 0.0 : weight;
-        }
-    }
+    float sum = 0.0, weights = 0.0, per_near = inversesqrt(dot(p, p) + 1e-18);
+    FOR_EACH_PICTURE
     return weights > 0.0 ? sum / weights : 0.0;
 }
 

@@ -46,17 +46,13 @@ static enum status open_arrays(struct picture_store *s, int layers, int width, i
 
 enum status picture_store_fit(struct picture_store *s, const struct surround_picture *const *pictures, int count)
 {
-    int width = s->width, height = s->height, layers = s->layers ? s->layers : 1;
+    int layers = s->layers ? s->layers : 1;
     s->now++;
-    for (int i = 0; i < count; i++) {
-        width = pictures[i]->width > width ? pictures[i]->width : width;
-        height = pictures[i]->height > height ? pictures[i]->height : height;
-    }
     while (layers < count) // doubled, so that growing is rare
         layers *= 2;
-    if (!count || (s->colors && width == s->width && height == s->height && layers == s->layers))
+    if (!count || (pictures[0]->width == s->width && pictures[0]->height == s->height && layers == s->layers))
         return OK;
-    return open_arrays(s, layers, width, height);
+    return open_arrays(s, layers, pictures[0]->width, pictures[0]->height);
 }
 
 int picture_store_find(struct picture_store *s, int64_t depth_number)

@@ -28,7 +28,7 @@ struct picture_store {
 
 void picture_store_close(struct picture_store *s); // what was zeroed, too
 
-// Makes the arrays large enough for these pictures, all at a time; what is there is lost if they were not.
+// Makes the arrays fit these pictures, which are of one size, all at a time; what is there is lost if they did not.
 // To be called before each image. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status picture_store_fit(struct picture_store *s, const struct surround_picture *const *pictures,
                                          int count);

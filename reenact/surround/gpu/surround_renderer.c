@@ -3,42 +3,62 @@
 #include "reenact/render/shaders.h"
 #include "reenact/surround/gpu/surround_renderer_internal.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { PARTS = 6, JUDGES = 8 }; // vec4s of a picture in surround_picture.glsl; pictures that test one's depth
+enum { PARTS = 4, JUDGES = 8 }; // vec4s of a picture in surround_picture.glsl; pictures that test one's depth
 #define NEAREST_M ((float)VIEW_NEAREST_M)
 
-enum surface_uniform { VIEW_FROM_PICTURE, SURFACE_LENS, VIEW_RANGE, ORDER, SURFACE_PICTURES, SURFACE_UNIFORMS };
-enum texture_uniform { TEXTURE_LENS, LOOK, UNSEEN, TEXTURE_PICTURES, TEXTURE_UNIFORMS };
+enum surface_uniform {
+    VIEW_FROM_PICTURE,
+    SURFACE_LENS,
+    VIEW_RANGE,
+    ORDER,
+    SURFACE_CAMERA,
+    SURFACE_PICTURES,
+    SURFACE_UNIFORMS
+};
+enum texture_uniform { TEXTURE_LENS, LOOK, TEXTURE_CAMERA, TEXTURE_PICTURES, TEXTURE_UNIFORMS };
 
-static enum status open_programs(struct surround_renderer *r)
+static enum status fit_surface_program(struct surround_renderer *r, int pictures)
 {
-    static const char *const surface_names[SURFACE_UNIFORMS] = {[VIEW_FROM_PICTURE] = "view_from_picture",
-                                                                [SURFACE_LENS] = "view_lens",
-                                                                [VIEW_RANGE] = "view_range",
-                                                                [ORDER] = "order",
-                                                                [SURFACE_PICTURES] = "pictures"};
-    static const char *const texture_names[TEXTURE_UNIFORMS] = {
-        [TEXTURE_LENS] = "view_lens", [LOOK] = "look", [UNSEEN] = "unseen", [TEXTURE_PICTURES] = "pictures"};
-    static const char *const surface_samplers[] = {"ranges"}, *const texture_samplers[] = {"surface", "colors",
-                                                                                           "depths"};
-    const struct gpu_program_source surface = {.name = "surround_surface",
-                                               .vertex = shader_find("surround_surface.vert"),
-                                               .fragment = shader_find("surround_surface.frag"),
-                                               .uniforms = surface_names,
-                                               .uniform_count = SURFACE_UNIFORMS,
-                                               .samplers = surface_samplers,
-                                               .sampler_count = 1};
-    const struct gpu_program_source texture = {.name = "surround_texture",
-                                               .vertex = shader_find("fullscreen.vert"),
-                                               .fragment = shader_find("surround_texture.frag"),
-                                               .uniforms = texture_names,
-                                               .uniform_count = TEXTURE_UNIFORMS,
-                                               .samplers = texture_samplers,
-                                               .sampler_count = 3};
-    enum status status = gpu_program_open(&r->surface_program, r->gpu, &surface);
-    return status == OK ? gpu_program_open(&r->texture_program, r->gpu, &texture) : status;
+    static const char *const names[SURFACE_UNIFORMS] = {[VIEW_FROM_PICTURE] = "view_from_picture",
+                                                        [SURFACE_LENS] = "view_lens",
+                                                        [VIEW_RANGE] = "view_range",
+                                                        [ORDER] = "order",
+                                                        [SURFACE_CAMERA] = "camera",
+                                                        [SURFACE_PICTURES] = "pictures"};
+    static const char *const samplers[] = {"ranges"};
+    char word[32];
+    const struct gpu_program_source text = {.name = "surround_surface",
+                                            .vertex = shader_find("surround_surface.vert"),
+                                            .fragment = shader_find("surround_surface.frag"),
+                                            .uniforms = names,
+                                            .uniform_count = SURFACE_UNIFORMS,
+                                            .samplers = samplers,
+                                            .sampler_count = 1,
+                                            .word = word};
+    snprintf(word, sizeof word, "PICTURES %d", pictures);
+    return r->surface_programs[pictures] ? OK : gpu_program_open(&r->surface_programs[pictures], r->gpu, &text);
+}
+
+static enum status fit_texture_program(struct surround_renderer *r, int pictures)
+{
+    static const char *const names[TEXTURE_UNIFORMS] = {
+        [TEXTURE_LENS] = "view_lens", [LOOK] = "look", [TEXTURE_CAMERA] = "camera", [TEXTURE_PICTURES] = "pictures"};
+    static const char *const samplers[] = {"surface", "colors", "depths"};
+    char word[32];
+    const struct gpu_program_source text = {.name = "surround_texture",
+                                            .vertex = shader_find("fullscreen.vert"),
+                                            .fragment = shader_find("surround_texture.frag"),
+                                            .uniforms = names,
+                                            .uniform_count = TEXTURE_UNIFORMS,
+                                            .samplers = samplers,
+                                            .sampler_count = 3,
+                                            .word = word};
+    snprintf(word, sizeof word, "PICTURES %d", pictures);
+    return r->texture_programs[pictures] ? OK : gpu_program_open(&r->texture_programs[pictures], r->gpu, &text);
 }
 
 enum status surround_renderer_open(struct surround_renderer **out, struct gpu *gpu)
@@ -47,9 +67,7 @@ enum status surround_renderer_open(struct surround_renderer **out, struct gpu *g
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
     r->gpu = r->store.gpu = gpu;
-    enum status status = open_programs(r);
-    if (status == OK)
-        status = surround_renderer_open_overlay(r);
+    enum status status = surround_renderer_open_overlay(r);
     if (status == OK)
         status = fullscreen_mesh_open(&r->fullscreen, gpu);
     if (status == OK)
@@ -65,8 +83,10 @@ void surround_renderer_close(struct surround_renderer **out)
     if (!r)
         return;
     picture_store_close(&r->store);
-    gpu_program_close(&r->surface_program);
-    gpu_program_close(&r->texture_program);
+    for (int i = 0; i <= SURROUND_RENDERER_MOST; i++) {
+        gpu_program_close(&r->surface_programs[i]);
+        gpu_program_close(&r->texture_programs[i]);
+    }
     gpu_program_close(&r->tint_program);
     gpu_program_close(&r->sample_program);
     gpu_mesh_close(&r->fullscreen);
@@ -90,12 +110,21 @@ static enum status fit_targets(struct surround_renderer *r, const struct lens *l
     return status == OK ? gpu_target_open_color(&r->image, r->gpu, lens->width, lens->height) : status;
 }
 
+static bool same_camera(const struct surround_picture *a, const struct surround_picture *b)
+{
+    return a->panorama == b->panorama && a->width == b->width && a->height == b->height &&
+           (a->panorama || lens_equal(&a->lens, &b->lens));
+}
+
 // Those of the list that are on the graphics card, and as many of the others as may be uploaded now.
 static enum status gather(struct surround_renderer *r, const struct surround_image *image,
-                          const struct surround_picture *const *pictures, int count)
+                          const struct surround_picture *const *list, int listed)
 {
-    int layers[SURROUND_RENDERER_MOST], uploads = 0;
-    count = count < SURROUND_RENDERER_MOST ? count : SURROUND_RENDERER_MOST;
+    const struct surround_picture *pictures[SURROUND_RENDERER_MOST];
+    int layers[SURROUND_RENDERER_MOST], uploads = 0, count = 0;
+    for (int i = 0; i < listed && count < SURROUND_RENDERER_MOST; i++)
+        if (same_camera(list[i], list[0]))
+            pictures[count++] = list[i];
     enum status status = picture_store_fit(&r->store, pictures, count);
     for (int i = 0; i < count && status == OK; i++)
         layers[i] = picture_store_find(&r->store, pictures[i]->depth_number);
@@ -127,18 +156,34 @@ void surround_rows_of(struct pose a_from_b, float rows[12])
 
 static void picture_uniform(const struct surround_renderer *r, struct pose world_from_view, float *out)
 {
+    for (int i = r->count; i < SURROUND_RENDERER_MOST; i++)
+        out[4 * PARTS * i + 15] = -1; // there is none
     for (int i = 0; i < r->count; i++, out += 4 * PARTS) {
         const struct surround_picture *p = r->pictures[i];
-        const double parts[12] = {p->panorama,        p->panorama ? 6.283185307 / p->width : 1 / p->lens.fx,
-                                  p->width,           p->height,
-                                  p->lens.fx,         p->lens.fy,
-                                  p->lens.cx,         p->lens.cy,
-                                  (double)p->gain[0], (double)p->gain[1],
-                                  (double)p->gain[2], r->layers[i]};
         surround_rows_of(pose_multiply(pose_inverse(p->world_from_camera), world_from_view), out);
-        for (int k = 0; k < 12; k++)
-            out[12 + k] = (float)parts[k];
+        memcpy(out + 12, p->gain, sizeof p->gain);
+        out[15] = (float)r->layers[i];
     }
+}
+
+static void camera_uniform(const struct surround_picture *p, float out[8])
+{
+    const double parts[8] = {p->panorama, p->panorama ? 6.283185307 / p->width : 1 / p->lens.fx,
+                             p->width,    p->height,
+                             p->lens.fx,  p->lens.fy,
+                             p->lens.cx,  p->lens.cy};
+    for (int k = 0; k < 8; k++)
+        out[k] = (float)parts[k];
+}
+
+// Programs are compiled for some numbers of pictures; what an image lacks of one is marked.
+static int program_size(int count)
+{
+    static const int sizes[] = {1, 2, 3, 4, 6, 8, 12, SURROUND_RENDERER_MOST};
+    int i = 0;
+    while (sizes[i] < count)
+        i++;
+    return sizes[i];
 }
 
 // ---------------------------------------------------------------- surfaces
@@ -171,23 +216,66 @@ static bool may_be_seen(const struct stored_piece *piece, const struct lens *len
     return true;
 }
 
-static void draw_surface(struct surround_renderer *r, const struct surround_image *image, int number)
+static void draw_surface(struct surround_renderer *r, const struct surround_image *image, struct gpu_program *program,
+                         int number)
 {
     const struct stored_picture *stored = &r->store.pictures[r->layers[number]];
-    const int judges = !image->how.depth_test ? 0 : r->count < JUDGES ? r->count : JUDGES;
-    const float order[4] = {(float)number, (float)judges, (float)image->how.apart, 0};
+    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart, 0};
     float rows[12];
     surround_rows_of(pose_multiply(pose_inverse(image->world_from_view), r->pictures[number]->world_from_camera), rows);
-    gpu_program_set(r->surface_program, VIEW_FROM_PICTURE, rows, 3);
-    gpu_program_set(r->surface_program, ORDER, order, 1);
+    gpu_program_set(program, VIEW_FROM_PICTURE, rows, 3);
+    gpu_program_set(program, ORDER, order, 1);
     for (int i = 0; i < stored->count; i++)
         if (may_be_seen(&stored->pieces[i], &image->lens, rows))
             gpu_draw(&(struct gpu_job){.target = r->surface,
-                                       .program = r->surface_program,
+                                       .program = program,
                                        .mesh = stored->pieces[i].mesh,
                                        .textures = {r->store.ranges},
                                        .closed = true,
                                        .depth_test = true});
+}
+
+static enum status draw_surfaces(struct surround_renderer *r, const struct surround_image *image, const float lens[4],
+                                 const float camera[8], const float *pictures)
+{
+    const float range[4] = {(float)image->lens.width, (float)image->lens.height, NEAREST_M, 0};
+    const int judges = program_size(r->count < JUDGES ? r->count : JUDGES);
+    gpu_target_clear(r->surface);
+    if (!r->count)
+        return OK;
+    const enum status status = fit_surface_program(r, judges);
+    if (status != OK)
+        return status;
+    struct gpu_program *program = r->surface_programs[judges];
+    gpu_program_set(program, SURFACE_LENS, lens, 1);
+    gpu_program_set(program, VIEW_RANGE, range, 1);
+    gpu_program_set(program, SURFACE_CAMERA, camera, 2);
+    gpu_program_set(program, SURFACE_PICTURES, pictures, PARTS * judges);
+    for (int i = 0; i < r->count && i < image->how.geometry_pictures; i++)
+        draw_surface(r, image, program, i);
+    return OK;
+}
+
+static enum status draw_texture(struct surround_renderer *r, const struct surround_image *image, const float lens[4],
+                                const float camera[8], const float *pictures)
+{
+    const float look[4] = {(float)image->hatched, (float)(1 / image->lens.fx), (float)image->how.resolution_cost,
+                           NEAREST_M};
+    const int count = program_size(r->count);
+    const enum status status = fit_texture_program(r, count);
+    if (status != OK)
+        return status;
+    struct gpu_program *program = r->texture_programs[count];
+    gpu_program_set(program, TEXTURE_LENS, lens, 1);
+    gpu_program_set(program, LOOK, look, 1);
+    gpu_program_set(program, TEXTURE_CAMERA, camera, 2);
+    gpu_program_set(program, TEXTURE_PICTURES, pictures, PARTS * count);
+    gpu_draw(&(struct gpu_job){.target = r->image,
+                               .program = program,
+                               .mesh = r->fullscreen,
+                               .textures = {gpu_target_texture(r->surface), r->count ? r->store.colors : r->none,
+                                            r->count ? r->store.depths : r->none}});
+    return OK;
 }
 
 enum status surround_renderer_draw(struct surround_renderer *r, const struct surround_image *image,
@@ -195,35 +283,20 @@ enum status surround_renderer_draw(struct surround_renderer *r, const struct sur
                                    const struct gpu_texture **out)
 {
     const struct lens *l = &image->lens;
-    float uniform[4 * PARTS * SURROUND_RENDERER_MOST];
+    const float lens[4] = {(float)l->fx, (float)l->fy, (float)l->cx, (float)l->cy};
+    float uniform[4 * PARTS * SURROUND_RENDERER_MOST] = {0}, camera[8] = {0};
     enum status status = fit_targets(r, l);
     if (status == OK)
         status = gather(r, image, pictures, count);
     if (status != OK)
         return status;
-    const float lens[4] = {(float)l->fx, (float)l->fy, (float)l->cx, (float)l->cy};
-    const float range[4] = {(float)l->width, (float)l->height, NEAREST_M, 0};
-    const float look[4] = {(float)r->count, (float)(1 / l->fx), (float)image->how.resolution_cost, NEAREST_M};
-    const float unseen[4] = {image->hatched, 0, 0, 0};
     r->world_from_view = image->world_from_view;
     picture_uniform(r, image->world_from_view, uniform);
-    gpu_program_set(r->surface_program, SURFACE_LENS, lens, 1);
-    gpu_program_set(r->surface_program, VIEW_RANGE, range, 1);
-    gpu_program_set(r->texture_program, TEXTURE_LENS, lens, 1);
-    gpu_program_set(r->texture_program, LOOK, look, 1);
-    gpu_program_set(r->texture_program, UNSEEN, unseen, 1);
-    if (r->count) {
-        gpu_program_set(r->surface_program, SURFACE_PICTURES, uniform, PARTS * r->count);
-        gpu_program_set(r->texture_program, TEXTURE_PICTURES, uniform, PARTS * r->count);
-    }
-    gpu_target_clear(r->surface);
-    for (int i = 0; i < r->count && i < image->how.geometry_pictures; i++)
-        draw_surface(r, image, i);
-    gpu_draw(&(struct gpu_job){.target = r->image,
-                               .program = r->texture_program,
-                               .mesh = r->fullscreen,
-                               .textures = {gpu_target_texture(r->surface), r->count ? r->store.colors : r->none,
-                                            r->count ? r->store.depths : r->none}});
+    if (r->count)
+        camera_uniform(r->pictures[0], camera);
+    status = draw_surfaces(r, image, lens, camera, uniform);
+    if (status == OK)
+        status = draw_texture(r, image, lens, camera, uniform);
     *out = gpu_target_texture(r->image);
-    return gpu_check(r->gpu);
+    return status == OK ? gpu_check(r->gpu) : status;
 }

@@ -6,7 +6,9 @@
 struct surround_renderer {
     struct gpu *gpu;
     struct picture_store store;
-    struct gpu_program *surface_program, *texture_program, *tint_program, *sample_program;
+    // For so many pictures, compiled when they are needed first
+    struct gpu_program *surface_programs[SURROUND_RENDERER_MOST + 1], *texture_programs[SURROUND_RENDERER_MOST + 1];
+    struct gpu_program *tint_program, *sample_program;
     struct gpu_mesh *fullscreen;
     struct gpu_texture *none; // an array, while there are no pictures
     struct gpu_target *surface, *image, *sample;

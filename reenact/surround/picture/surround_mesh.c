@@ -168,29 +168,64 @@ static void triangles(struct maker *m, struct node a, struct node b, struct node
         add_triangle(m, vertex(m, a), vertex(m, b), vertex(m, c));
 }
 
-// Where four pixels are not one surface, each that is known covers its own quarter between their centres.
-static void quarters(struct maker *m, int x, int y)
+// A rectangle of a pixel's surroundings, half a pixel to each side at most, all as far as the pixel.
+static void patch(struct maker *m, struct node at, float rays[3][3][3], const int low[2], const int high[2])
 {
-    float rays[4][3];
-    bool any = false;
-    for (int k = 0; k < 4; k++)
-        any |= inverse_at(m, x + (k & 1), y + (k >> 1)) >= 0;
-    for (int k = 0; k < 4 && any; k++)
-        surround_picture_ray(m->p, picture_column(m, x + (k & 1)), y + (k >> 1), rays[k]);
-    for (int k = 0; k < 4 && any; k++) {
-        const float inverse = inverse_at(m, x + (k & 1), y + (k >> 1));
-        int corner[4];
-        if (inverse < 0)
-            continue;
-        for (int c = 0; c < 4; c++) {
-            const int across = (k & 1) != (c & 1) ? k ^ 1 : k, down = (k >> 1) != (c >> 1) ? k ^ 2 : k;
-            float ray[3];
-            for (int i = 0; i < 3; i++)
-                ray[i] = rays[k][i] + 0.5f * (rays[across][i] - rays[k][i]) + 0.5f * (rays[down][i] - rays[k][i]);
-            corner[c] = add_vertex(m, ray, inverse);
-        }
-        add_triangle(m, corner[0], corner[2], corner[1]);
-        add_triangle(m, corner[1], corner[2], corner[3]);
+    const float inverse = inverse_at(m, at.x, at.y);
+    int corner[4];
+    for (int c = 0; c < 4; c++)
+        corner[c] = add_vertex(m, rays[1 + (c & 2 ? high[1] : low[1])][1 + (c & 1 ? high[0] : low[0])], inverse);
+    add_triangle(m, corner[0], corner[2], corner[1]);
+    add_triangle(m, corner[1], corner[2], corner[3]);
+}
+
+// The rays of a pixel's corners, sides and middle: half way to its neighbours, of which there may be none.
+static void corner_rays(const struct maker *m, struct node at, float rays[3][3][3])
+{
+    float to[3][3][3];
+    for (int k = 0; k < 9; k++) {
+        int x = at.x + k % 3 - 1;
+        const int y = at.y + k / 3 - 1;
+        x = m->p->panorama && x < 0 ? x + m->p->width : x;
+        const bool there = x >= 0 && y >= 0 && inside(m, x, y);
+        surround_picture_ray(m->p, picture_column(m, there ? x : at.x), there ? y : at.y, to[k / 3][k % 3]);
+    }
+    for (int j = 0; j < 3; j++)
+        for (int i = 0; i < 3; i++)
+            for (int c = 0; c < 3; c++)
+                rays[j][i][c] = to[1][1][c] + 0.5f * (to[1][i][c] - to[1][1][c]) + 0.5f * (to[j][1][c] - to[1][1][c]);
+}
+
+// Where four pixels are not one surface, each that is known covers its own quarter between their centres: the quarters
+// of one pixel, together where they make a rectangle. A panorama's first column is there twice, with the quarters of
+// one side each.
+static void quarters(struct maker *m, struct node at)
+{
+    static const int sides[2][2] = {{-1, 0}, {0, 1}}, both[2] = {-1, 1};
+    bool cut[4]; // the cells left above, right above, left below, right below
+    float rays[3][3][3];
+    for (int k = 0; k < 4; k++) {
+        const int x = at.x - 1 + (k & 1), y = at.y - 1 + (k >> 1);
+        cut[k] = x >= 0 && y >= 0 && x < m->cells_across && y < m->cells_down && !is_joined(m, x, y);
+    }
+    if (!(cut[0] | cut[1] | cut[2] | cut[3]) || inverse_at(m, at.x, at.y) < 0)
+        return;
+    corner_rays(m, at, rays);
+    if (cut[0] & cut[1] & cut[2] & cut[3]) {
+        patch(m, at, rays, (int[2]){-1, -1}, (int[2]){1, 1});
+        return;
+    }
+    const bool upright = (cut[0] & cut[2]) | (cut[1] & cut[3]);
+    for (int s = 0; s < 2; s++) { // columns, or rows, of quarters
+        const bool a = cut[upright ? s : 2 * s], b = cut[upright ? s + 2 : 2 * s + 1];
+        const int *across = upright  ? sides[s]
+                            : a && b ? both
+                                     : sides[b],
+                  *down = !upright ? sides[s]
+                          : a && b ? both
+                                   : sides[b];
+        if (a || b)
+            patch(m, at, rays, (int[2]){across[0], down[0]}, (int[2]){across[1], down[1]});
     }
 }
 
@@ -247,10 +282,12 @@ static void fill_piece(struct maker *m, struct node low, struct node high)
                 triangles(m, bl, tr, tl);
             }
         }
-    for (int y = low.y; y < high.y && y < m->cells_down; y++)
-        for (int x = low.x; x < high.x && x < m->cells_across; x++)
-            if (!is_joined(m, x, y))
-                quarters(m, x, y);
+    // The last column and row of pixels belong to the last pieces
+    const int right = high.x >= m->cells_across ? m->cells_across : high.x - 1;
+    const int bottom = high.y >= m->cells_down ? m->cells_down : high.y - 1;
+    for (int y = low.y; y <= bottom; y++)
+        for (int x = low.x; x <= right; x++)
+            quarters(m, (struct node){x, y});
     for (int i = 0; i < m->member_count; i++)
         m->number[m->members[i]] = -1;
 }
