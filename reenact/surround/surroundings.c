@@ -1,6 +1,7 @@
 #include "reenact/surround/surroundings.h"
 
 #include "reenact/surround/capture_thread.h"
+#include "reenact/surround/picture/surround_mesh.h"
 #include "base/parallel.h"
 #include "platform/png.h"
 
@@ -354,6 +355,7 @@ static enum status redo_one(struct surroundings *s)
     struct capture_job job = {.number = best, .again = true, .picture = s->pictures[best]};
     job.picture.inverse = NULL;
     job.picture.joined = NULL;
+    job.picture.mesh = NULL;
     s->stale[best] = false;
     const enum status status = capture_thread_put(s->thread, &job);
     return status < OK ? status : OK;
@@ -368,9 +370,11 @@ static enum status take_done(struct surroundings *s, struct capture_job *job)
         struct surround_picture *p = &s->pictures[job->number];
         free(status == OK ? p->inverse : job->picture.inverse);
         free(status == OK ? p->joined : job->picture.joined);
+        surround_picture_free_mesh(status == OK ? p : &job->picture);
         if (status == OK) {
             p->inverse = job->picture.inverse;
             p->joined = job->picture.joined;
+            p->mesh = job->picture.mesh;
             p->depth_number = ++s->depth_number;
             s->depths_made++;
         }

@@ -57,6 +57,7 @@ enum status picture_store_fit(struct picture_store *s, const struct surround_pic
 
 int picture_store_find(struct picture_store *s, int64_t depth_number)
 {
+    assert(depth_number);
     for (int i = 0; i < s->layers; i++)
         if (s->pictures[i].depth_number == depth_number) {
             s->pictures[i].used = s->now;
@@ -107,14 +108,13 @@ static enum status upload_images(struct picture_store *s, const struct surround_
     return OK;
 }
 
-static enum status upload_surface(struct picture_store *s, const struct surround_picture *p, struct stored_picture *to)
+static enum status upload_mesh(struct picture_store *s, const struct surround_mesh *mesh, struct stored_picture *to)
 {
-    struct surround_mesh mesh;
-    enum status status = surround_mesh_make(&mesh, p, surround_mesh_tolerance(p));
-    if (status == OK && !(to->pieces = calloc((size_t)mesh.count + 1, sizeof *to->pieces)))
+    enum status status = OK;
+    if (!(to->pieces = calloc((size_t)mesh->count + 1, sizeof *to->pieces)))
         status = fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < mesh.count && status == OK; i++) {
-        const struct surround_mesh_piece *from = &mesh.pieces[i];
+    for (int i = 0; i < mesh->count && status == OK; i++) {
+        const struct surround_mesh_piece *from = &mesh->pieces[i];
         struct stored_piece *piece = &to->pieces[to->count];
         const struct gpu_mesh_data data = {from->vertices[0], 4, from->vertex_count, from->indices, from->index_count};
         status = gpu_mesh_open(&piece->mesh, s->gpu, &data);
@@ -123,6 +123,17 @@ static enum status upload_surface(struct picture_store *s, const struct surround
         piece->most = from->most;
         to->count += status == OK;
     }
+    return status;
+}
+
+static enum status upload_surface(struct picture_store *s, const struct surround_picture *p, struct stored_picture *to)
+{
+    struct surround_mesh mesh;
+    if (p->mesh)
+        return upload_mesh(s, p->mesh, to);
+    enum status status = surround_mesh_make(&mesh, p, surround_mesh_tolerance(p));
+    if (status == OK)
+        status = upload_mesh(s, &mesh, to);
     surround_mesh_free(&mesh);
     return status;
 }
@@ -134,7 +145,7 @@ enum status picture_store_add(struct picture_store *s, const struct surround_pic
         if (s->pictures[i].used < s->pictures[oldest].used)
             oldest = i;
     struct stored_picture *to = &s->pictures[oldest];
-    assert(p->depth_number && to->used < s->now);
+    assert(to->used < s->now);
     empty(to);
     enum status status = upload_images(s, p, oldest);
     if (status == OK)

@@ -12,7 +12,7 @@
 #include "reenact/surround/view/surround_view.h"
 
 // At most so many pictures make an image; the first of the list are taken, of one camera (size and lens): the first's.
-// A picture takes 8 bytes a pixel of the graphics card's memory, and about 16 for each vertex of its surface.
+// A picture takes 7 bytes a pixel of the graphics card's memory, and about 16 for each vertex of its surface.
 enum { SURROUND_RENDERER_MOST = 16 };
 
 struct surround_renderer;

@@ -371,3 +371,22 @@ void surround_mesh_free(struct surround_mesh *m)
     free(m->pieces);
     *m = (struct surround_mesh){0};
 }
+
+enum status surround_picture_make_mesh(struct surround_picture *p)
+{
+    surround_picture_free_mesh(p);
+    p->mesh = calloc(1, sizeof *p->mesh);
+    const enum status status =
+        p->mesh ? surround_mesh_make(p->mesh, p, surround_mesh_tolerance(p)) : fail(ERR_MEMORY, "out of memory");
+    if (status != OK)
+        surround_picture_free_mesh(p);
+    return status;
+}
+
+void surround_picture_free_mesh(struct surround_picture *p)
+{
+    if (p->mesh)
+        surround_mesh_free(p->mesh);
+    free(p->mesh);
+    p->mesh = NULL;
+}
