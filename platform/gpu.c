@@ -168,6 +168,7 @@ void gpu_close(struct gpu **g)
 }
 
 const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
+bool gpu_is_software(const struct gpu *g) { return g->software_renderer; }
 int gpu_max_size(const struct gpu *g) { return g->max_size; }
 struct gpu_counts gpu_get_counts(const struct gpu *g) { return g->counts; }
 

@@ -30,6 +30,7 @@ MUST_CHECK enum status gpu_adopt(struct gpu **out);
 void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for all below
 
 const char *gpu_renderer(const struct gpu *g); // the driver's GL_RENDERER string
+bool gpu_is_software(const struct gpu *g);     // the driver draws by the processor
 int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
 
 // Calls to the driver since the gpu was opened, and memory held now. gpu_draw2d.h is not counted.
@@ -81,7 +82,8 @@ void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
 
-// Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until written. ERR_DEVICE: too large, or out of memory.
+// Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until
+// written. ERR_DEVICE: too large, or out of memory.
 enum gpu_array_format { GPU_ARRAY_RGB8, GPU_ARRAY_R16F, GPU_ARRAY_RG16F };
 struct gpu_array_layout {
     enum gpu_array_format format;

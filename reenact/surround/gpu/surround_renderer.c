@@ -128,14 +128,16 @@ static enum status gather(struct surround_renderer *r, const struct surround_ima
     enum status status = picture_store_fit(&r->store, pictures, count);
     for (int i = 0; i < count && status == OK; i++)
         layers[i] = picture_store_find(&r->store, pictures[i]->depth_number);
-    r->count = 0;
+    r->count = r->missing = 0;
     for (int i = 0; i < count && status == OK; i++) {
         if (layers[i] < 0 && (!image->most_uploads || uploads < image->most_uploads)) {
             status = picture_store_add(&r->store, pictures[i], &layers[i]);
             uploads++;
         }
-        if (layers[i] < 0)
+        if (layers[i] < 0) {
+            r->missing++;
             continue;
+        }
         r->pictures[r->count] = pictures[i];
         r->layers[r->count++] = layers[i];
     }
@@ -300,3 +302,5 @@ enum status surround_renderer_draw(struct surround_renderer *r, const struct sur
     *out = gpu_target_texture(r->image);
     return status == OK ? gpu_check(r->gpu) : status;
 }
+
+int surround_renderer_missing(const struct surround_renderer *r) { return r->missing; }

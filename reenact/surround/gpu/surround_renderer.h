@@ -33,6 +33,9 @@ MUST_CHECK enum status surround_renderer_draw(struct surround_renderer *r, const
                                               const struct surround_picture *const *pictures, int count,
                                               const struct gpu_texture **out);
 
+// How many of the last image's pictures were left out because of most_uploads.
+int surround_renderer_missing(const struct surround_renderer *r);
+
 // A transparent box over the last image, hidden where something stands in front of it. Not drawn where the eye is
 // inside. low, high: opposite corners in the box's axes.
 struct surround_box {

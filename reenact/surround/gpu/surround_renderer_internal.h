@@ -17,7 +17,7 @@ struct surround_renderer {
     int sample_width, sample_height;
     // Of the image under way: its pictures in their order
     const struct surround_picture *pictures[SURROUND_RENDERER_MOST];
-    int layers[SURROUND_RENDERER_MOST], count;
+    int layers[SURROUND_RENDERER_MOST], count, missing;
 };
 
 // The programs of surround_readback.c. ERR_DEVICE, ERR_MEMORY.
