@@ -118,6 +118,10 @@ static enum status draw_by_card(struct drive_window *w)
     int width, height;
     window_size(w->screen, &width, &height);
     const enum status status = operator_picture_draw(w->picture, w->session, width, height, &texture);
+    if (status == ERR_DEVICE) { // from now on by the processor
+        operator_picture_close(&w->picture);
+        return OK;
+    }
     return status == OK ? show(w, texture, (double)width / height) : status;
 }
 

@@ -69,6 +69,10 @@ enum status surround_renderer_open(struct surround_renderer **out, struct gpu *g
     r->gpu = r->store.gpu = gpu;
     enum status status = surround_renderer_open_overlay(r);
     if (status == OK)
+        status = fit_surface_program(r, 1); // tells whether the driver can
+    if (status == OK)
+        status = fit_texture_program(r, 1);
+    if (status == OK)
         status = fullscreen_mesh_open(&r->fullscreen, gpu);
     if (status == OK)
         status = gpu_texture_open_array(&r->none, gpu, &(struct gpu_array_layout){GPU_ARRAY_R16F, 1, 1, 1});
@@ -142,18 +146,6 @@ static enum status gather(struct surround_renderer *r, const struct surround_ima
         r->layers[r->count++] = layers[i];
     }
     return status;
-}
-
-void surround_rows_of(struct pose a_from_b, float rows[12])
-{
-    const double shift[3] = {a_from_b.translation.x, a_from_b.translation.y, a_from_b.translation.z};
-    double m[3][3];
-    quat_to_matrix(a_from_b.rotation, m);
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++)
-            rows[4 * i + k] = (float)m[i][k];
-        rows[4 * i + 3] = (float)shift[i];
-    }
 }
 
 static void picture_uniform(const struct surround_renderer *r, struct pose world_from_view, float *out)

@@ -16,6 +16,7 @@
 enum { SURROUND_RENDERER_MOST = 16 };
 
 struct surround_renderer;
+// ERR_DEVICE: this driver cannot; ERR_MEMORY.
 MUST_CHECK enum status surround_renderer_open(struct surround_renderer **out, struct gpu *gpu);
 void surround_renderer_close(struct surround_renderer **r); // NULL is fine
 

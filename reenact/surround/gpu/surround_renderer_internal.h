@@ -24,4 +24,14 @@ struct surround_renderer {
 MUST_CHECK enum status surround_renderer_open_overlay(struct surround_renderer *r);
 
 // Rows of the rigid map's 3 x 4 matrix.
-void surround_rows_of(struct pose a_from_b, float rows[12]);
+static inline void surround_rows_of(struct pose a_from_b, float rows[12])
+{
+    const double shift[3] = {a_from_b.translation.x, a_from_b.translation.y, a_from_b.translation.z};
+    double m[3][3];
+    quat_to_matrix(a_from_b.rotation, m);
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            rows[4 * i + k] = (float)m[i][k];
+        rows[4 * i + 3] = (float)shift[i];
+    }
+}

@@ -362,16 +362,6 @@ enum status surround_mesh_make(struct surround_mesh *mesh, const struct surround
     return status;
 }
 
-void surround_mesh_free(struct surround_mesh *m)
-{
-    for (int i = 0; i < m->count; i++) {
-        free(m->pieces[i].vertices);
-        free(m->pieces[i].indices);
-    }
-    free(m->pieces);
-    *m = (struct surround_mesh){0};
-}
-
 enum status surround_picture_make_mesh(struct surround_picture *p)
 {
     surround_picture_free_mesh(p);
@@ -381,12 +371,4 @@ enum status surround_picture_make_mesh(struct surround_picture *p)
     if (status != OK)
         surround_picture_free_mesh(p);
     return status;
-}
-
-void surround_picture_free_mesh(struct surround_picture *p)
-{
-    if (p->mesh)
-        surround_mesh_free(p->mesh);
-    free(p->mesh);
-    p->mesh = NULL;
 }
