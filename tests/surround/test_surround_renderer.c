@@ -96,6 +96,7 @@ static void test_as_the_processor_draws(void **state)
     open_stage(&s, true);
     compare_from(&s, room_camera(-0.6, 0.25, 1.5));
     compare_from(&s, room_camera(0.3, -0.8, 0.9));
+    compare_from(&s, room_camera(-0.4, -0.3, 1.15)); // where a picture was taken
     struct pose turned = room_camera(0.1, 0.2, 1.2); // across the panoramas' seam, and at the floor
     turned.rotation = quat_multiply(quat_from_rotation_vector(v3(0, 0, 3)), turned.rotation);
     turned.rotation = quat_multiply(turned.rotation, quat_from_rotation_vector(v3(-0.7, 0, 0)));
