@@ -23,6 +23,7 @@ struct viewer_options {
     bool mirrored;         // the actor is shown left and right exchanged from the start, and with a sensor judged by so
     bool offer_trim;       // the take's ends can be cut off: state.trim
     bool ask_knowledge;    // ask a thing's own address what is newer when its card is opened
+    bool room_by_card;     // the filmed room is drawn by the graphics card even if the driver draws by the processor
     bool fixed_resolution; // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may

@@ -66,6 +66,7 @@ enum status viewer_room_open(struct viewer *v)
 void viewer_room_close(struct viewer *v)
 {
     struct viewer_room *r = &v->room;
+    room_views_close(&r->views);
     room_worker_close(&r->worker);
     knowledge_asker_close(&r->asker);
     filmed_layer_close(&r->filmed);
@@ -89,9 +90,11 @@ void viewer_room_close(struct viewer *v)
 
 static enum status start_worker(struct viewer *v)
 {
-    const struct room_worker_options how = {v->options.file, v->options.wake, v->options.wake_self};
+    struct room_worker_options how = {v->options.file, v->options.wake, v->options.wake_self, false};
     if (v->room.worker || !v->has_place)
         return OK;
+    if (v->options.room_by_card || !gpu_is_software(v->gpu))
+        how.hand_over = room_views_open(&v->room.views, v->gpu) == OK;
     return room_worker_start(&v->room.worker, &how);
 }
 
@@ -176,6 +179,12 @@ void viewer_room_update(struct viewer *v, int64_t now_ns)
         v->room.seen_number = p->number;
         v->state.changed = true;
     }
+    float gains[ROOM_DEPTHS][3];
+    const int64_t number = v->room.views ? room_worker_gains(v->room.worker, gains) : 0;
+    if (number != v->room.seen_number && v->room.views && viewer_room_wants_filmed(v)) {
+        v->room.seen_number = number;
+        v->state.changed = true;
+    }
     if (take_mesh(v) != OK)
         v->room.mesh_came = true; // it stays without a surface
     if (s->sheet == SHEET_CARD)
@@ -223,6 +232,11 @@ enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_req
     if (!viewer_room_wants_filmed(v) || !r->worker)
         return OK;
     ask_worker(v, request, now_ns);
+    if (r->views) {
+        status = room_views_draw(r->views, r->worker, &request->lens, request->world_from_camera, out);
+        v->state.changed |= room_views_more(r->views);
+        return status;
+    }
     const struct room_picture *p = room_worker_latest(r->worker);
     if (!p)
         return OK;

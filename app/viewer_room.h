@@ -3,6 +3,7 @@
 // alone.
 #pragma once
 #include "app/place/filmed_layer.h"
+#include "app/place/room_views.h"
 #include "app/place/thing_solid.h"
 #include "app/ui/room_page.h"
 
@@ -21,6 +22,7 @@ struct viewer_room {
     struct gpu_target *turning; // the card's body
 
     struct room_worker *worker;
+    struct room_views *views; // NULL: the worker draws, and `filmed` shows that
     struct filmed_layer *filmed;
     struct lens asked_lens; // of the worker
     struct pose asked_pose, seen_pose;

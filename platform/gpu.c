@@ -168,6 +168,7 @@ void gpu_close(struct gpu **g)
 }
 
 const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
+bool gpu_is_software(const struct gpu *g) { return g->software_renderer; }
 int gpu_max_size(const struct gpu *g) { return g->max_size; }
 struct gpu_counts gpu_get_counts(const struct gpu *g) { return g->counts; }
 
@@ -246,7 +247,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
     GLuint vertex = 0, fragment = 0;
-    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, NULL, text->name);
+    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, text->word, text->name);
     if (status == OK)
         status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
     if (status == OK)
@@ -288,6 +289,8 @@ void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int c
 
 static size_t texture_bytes(const struct gpu_texture *t)
 {
+    if (t->layers)
+        return t->bytes;
     return t->borrowed ? 0 : (size_t)t->width * (size_t)t->height * (t->format == GPU_RGB8 ? 4 : (size_t)t->format);
 }
 
@@ -364,13 +367,61 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
     gpu_texture_write_rows(t, 0, t->height, pixels);
 }
 
+// ---------------------------------------------------------------- arrays of textures
+
+static const struct {
+    GLenum kept, layout, type;
+    size_t bytes; // a pixel, as GPUs store it
+} array_formats[] = {[GPU_ARRAY_RGB8] = {GL_RGB8, GL_RGB, GL_UNSIGNED_BYTE, 4},
+                     [GPU_ARRAY_R16F] = {GL_R16F, GL_RED, GL_FLOAT, 2},
+                     [GPU_ARRAY_RG16F] = {GL_RG16F, GL_RG, GL_FLOAT, 4}};
+
+enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, const struct gpu_array_layout *layout)
+{
+    const int width = layout->width, height = layout->height, layers = layout->layers;
+    assert(width > 0 && height > 0 && layers > 0);
+    *out = NULL;
+    gpu_make_current(g);
+    if (width > g->max_size || height > g->max_size)
+        return gpu_fail_too_large(g, width, height);
+    struct gpu_texture *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "out of memory");
+    *t = (struct gpu_texture){.g = g, .array_format = layout->format, .width = width, .height = height};
+    t->layers = layers;
+    t->bytes = (size_t)width * (size_t)height * (size_t)layers * array_formats[layout->format].bytes;
+    gpu_count_made(g, t->bytes);
+    glGenTextures(1, &t->id);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, t->id);
+    glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, array_formats[layout->format].kept, width, height, layers);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    const enum status status = gpu_check(g);
+    if (status != OK)
+        gpu_texture_close(&t);
+    *out = t;
+    return status;
+}
+
+void gpu_texture_write_layer(struct gpu_texture *t, int layer, int width, int height, const void *values)
+{
+    assert(layer < t->layers && width <= t->width && height <= t->height);
+    gpu_make_current(t->g);
+    t->g->counts.uploads++;
+    glBindTexture(GL_TEXTURE_2D_ARRAY, t->id);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, width, height, 1, array_formats[t->array_format].layout,
+                    array_formats[t->array_format].type, values);
+}
+
 // ---------------------------------------------------------------- meshes
 
 enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data)
 {
     const int components = data->components, vertex_count = data->vertex_count, index_count = data->index_count;
     assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
-           vertex_count <= 65536 && index_count > 0);
+           vertex_count <= 65536 && index_count >= 0);
     *out = NULL;
     gpu_make_current(g);
     struct gpu_mesh *m = calloc(1, sizeof *m);
@@ -378,6 +429,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu
         return fail(ERR_MEMORY, "out of memory");
     *m = (struct gpu_mesh){.g = g,
                            .index_count = index_count,
+                           .vertex_count = vertex_count,
                            .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
                                     sizeof(uint16_t) * (size_t)index_count};
     gpu_count_made(g, m->bytes);

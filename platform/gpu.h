@@ -30,6 +30,7 @@ MUST_CHECK enum status gpu_adopt(struct gpu **out);
 void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for all below
 
 const char *gpu_renderer(const struct gpu *g); // the driver's GL_RENDERER string
+bool gpu_is_software(const struct gpu *g);     // the driver draws by the processor
 int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
 
 // Calls to the driver since the gpu was opened, and memory held now. gpu_draw2d.h is not counted.
@@ -54,7 +55,7 @@ struct gpu_program_source {
     int uniform_count;             // at most 16
     const char *const *samplers;   // in the order of gpu_job.textures
     int sampler_count;             // at most 4
-    const char *word;              // #defined in the fragment shader; NULL: none
+    const char *word;              // #defined in both shaders, may be "NAME VALUE"; NULL: none
 };
 // The texts are not needed afterwards. The vertex shader's inputs are at
 // locations 0 and up. ERR_DEVICE: it does not compile or link (the sentence has
@@ -81,13 +82,26 @@ void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
 
+// Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until
+// written. ERR_DEVICE: too large, or out of memory.
+enum gpu_array_format { GPU_ARRAY_RGB8, GPU_ARRAY_R16F, GPU_ARRAY_RG16F };
+struct gpu_array_layout {
+    enum gpu_array_format format;
+    int width, height, layers;
+};
+MUST_CHECK enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g,
+                                              const struct gpu_array_layout *layout);
+// Overwrites width x height values at a layer's top left: uint8_t[3], float or float[2] each, by the format. Rows
+// without padding.
+void gpu_texture_write_layer(struct gpu_texture *t, int layer, int width, int height, const void *values);
+
 // ---- meshes: triangles, three indices each
 struct gpu_mesh_data {
     const float *vertices;   // NULL: undefined until written
     int components;          // floats of a vertex: 2 to 4, or 8, 12, 16, 20, four at each of the locations 0, 1, 2 ...
     int vertex_count;        // at most 65536
     const uint16_t *indices; // NULL: undefined until written
-    int index_count;
+    int index_count;         // 0: points only
 };
 // ERR_DEVICE: out of memory. The data are copied.
 MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data);
@@ -133,7 +147,8 @@ struct gpu_job {
     bool depth_test;       // draw only what is nearer than the target's depth; otherwise over what is there
     bool no_depth_write;   // with depth_test: leave the target's depth as it is
     bool blend;            // alpha blending: colours are premultiplied; otherwise they replace what is there
-    int first, count;      // range of the mesh's indices; count 0: all of them
+    bool points;           // the mesh's vertices, without its indices, as points of the vertex shader's gl_PointSize
+    int first, count;      // range of the mesh's indices, of its vertices with points; count 0: all of them
     struct gpu_box within; // scissor; it may reach beyond the target
 };
 void gpu_draw(const struct gpu_job *job);

@@ -51,12 +51,15 @@ void gpu_draw(const struct gpu_job *job)
     glUseProgram(job->program->id);
     for (int i = 0; i < job->program->sampler_count; i++) {
         glActiveTexture(GL_TEXTURE0 + (GLenum)i);
-        glBindTexture(GL_TEXTURE_2D, job->textures[i]->id);
+        glBindTexture(job->textures[i]->layers ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D, job->textures[i]->id);
     }
     glActiveTexture(GL_TEXTURE0);
     glBindVertexArray(job->mesh->array);
-    glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
-                   (const void *)(sizeof(uint16_t) * (size_t)job->first));
+    if (job->points)
+        glDrawArrays(GL_POINTS, job->first, job->count ? job->count : job->mesh->vertex_count);
+    else
+        glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
+                       (const void *)(sizeof(uint16_t) * (size_t)job->first));
     glBindVertexArray(0);
     glDisable(GL_SCISSOR_TEST);
 }

@@ -31,6 +31,9 @@ struct gpu_texture {
     unsigned id;
     enum gpu_format format;
     int width, height;
+    int layers; // of an array; 0: it is none
+    enum gpu_array_format array_format;
+    size_t bytes;                // of an array
     int used_width, used_height; // of a target's texture, which may be used in part; 0: all of it
     bool borrowed;               // imported memory, not counted in bytes_held
 };
@@ -38,7 +41,7 @@ struct gpu_texture {
 struct gpu_mesh {
     struct gpu *g;
     unsigned array, vertices, indices;
-    int index_count;
+    int index_count, vertex_count;
     size_t bytes;
 };
 

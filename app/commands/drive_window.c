@@ -6,6 +6,7 @@
 #include "platform/window.h"
 #include "reenact/render/shaders.h"
 #include "reenact/surround/drive/head_tracker.h"
+#include "reenact/surround/gpu/operator_picture.h"
 
 // Chosen by hand.
 #define FASTEST_M_S    0.5
@@ -18,8 +19,9 @@ struct drive_window {
     struct window *screen;
     struct gpu *gpu;
     struct gpu_draw2d *draw;
-    struct gpu_texture *texture;
-    struct camera_feed *feed; // NULL: no head tracker
+    struct operator_picture *picture; // NULL: the graphics card cannot; then the processor draws
+    struct gpu_texture *texture;      // its picture
+    struct camera_feed *feed;         // NULL: no head tracker
     struct head_tracker head;
     struct drive_command stick;
     bool down, quit;
@@ -86,22 +88,21 @@ static void on_event(struct drive_window *w, const struct window_event *e)
     w->last_y = e->y;
 }
 
-static enum status show(struct drive_window *w, const struct surround_view *view)
+// In the middle of the window, as large as fits.
+static enum status show(struct drive_window *w, const struct gpu_texture *texture, double aspect)
 {
     int width, height;
     const float black[3] = {0, 0, 0};
     window_size(w->screen, &width, &height);
-    gpu_texture_write(w->texture, view->rgb);
-    const double scale = fmin((double)width / view->lens.width, (double)height / view->lens.height);
-    const float x = (float)((width - scale * view->lens.width) / 2),
-                y = (float)((height - scale * view->lens.height) / 2);
+    const double shown = fmin(width, height * aspect);
+    const float x = (float)((width - shown) / 2), y = (float)((height - shown / aspect) / 2);
     const float right = (float)width - x, bottom = (float)height - y;
     const struct gpu_draw2d_vertex corners[4] = {{x, y, 0, 0, {255, 255, 255, 255}},
                                                  {right, y, 1, 0, {255, 255, 255, 255}},
                                                  {right, bottom, 1, 1, {255, 255, 255, 255}},
                                                  {x, bottom, 0, 1, {255, 255, 255, 255}}};
     const uint16_t indices[6] = {0, 1, 2, 0, 2, 3};
-    const struct gpu_draw2d_batch batch = {w->texture, 0, 0, (float)width, (float)height, 0, 0, 6};
+    const struct gpu_draw2d_batch batch = {texture, 0, 0, (float)width, (float)height, 0, 0, 6};
     const struct gpu_draw2d_list list = {corners, indices, &batch, 4, 6, 1};
     const struct gpu_draw2d_view to = {NULL, width, height, window_quarter_turns(w->screen), black};
     gpu_draw2d_begin(w->draw, &to);
@@ -109,6 +110,33 @@ static enum status show(struct drive_window *w, const struct surround_view *view
     const enum status status = gpu_draw2d_end(w->draw);
     window_present(w->screen);
     return status;
+}
+
+static enum status draw_by_card(struct drive_window *w)
+{
+    const struct gpu_texture *texture;
+    int width, height;
+    window_size(w->screen, &width, &height);
+    const enum status status = operator_picture_draw(w->picture, w->session, width, height, &texture);
+    if (status == ERR_DEVICE) { // from now on by the processor
+        operator_picture_close(&w->picture);
+        return OK;
+    }
+    return status == OK ? show(w, texture, (double)width / height) : status;
+}
+
+static enum status draw_by_processor(struct drive_window *w)
+{
+    const struct surround_view *view;
+    enum status status = drive_session_draw(w->session, &view);
+    if (status != OK)
+        return status;
+    const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
+    if (w->texture)
+        gpu_texture_write(w->texture, view->rgb);
+    else
+        status = gpu_texture_open(&w->texture, w->gpu, &layout, view->rgb);
+    return status == OK ? show(w, w->texture, (double)view->lens.width / view->lens.height) : status;
 }
 
 // The viewpoint follows the tablet; while it is not localised the viewpoint stays.
@@ -127,18 +155,13 @@ static enum status open_window(struct drive_window *w)
 {
     const struct window_options screen = {"Reenact", 1280, 800, false, 0, 0};
     const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
-    const struct surround_view *view;
-    enum status status = drive_session_draw(w->session, &view);
-    if (status == OK)
-        status = window_open(&w->screen, &screen);
+    enum status status = window_open(&w->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&w->gpu);
     if (status == OK)
         status = gpu_draw2d_open(&w->draw, w->gpu, &shaders);
-    if (status == OK) {
-        const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
-        status = gpu_texture_open(&w->texture, w->gpu, &layout, view->rgb);
-    }
+    if (status == OK && operator_picture_open(&w->picture, w->gpu) == ERR_MEMORY)
+        status = ERR_MEMORY;
     return status;
 }
 
@@ -150,23 +173,26 @@ enum status drive_window_run(struct drive_session *session, const struct drive_w
     if (status == OK && how->camera)
         status = camera_feed_open(&w.feed, &feed);
     const int64_t start = clock_now_ns() - session->now_ns;
+    int64_t sent = start - STEP_NS;
     while (status == OK && !w.quit) {
         const int64_t before = clock_now_ns();
         for (struct window_event e; (e = window_wait(w.screen, 0)).kind != WINDOW_NO_EVENT && !w.quit;)
             on_event(&w, &e);
-        const struct surround_view *view;
-        status = drive_session_step(session, clock_now_ns() - start, &w.stick);
+        const bool send = before - sent >= STEP_NS;
+        sent = send ? before : sent;
+        status = drive_session_step(session, before - start, send ? &w.stick : NULL);
         follow_head(&w);
         if (status == OK)
-            status = drive_session_draw(session, &view);
-        if (status == OK)
-            status = show(&w, view);
+            status = w.picture ? draw_by_card(&w) : draw_by_processor(&w);
         w.quit |= how->seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > how->seconds;
-        const int64_t left = STEP_NS - (clock_now_ns() - before);
+        // As often as the display where the graphics card draws, else as often as the stick is sent
+        const int64_t step = w.picture ? (int64_t)(1e9 / window_refresh_hz(w.screen)) : STEP_NS;
+        const int64_t left = step - (clock_now_ns() - before);
         const struct window_event e = window_wait(w.screen, left > 0 ? (int)(left / 1000000) : 0);
         on_event(&w, &e);
     }
     camera_feed_close(&w.feed);
+    operator_picture_close(&w.picture);
     gpu_texture_close(&w.texture);
     gpu_draw2d_close(&w.draw);
     gpu_close(&w.gpu);

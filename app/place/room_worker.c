@@ -3,6 +3,7 @@
 #include "base/thread_priority.h"
 #include "capture/recording/recording.h"
 #include "reenact/surround/filmed/filmed_room.h"
+#include "reenact/surround/picture/surround_mesh.h"
 
 #include <pthread.h>
 #include <stdlib.h>
@@ -30,12 +31,17 @@ struct room_worker {
     struct place_mesh mesh;
     bool has_mesh;
     int views;
-    struct room_picture pictures[PICTURES]; // shown: the caller's; ready: the newest; the third is drawn into
-    int shown, ready;                       // -1: none
+    struct room_picture pictures[PICTURES];       // shown: the caller's; ready: the newest; the third is drawn into
+    int shown, ready;                             // -1: none
+    struct surround_picture waiting[ROOM_DEPTHS]; // handed over and not taken yet, by slot
+    float gains[ROOM_DEPTHS][3];
+    int64_t handed; // grows with each step of handing over
 
     // the thread's own
+    bool hand_over;
     struct surroundings room;
     int64_t made;
+    const struct surround_picture *held[ROOM_DEPTHS]; // what the caller holds in each slot, or will; NULL: nothing
 };
 
 static bool goes_on(void *self)
@@ -141,6 +147,110 @@ static enum status draw_step(struct room_worker *w, const struct lens *wanted, s
     return OK;
 }
 
+// ---------------------------------------------------------------- handing over
+
+static bool is_held(const struct room_worker *w, const struct surround_picture *p)
+{
+    for (int i = 0; i < ROOM_DEPTHS; i++)
+        if (w->held[i] == p)
+            return true;
+    return false;
+}
+
+// A slot that is free, or holds a picture that is not in the list, which is shorter than there are slots.
+static int slot_for(const struct room_worker *w, const struct surround_picture *const *list, int count)
+{
+    int slot = 0;
+    for (; slot < ROOM_DEPTHS; slot++) {
+        bool listed = false;
+        for (int i = 0; i < count && w->held[slot]; i++)
+            listed |= list[i] == w->held[slot];
+        if (!listed)
+            break;
+    }
+    assert(slot < ROOM_DEPTHS);
+    return slot;
+}
+
+static enum status hand_one(struct room_worker *w, const struct surround_picture *p, int slot)
+{
+    const size_t bytes = (size_t)p->width * (size_t)p->height * sizeof *p->inverse;
+    struct surround_picture copy = *p, former;
+    copy.mesh = NULL;
+    enum status status = surround_picture_make_mesh(&copy);
+    copy.joined = NULL;
+    copy.ray_table = NULL;
+    copy.inverse = malloc(bytes);
+    if (status == OK && !copy.inverse)
+        status = fail(ERR_MEMORY, "no memory for the room behind the actor");
+    if (status != OK) {
+        room_worker_free_picture(&copy);
+        return status;
+    }
+    memcpy(copy.inverse, p->inverse, bytes);
+    pthread_mutex_lock(&w->lock);
+    former = w->waiting[slot];
+    w->waiting[slot] = copy;
+    pthread_mutex_unlock(&w->lock);
+    room_worker_free_picture(&former);
+    w->held[slot] = p;
+    return OK;
+}
+
+static enum status hand_step(struct room_worker *w, struct pose pose, int most)
+{
+    const struct surround_picture *const *list;
+    int count;
+    w->room.how.most_pictures = most;
+    enum status status = surroundings_prepare(&w->room, pose, &list, &count);
+    for (int i = 0; i < count && status == OK; i++)
+        if (!is_held(w, list[i]))
+            status = hand_one(w, list[i], slot_for(w, list, count));
+    if (status == OK)
+        status = filmed_room_trim(&w->room, pose, ROOM_DEPTHS);
+    if (status != OK)
+        return status;
+    pthread_mutex_lock(&w->lock);
+    for (int i = 0; i < ROOM_DEPTHS; i++)
+        if (w->held[i])
+            memcpy(w->gains[i], w->held[i]->gain, sizeof w->gains[i]);
+    w->handed++;
+    pthread_mutex_unlock(&w->lock);
+    tell(w);
+    return OK;
+}
+
+bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_picture *out)
+{
+    pthread_mutex_lock(&w->lock);
+    for (*slot = 0; *slot < ROOM_DEPTHS && !w->waiting[*slot].inverse;)
+        ++*slot;
+    const bool any = *slot < ROOM_DEPTHS;
+    if (any) {
+        *out = w->waiting[*slot];
+        w->waiting[*slot] = (struct surround_picture){0};
+    }
+    pthread_mutex_unlock(&w->lock);
+    return any;
+}
+
+void room_worker_free_picture(struct surround_picture *p)
+{
+    p->rgb = NULL; // borrowed
+    surround_picture_free(p);
+}
+
+int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3])
+{
+    pthread_mutex_lock(&w->lock);
+    memcpy(gains, w->gains, sizeof w->gains);
+    const int64_t handed = w->handed;
+    pthread_mutex_unlock(&w->lock);
+    return handed;
+}
+
+// ---------------------------------------------------------------- step by step
+
 // Whether something newer was asked for meanwhile, or the thread is to end.
 static bool overtaken(struct room_worker *w, int64_t number)
 {
@@ -165,11 +275,11 @@ static enum status draw(struct room_worker *w, const struct lens *lens, struct p
         const bool last = i + 1 == COUNT_OF(steps) || steps[i] >= w->room.taken;
         if (i > first && overtaken(w, number))
             break;
-        status = draw_step(w, lens, pose, steps[i], &coarse);
+        status = w->hand_over ? hand_step(w, pose, steps[i]) : draw_step(w, lens, pose, steps[i], &coarse);
         if (last)
             break;
     }
-    if (status == OK && !overtaken(w, number))
+    if (status == OK && !w->hand_over && !overtaken(w, number))
         status = draw_step(w, lens, pose, steps[COUNT_OF(steps) - 1], &fine);
     return status;
 }
@@ -242,6 +352,7 @@ enum status room_worker_start(struct room_worker **out, const struct room_worker
     }
     w->notify = options->notify;
     w->notify_self = options->notify_self;
+    w->hand_over = options->hand_over;
     w->shown = w->ready = -1;
     w->busy = true;
     pthread_mutex_init(&w->lock, NULL);
@@ -270,6 +381,8 @@ void room_worker_close(struct room_worker **out)
         free(w->pictures[i].inverse_z);
         free(w->pictures[i].rgba);
     }
+    for (int i = 0; i < ROOM_DEPTHS; i++)
+        room_worker_free_picture(&w->waiting[i]);
     place_mesh_free(&w->mesh);
     free(w->path);
     free(w);

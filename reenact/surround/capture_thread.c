@@ -1,5 +1,6 @@
 #include "reenact/surround/capture_thread.h"
 
+#include "reenact/surround/picture/surround_mesh.h"
 #include "reenact/surround/surface_points.h"
 #include "base/queue.h"
 #include "base/thread_priority.h"
@@ -28,6 +29,7 @@ static void free_job(struct capture_job **job)
     if (j->again) { // the rest is borrowed
         free(j->picture.inverse);
         free(j->picture.joined);
+        surround_picture_free_mesh(&j->picture);
     } else
         surround_picture_free(&j->picture);
     depth_points_free(&j->points);
@@ -92,7 +94,10 @@ static void *make_depths(void *self)
         }
         if (job->failure.status == OK && newest && !t->closing) {
             const struct world_points points = surface_points_world(newest);
-            failure_keep(&job->failure, dense_depth_make(&job->picture, &points, &t->depth));
+            enum status status = dense_depth_make(&job->picture, &points, &t->depth);
+            if (status == OK)
+                status = surround_picture_make_mesh(&job->picture);
+            failure_keep(&job->failure, status);
         }
         queue_put(t->done, job);
     }

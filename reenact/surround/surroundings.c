@@ -1,6 +1,7 @@
 #include "reenact/surround/surroundings.h"
 
 #include "reenact/surround/capture_thread.h"
+#include "reenact/surround/picture/surround_mesh.h"
 #include "base/parallel.h"
 #include "platform/png.h"
 
@@ -78,6 +79,7 @@ void surroundings_close(struct surroundings *s)
     free(s->poses);
     free(s->stale);
     free(s->blank);
+    free(s->nearest);
     surface_points_free(&s->surface);
     exposure_free(&s->exposure);
     photo_refinement_free(&s->photo);
@@ -126,7 +128,10 @@ static enum status grow(struct surroundings *s)
     bool *blank = realloc(s->blank, room * sizeof *blank);
     if (blank)
         s->blank = blank;
-    if (!pictures || !poses || !stale || !blank)
+    const struct surround_picture **nearest = realloc(s->nearest, room * sizeof *nearest);
+    if (nearest)
+        s->nearest = nearest;
+    if (!pictures || !poses || !stale || !blank || !nearest)
         return fail(ERR_MEMORY, "out of memory");
     s->room = (int)room;
     return OK;
@@ -161,6 +166,8 @@ static enum status keep(struct surroundings *s, struct surround_picture *picture
     surround_picture_place(picture, world_from_camera);
     s->blank[s->taken] = is_blank(picture);
     s->stale[s->taken] = !made;
+    if (made)
+        picture->depth_number = ++s->depth_number;
     s->pictures[s->taken] = *picture;
     *picture = (struct surround_picture){0};
     s->poses[s->taken++] = pose;
@@ -301,6 +308,7 @@ static enum status make_depths(struct surroundings *s, const struct surround_pic
     for (int i = 0; status == OK && i < n; i++) {
         status = failure_restore(&w.failures[i]);
         s->stale[w.pictures[i]] = status != OK;
+        s->pictures[w.pictures[i]].depth_number = ++s->depth_number;
     }
     free(w.pictures);
     free(w.failures);
@@ -347,6 +355,7 @@ static enum status redo_one(struct surroundings *s)
     struct capture_job job = {.number = best, .again = true, .picture = s->pictures[best]};
     job.picture.inverse = NULL;
     job.picture.joined = NULL;
+    job.picture.mesh = NULL;
     s->stale[best] = false;
     const enum status status = capture_thread_put(s->thread, &job);
     return status < OK ? status : OK;
@@ -361,9 +370,12 @@ static enum status take_done(struct surroundings *s, struct capture_job *job)
         struct surround_picture *p = &s->pictures[job->number];
         free(status == OK ? p->inverse : job->picture.inverse);
         free(status == OK ? p->joined : job->picture.joined);
+        surround_picture_free_mesh(status == OK ? p : &job->picture);
         if (status == OK) {
             p->inverse = job->picture.inverse;
             p->joined = job->picture.joined;
+            p->mesh = job->picture.mesh;
+            p->depth_number = ++s->depth_number;
             s->depths_made++;
         }
         return status;
@@ -406,24 +418,30 @@ struct pose surroundings_bridge(const struct surroundings *s, struct pose odomet
     return pose_multiply(s->aligned_pose, pose_multiply(pose_inverse(s->aligned_odometry), odometry));
 }
 
-enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
+enum status surroundings_prepare(struct surroundings *s, struct pose world_from_view,
+                                 const struct surround_picture *const **pictures, int *count)
 {
     enum status status = collect(s);
-    if (status != OK)
-        return status;
-    const struct surround_picture **pictures = malloc((size_t)(s->taken + 1) * sizeof *pictures);
-    if (!pictures)
-        return fail(ERR_MEMORY, "out of memory");
     int usable = 0;
-    for (int i = 0; i < s->taken; i++)
+    for (int i = 0; i < s->taken && status == OK; i++)
         if (!s->blank[i] && (!s->thread || s->pictures[i].inverse))
-            pictures[usable++] = &s->pictures[i];
-    status = surround_view_rank(world_from_view, pictures, usable);
-    const int count = usable < s->how.most_pictures ? usable : s->how.most_pictures;
-    if (status == OK && !s->thread)
-        status = make_depths(s, pictures, count);
+            s->nearest[usable++] = &s->pictures[i];
     if (status == OK)
-        status = exposure_even(&s->exposure, s->pictures, pictures, count);
+        status = surround_view_rank(world_from_view, s->nearest, usable);
+    *count = usable < s->how.most_pictures ? usable : s->how.most_pictures;
+    *pictures = s->nearest;
+    if (status == OK && !s->thread)
+        status = make_depths(s, s->nearest, *count);
+    if (status == OK)
+        status = exposure_even(&s->exposure, s->pictures, s->nearest, *count);
+    return status;
+}
+
+enum status surroundings_draw(struct surroundings *s, struct pose world_from_view)
+{
+    const struct surround_picture *const *pictures;
+    int count;
+    enum status status = surroundings_prepare(s, world_from_view, &pictures, &count);
     const int64_t before = now(s);
     if (status == OK && s->plain)
         surround_view_splat(&s->view, world_from_view, pictures, count);
@@ -431,6 +449,5 @@ enum status surroundings_draw(struct surroundings *s, struct pose world_from_vie
         status = surround_view_draw(&s->view, world_from_view, pictures, count, &s->how.view);
     s->draw_ns += now(s) - before;
     s->drawn++;
-    free(pictures);
     return status;
 }

@@ -47,8 +47,10 @@ struct surroundings {
     bool plain;                                          // draw the plain point cloud instead, to compare
     int64_t align_ns, worst_align_ns, depth_ns, draw_ns; // spent; by the clock that is given
     int depths_made, drawn;
-    int64_t (*clock)(void);           // for the times above; NULL: none
-    int64_t (*processor_clock)(void); // for the alignment's; NULL: none
+    int64_t depth_number;                    // the last that a picture's depth was given
+    const struct surround_picture **nearest; // room for all pictures; see surroundings_prepare
+    int64_t (*clock)(void);                  // for the times above; NULL: none
+    int64_t (*processor_clock)(void);        // for the alignment's; NULL: none
     // Whether a capture of the set arrives over the link; NULL: all do.
     bool (*delivers)(void *self, int capture);
     void *delivers_self;
@@ -84,6 +86,10 @@ MUST_CHECK enum status surroundings_take(struct surroundings *s, struct surround
 // A filmed room's picture with its pose and depth points (in the camera's axes). Ownership as above.
 MUST_CHECK enum status surroundings_take_placed(struct surroundings *s, struct surround_picture *picture,
                                                 const struct depth_points *points, struct pose world_from_camera);
-// Makes depth where it is lacking or newer captures have made it stale, and draws into s->view. Before the first
+// The pictures for a viewpoint, nearest first, with depth, which is made where it is lacking or stale, and evened
+// exposure; borrowed until the next call that changes *s. None before the first capture.
+MUST_CHECK enum status surroundings_prepare(struct surroundings *s, struct pose world_from_view,
+                                            const struct surround_picture *const **pictures, int *count);
+// Prepares, and draws into s->view. Before the first
 // capture nothing is seen.
 MUST_CHECK enum status surroundings_draw(struct surroundings *s, struct pose world_from_view);

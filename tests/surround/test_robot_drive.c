@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
+#include "reenact/surround/picture/surround_mesh.h"
 #include "reenact/surround/drive/drive_trial.h"
 #include "reenact/surround/drive/head_tracker.h"
 
@@ -183,7 +184,8 @@ static void ride(struct simulated_rover *r, bool threads)
     }
 }
 
-// Captures handed to threads are placed where they are without.
+// Captures handed to threads are placed where they are without, and come with their meshes, each depth with a number of
+// its own.
 static void test_captures_on_threads(void **state)
 {
     (void)state;
@@ -195,6 +197,12 @@ static void test_captures_on_threads(void **state)
     for (int i = 0; i < 3; i++)
         EXPECT_NEAR(v3_distance(plain.surroundings.poses[i].translation, threaded.surroundings.poses[i].translation), 0,
                     0);
+    for (int i = 0; i < 3; i++) {
+        EXPECT_TRUE(threaded.surroundings.pictures[i].mesh && threaded.surroundings.pictures[i].mesh->count);
+        EXPECT_TRUE(threaded.surroundings.pictures[i].depth_number > 0);
+        EXPECT_TRUE(i == 0 || threaded.surroundings.pictures[i].depth_number !=
+                                  threaded.surroundings.pictures[i - 1].depth_number);
+    }
     EXPECT_NEAR(v3_distance(simulated_rover_pose(&plain).translation, simulated_rover_pose(&threaded).translation), 0,
                 0);
     simulated_rover_close(&plain);

@@ -51,14 +51,15 @@ static const struct rule rules[] = {
     {"reenact/surround/view/", {"reenact/surround/picture/", "base/"}},
     {"reenact/surround/", {SURROUND}},
     {"reenact/surround/drive/", {"reenact/surround/", SURROUND}},
+    {"reenact/surround/gpu/", {"reenact/surround/drive/", "reenact/surround/", "reenact/render/", SURROUND}},
     {"reenact/surround/filmed/", {"reenact/surround/", "capture/recording/", SURROUND}},
     {"compare/", {RECORDING}},
     {"app/state/", {"base/"}},
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
     {"app/view/", {"app/state/", RENDER}},
     {"app/place/",
-     {"app/state/", "capture/objects/", "reenact/surround/filmed/", "reenact/surround/", "reenact/surround/view/",
-      "reenact/render/", "reenact/scene/", RECORDING}},
+     {"app/state/", "capture/objects/", "reenact/surround/filmed/", "reenact/surround/gpu/", "reenact/surround/",
+      "reenact/surround/view/", "reenact/surround/picture/", "reenact/render/", "reenact/scene/", RECORDING}},
     {"app/live/",
      {"app/camera/", "app/state/", "compare/", "capture/", "capture/tracking/", "capture/body/",
       "capture/segmentation/", "locate/", RECORDING}},
@@ -71,7 +72,7 @@ static const struct rule rules[] = {
     {"app/commands/",
      {"app/studio/", "app/", "app/camera/", "compare/", "capture/", "capture/coaching/", "capture/objects/",
       "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/filmed/",
-      "reenact/surround/drive/", "reenact/surround/", SURROUND}},
+      "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

@@ -3,6 +3,7 @@
 #include "reenact/surround/depth/depth_seeds.h"
 #include "reenact/surround/depth/large_planes.h"
 #include "reenact/surround/depth/watershed.h"
+#include "reenact/surround/picture/surround_mesh.h"
 #include "base/memory.h"
 
 #include <stdlib.h>
@@ -222,6 +223,7 @@ enum status dense_depth_make(struct surround_picture *picture, const struct worl
                              const struct depth_options *how)
 {
     const size_t pixels = (size_t)picture->width * (size_t)picture->height;
+    surround_picture_free_mesh(picture);
     if (!picture->inverse)
         picture->inverse = alloc_cache_aligned(pixels * sizeof *picture->inverse);
     if (!picture->joined)

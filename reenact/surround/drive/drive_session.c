@@ -199,26 +199,47 @@ struct pose drive_session_viewpoint(const struct drive_session *s)
     return operator_viewpoint(s->viewpoint, POSE_IDENTITY, size_of(s));
 }
 
+static struct pose eye_of(const struct drive_session *s, struct pose body)
+{
+    return s->head    ? pose_multiply(body, s->body_from_eye)
+           : s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
+                      : operator_viewpoint(s->viewpoint, body, size_of(s));
+}
+
+static void fill_overlay(struct drive_session *s, struct pose body, struct operator_overlay *out)
+{
+    *out = (struct operator_overlay){
+        .world_from_body = body, .command = command_of(s), .age_s = age_of_s(s, seen_by(s)), .link_lost = s->link_lost};
+    memcpy(out->size_m, size_of(s), sizeof out->size_m);
+    if (!s->orbit && !s->head && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
+        out->size_m[0] = out->size_m[1] = out->size_m[2] = 0;
+        out->command = (struct drive_command){0, 0};
+    }
+}
+
+enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out)
+{
+    struct surroundings *seen = seen_by(s);
+    const struct pose body = drive_session_pose(s);
+    *out = (struct drive_scene){.world_from_view = eye_of(s, body), .lens = seen->view.lens, .how = seen->how.view};
+    memcpy(out->size_m, size_of(s), sizeof out->size_m);
+    const enum status status = surroundings_prepare(seen, out->world_from_view, &out->pictures, &out->count);
+    if (status == OK)
+        fill_overlay(s, body, &out->overlay);
+    return status;
+}
+
 enum status drive_session_draw(struct drive_session *s, const struct surround_view **view)
 {
     struct surroundings *seen = seen_by(s);
-    const double *size = size_of(s);
     const struct pose body = drive_session_pose(s);
-    const struct pose eye = s->head    ? pose_multiply(body, s->body_from_eye)
-                            : s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
-                                       : operator_viewpoint(s->viewpoint, body, size);
-    const enum status status = surroundings_draw(seen, eye);
+    const enum status status = surroundings_draw(seen, eye_of(s, body));
     if (status != OK)
         return status;
-    struct operator_overlay overlay = {
-        .world_from_body = body, .command = command_of(s), .age_s = age_of_s(s, seen), .link_lost = s->link_lost};
-    memcpy(overlay.size_m, size, sizeof overlay.size_m);
+    struct operator_overlay overlay;
     struct nearest_thing thing;
-    const bool near = nearest_in_view(&seen->view, body, size, 0.1, &thing) == OK;
-    if (!s->orbit && !s->head && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
-        overlay.size_m[0] = overlay.size_m[1] = overlay.size_m[2] = 0;
-        overlay.command = (struct drive_command){0, 0};
-    }
+    fill_overlay(s, body, &overlay);
+    const bool near = nearest_in_view(&seen->view, body, size_of(s), 0.1, &thing) == OK;
     operator_overlay_draw(&seen->view, &overlay, near ? &thing : NULL);
     *view = &seen->view;
     return OK;

@@ -52,6 +52,18 @@ void drive_session_close(struct drive_session *s); // what was zeroed, too
 // at this moment; NULL: nothing.
 MUST_CHECK enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command);
 
+// What the operator is to see at this moment, for drawing it elsewhere. The pictures are borrowed until the next call.
+struct drive_scene {
+    struct pose world_from_view;
+    struct lens lens; // of the operator's pictures
+    const struct surround_picture *const *pictures;
+    int count;
+    struct view_options how;
+    struct operator_overlay overlay; // of size 0 where the eye is inside the body
+    double size_m[3];                // of the body
+};
+MUST_CHECK enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out);
+
 // Draws the operator's picture with the overlay; *view lives as long as the session.
 MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct surround_view **view);
 

@@ -10,7 +10,8 @@ enum { RANK = 10, ARC_STEPS = 24, GLYPH_WIDTH = 3, GLYPH_HEIGHT = 5 };
 #define ARROW_S 2.0
 #define PI      3.14159265358979323846
 
-static const uint8_t body_color[3] = {60, 160, 255}, arrow_color[3] = {255, 210, 0}, line_color[3] = {255, 40, 40};
+const uint8_t overlay_body_color[3] = {60, 160, 255};
+static const uint8_t arrow_color[3] = {255, 210, 0}, line_color[3] = {255, 40, 40};
 
 static struct vec3 in_body(struct pose world_from_body, const double at[3])
 {
@@ -76,18 +77,27 @@ static void tint(struct surround_view *view, int x, int y, const uint8_t color[3
         rgb[c] = (uint8_t)((rgb[c] * (100 - percent) + color[c] * percent) / 100);
 }
 
-static void draw_line(struct surround_view *view, struct vec3 a, struct vec3 b, const uint8_t color[3])
+static void add_line(struct overlay_shapes *out, const struct surround_view *view, struct vec3 a, struct vec3 b,
+                     const uint8_t color[3])
 {
-    double ax, ay, bx, by, z;
-    if (!project(view, a, &ax, &ay, &z) || !project(view, b, &bx, &by, &z))
+    struct overlay_line *line = &out->lines[out->line_count];
+    double z;
+    if (out->line_count == OVERLAY_LINES || !project(view, a, &line->ax, &line->ay, &z) ||
+        !project(view, b, &line->bx, &line->by, &z))
         return;
-    const double length = fmax(fabs(bx - ax), fabs(by - ay));
+    memcpy(line->color, color, sizeof line->color);
+    out->line_count++;
+}
+
+static void draw_line(struct surround_view *view, const struct overlay_line *l)
+{
+    const double length = fmax(fabs(l->bx - l->ax), fabs(l->by - l->ay));
     const int steps = length < 1 ? 1 : length > 4000 ? 4000 : (int)length;
     for (int i = 0; i <= steps; i++) {
         const double t = (double)i / steps;
-        const int x = (int)floor(ax + t * (bx - ax) + 0.5), y = (int)floor(ay + t * (by - ay) + 0.5);
-        tint(view, x, y, color, 85);
-        tint(view, x + 1, y, color, 85);
+        const int x = (int)floor(l->ax + t * (l->bx - l->ax) + 0.5), y = (int)floor(l->ay + t * (l->by - l->ay) + 0.5);
+        tint(view, x, y, l->color, OVERLAY_LINE_PERCENT);
+        tint(view, x + 1, y, l->color, OVERLAY_LINE_PERCENT);
     }
 }
 
@@ -112,20 +122,26 @@ static void draw_body(struct surround_view *view, const struct operator_overlay 
             }
             const float inverse_z = view->inverse_z[(size_t)y * (size_t)view->lens.width + (size_t)x];
             if (enter < leave && enter > 0.05 && !(inverse_z > 1 / enter))
-                tint(view, x, y, body_color, 40);
+                tint(view, x, y, overlay_body_color, OVERLAY_BODY_PERCENT);
         }
-    for (int k = 0; k < 12; k++) { // edges
+}
+
+static void add_edges(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+{
+    const double low[3] = {-o->size_m[0] / 2, -o->size_m[1] / 2, 0};
+    const double high[3] = {o->size_m[0] / 2, o->size_m[1] / 2, o->size_m[2]};
+    for (int k = 0; k < 12; k++) {
         const int axis = k / 4, b = (axis + 1) % 3, c = (axis + 2) % 3;
         double p[3], q[3];
         p[axis] = low[axis], q[axis] = high[axis];
         p[b] = q[b] = k & 1 ? high[b] : low[b];
         p[c] = q[c] = k & 2 ? high[c] : low[c];
-        draw_line(view, pose_apply(o->world_from_body, v3(p[0], p[1], p[2])),
-                  pose_apply(o->world_from_body, v3(q[0], q[1], q[2])), body_color);
+        add_line(out, view, pose_apply(o->world_from_body, v3(p[0], p[1], p[2])),
+                 pose_apply(o->world_from_body, v3(q[0], q[1], q[2])), overlay_body_color);
     }
 }
 
-static void draw_arrow(struct surround_view *view, const struct operator_overlay *o)
+static void add_arrow(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
 {
     if (fabs(o->command.speed) < 1e-3 && fabs(o->command.turn_rate) < 1e-3)
         return;
@@ -135,12 +151,12 @@ static void draw_arrow(struct surround_view *view, const struct operator_overlay
     for (int i = 1; i <= ARC_STEPS; i++) {
         end = robot_motion_after(o->world_from_body, o->command, ARROW_S * i / ARC_STEPS);
         const struct vec3 next = pose_apply(end, v3(front, 0, 0.03));
-        draw_line(view, last, next, arrow_color);
+        add_line(out, view, last, next, arrow_color);
         last = next;
     }
     const double back = o->command.speed < 0 ? 0.12 : -0.12;
-    draw_line(view, last, pose_apply(end, v3(front + back, 0.08, 0.03)), arrow_color);
-    draw_line(view, last, pose_apply(end, v3(front + back, -0.08, 0.03)), arrow_color);
+    add_line(out, view, last, pose_apply(end, v3(front + back, 0.08, 0.03)), arrow_color);
+    add_line(out, view, last, pose_apply(end, v3(front + back, -0.08, 0.03)), arrow_color);
 }
 
 // Digits, '.', 'm', 's', 'c' and the letters of the warning, 3 x 5, rows from the top, the left pixel the highest bit.
@@ -159,38 +175,65 @@ static uint16_t glyph(char c)
     return 0;
 }
 
-static void draw_text(struct surround_view *view, int x, int y, int scale, const char *text)
+static void add_rect(struct overlay_shapes *out, const struct overlay_rect *rect)
 {
-    static const uint8_t white[3] = {255, 255, 255}, black[3] = {0, 0, 0};
-    for (; *text; text++, x += (GLYPH_WIDTH + 1) * scale)
-        for (int j = -scale; j < (GLYPH_HEIGHT + 1) * scale; j++)
-            for (int i = -scale; i < (GLYPH_WIDTH + 1) * scale; i++) {
-                const int column = i < 0 ? -1 : i / scale, row = j < 0 ? -1 : j / scale;
-                const bool set = column >= 0 && column < GLYPH_WIDTH && row >= 0 && row < GLYPH_HEIGHT &&
-                                 glyph(*text) >> (3 * (GLYPH_HEIGHT - 1 - row) + 2 - column) & 1;
-                tint(view, x + i, y + j, set ? white : black, set ? 100 : 35);
-            }
+    if (out->rect_count < OVERLAY_RECTS)
+        out->rects[out->rect_count++] = *rect;
+}
+
+// White on a darkened box.
+static void add_text(struct overlay_shapes *out, int x, int y, int scale, const char *text)
+{
+    const int step = (GLYPH_WIDTH + 1) * scale, length = (int)strlen(text);
+    add_rect(out,
+             &(struct overlay_rect){x - scale, y - scale, length * step + scale, (GLYPH_HEIGHT + 2) * scale, 0, 35});
+    for (; *text; text++, x += step)
+        for (int k = 0; k < GLYPH_WIDTH * GLYPH_HEIGHT; k++)
+            if (glyph(*text) >> (GLYPH_WIDTH * GLYPH_HEIGHT - 1 - k) & 1)
+                add_rect(out, &(struct overlay_rect){x + k % GLYPH_WIDTH * scale, y + k / GLYPH_WIDTH * scale, scale,
+                                                     scale, 255, 100});
+}
+
+static void draw_rect(struct surround_view *view, const struct overlay_rect *r)
+{
+    const uint8_t color[3] = {r->grey, r->grey, r->grey};
+    for (int y = r->y; y < r->y + r->height; y++)
+        for (int x = r->x; x < r->x + r->width; x++)
+            tint(view, x, y, color, r->percent);
+}
+
+void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_view *view,
+                             const struct operator_overlay *o, const struct nearest_thing *thing)
+{
+    const int scale = view->lens.width < 400 ? 1 : view->lens.width / 200;
+    char text[32];
+    out->line_count = out->rect_count = 0;
+    add_edges(out, view, o);
+    add_arrow(out, view, o);
+    if (thing) {
+        double x, y, z;
+        const struct vec3 at = v3(thing->at[0], thing->at[1], thing->at[2]);
+        add_line(out, view, v3(thing->from[0], thing->from[1], thing->from[2]), at, line_color);
+        snprintf(text, sizeof text, "%.2f m", thing->distance_m);
+        if (project(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
+            add_text(out, (int)x + 2 * scale, (int)y, scale, text);
+    }
+    snprintf(text, sizeof text, "%.1f s", o->age_s < 9999 ? o->age_s : 9999);
+    add_text(out, 2 * scale, 2 * scale, scale, text);
+    if (o->link_lost)
+        add_text(out, view->lens.width / 2 - 18 * scale, view->lens.height / 2, scale, "LINK LOST");
 }
 
 void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *o,
                            const struct nearest_thing *thing)
 {
-    const int scale = view->lens.width < 400 ? 1 : view->lens.width / 200;
-    char text[32];
+    struct overlay_shapes shapes;
+    operator_overlay_shapes(&shapes, view, o, thing);
     draw_body(view, o);
-    draw_arrow(view, o);
-    if (thing) {
-        double x, y, z;
-        const struct vec3 at = v3(thing->at[0], thing->at[1], thing->at[2]);
-        draw_line(view, v3(thing->from[0], thing->from[1], thing->from[2]), at, line_color);
-        snprintf(text, sizeof text, "%.2f m", thing->distance_m);
-        if (project(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
-            draw_text(view, (int)x + 2 * scale, (int)y, scale, text);
-    }
-    snprintf(text, sizeof text, "%.1f s", o->age_s < 9999 ? o->age_s : 9999);
-    draw_text(view, 2 * scale, 2 * scale, scale, text);
-    if (o->link_lost)
-        draw_text(view, view->lens.width / 2 - 18 * scale, view->lens.height / 2, scale, "LINK LOST");
+    for (int i = 0; i < shapes.line_count; i++)
+        draw_line(view, &shapes.lines[i]);
+    for (int i = 0; i < shapes.rect_count; i++)
+        draw_rect(view, &shapes.rects[i]);
 }
 
 // A view at `eye` that looks at `target`; its y axis is as far down as can be.

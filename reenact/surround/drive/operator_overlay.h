@@ -24,7 +24,28 @@ struct nearest_thing {
 MUST_CHECK enum status nearest_in_view(const struct surround_view *view, struct pose world_from_body,
                                        const double size_m[3], double low_m, struct nearest_thing *out);
 
+// The overlay but for the body's tint, in the view's pixels: lines two pixels wide at 85 %, then rectangles, later ones
+// over earlier ones. Of *view the lens, the pose and the axes are used.
+enum { OVERLAY_LINES = 64, OVERLAY_RECTS = 512, OVERLAY_LINE_PERCENT = 85, OVERLAY_BODY_PERCENT = 40 };
+struct overlay_line {
+    double ax, ay, bx, by;
+    uint8_t color[3];
+};
+struct overlay_rect {
+    int x, y, width, height;
+    uint8_t grey;
+    int percent;
+};
+struct overlay_shapes {
+    struct overlay_line lines[OVERLAY_LINES];
+    struct overlay_rect rects[OVERLAY_RECTS];
+    int line_count, rect_count;
+};
+extern const uint8_t overlay_body_color[3];
+
 // thing NULL: no line.
+void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_view *view,
+                             const struct operator_overlay *o, const struct nearest_thing *thing);
 void operator_overlay_draw(struct surround_view *view, const struct operator_overlay *o,
                            const struct nearest_thing *thing);
 

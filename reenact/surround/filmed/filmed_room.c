@@ -1,6 +1,7 @@
 #include "reenact/surround/filmed/filmed_room.h"
 
 #include "platform/jpeg.h"
+#include "reenact/surround/picture/surround_mesh.h"
 
 #include <stdlib.h>
 
@@ -80,6 +81,7 @@ enum status filmed_room_trim(struct surroundings *room, struct pose world_from_v
         const ptrdiff_t at = ranked[i] - room->pictures;
         free(room->pictures[at].inverse);
         free(room->pictures[at].joined);
+        surround_picture_free_mesh(&room->pictures[at]);
         room->pictures[at].inverse = NULL;
         room->pictures[at].joined = NULL;
         room->stale[at] = true;

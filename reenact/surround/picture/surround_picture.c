@@ -1,6 +1,7 @@
 #include "reenact/surround/picture/surround_picture.h"
 
 #include "reenact/surround/picture/fast_angle.h"
+#include "reenact/surround/picture/surround_mesh.h"
 #include "base/portable_math.h"
 
 #include <stdlib.h>
@@ -60,6 +61,7 @@ void surround_picture_free(struct surround_picture *p)
     free(p->rgb);
     free(p->inverse);
     free(p->joined);
+    surround_picture_free_mesh(p);
     free(p->ray_table);
     *p = (struct surround_picture){0};
 }

@@ -22,12 +22,14 @@ struct surround_picture {
     struct lens lens;  // of a perspective picture; ideal (undistort first)
     struct pose world_from_camera;
     int64_t time_ns;
-    uint8_t *rgb;      // width * height * 3, owned
-    float *inverse;    // width * height, owned; NULL until the depth is made
-    uint8_t *joined;   // width * height, owned; with inverse
-    float gain[3];     // what the colours are multiplied by so that all pictures have one exposure; 1 at first
-    float *ray_table;  // sine and cosine of each column, then of each row (panoramas), owned
-    double axes[3][3]; // the rotation of world_from_camera as a matrix, set by surround_picture_place
+    uint8_t *rgb;               // width * height * 3, owned
+    float *inverse;             // width * height, owned; NULL until the depth is made
+    uint8_t *joined;            // width * height, owned; with inverse
+    struct surround_mesh *mesh; // of this depth, owned; NULL: none was made (surround_mesh.h)
+    int64_t depth_number; // of this depth among all of a set's, also earlier ones of this picture; 0: none was given
+    float gain[3];        // what the colours are multiplied by so that all pictures have one exposure; 1 at first
+    float *ray_table;     // sine and cosine of each column, then of each row (panoramas), owned
+    double axes[3][3];    // the rotation of world_from_camera as a matrix, set by surround_picture_place
 };
 
 // A picture of `rgb`, which it owns from now on, also after a failure. lens NULL: a panorama. ERR_MEMORY.

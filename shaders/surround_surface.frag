@@ -1,0 +1,15 @@
+#version 300 es
+// Which picture's surface is in front, and how far.
+precision highp float;
+precision highp int;
+
+in float inverse;
+
+uniform vec4 view_range; // width, height, nearest z drawn
+uniform vec4 order;      // of this picture
+
+out vec4 kept;
+
+#include "surround_depth.glsl"
+
+void main() { kept = pack_surface(inverse * gl_FragCoord.w, view_range.z, order.x); }
