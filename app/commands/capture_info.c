@@ -32,7 +32,18 @@ static void print_place(const struct place *p)
     }
 }
 
-static void print_take(const struct take_summary *s)
+static void print_sizes(const struct take_sizes *sizes, double duration_s)
+{
+    const double all = (double)(sizes->color + sizes->depth + sizes->mask + sizes->joints);
+    printf("  %s%.1f MB: colour %.1f, depth %.1f, masks %.1f, joints %.1f", sizes->exact ? "" : "about ", all / 1e6,
+           (double)sizes->color / 1e6, (double)sizes->depth / 1e6, (double)sizes->mask / 1e6,
+           (double)sizes->joints / 1e6);
+    if (duration_s > 0)
+        printf("; %.0f MB a minute", all / 1e6 * 60 / duration_s);
+    putchar('\n');
+}
+
+static void print_take(const struct take_summary *s, const struct take_sizes *sizes)
 {
     printf("take '%s': %lld frames, %.1f s", s->name, (long long)s->frames, s->duration_s);
     if (s->fps > 0)
@@ -53,6 +64,7 @@ static void print_take(const struct take_summary *s)
     if (s->lost)
         printf("%lld lost to damage, ", (long long)s->lost);
     puts(s->complete ? "complete" : "interrupted");
+    print_sizes(sizes, s->duration_s);
     if (*s->alias)
         printf("  performed by %s\n", s->alias);
     if (*s->note)
@@ -93,7 +105,7 @@ static void add_place(struct json *root, const struct place *p)
     }
 }
 
-static void add_take(struct json *takes, const struct take_summary *s)
+static void add_take(struct json *takes, const struct take_summary *s, const struct take_sizes *sizes)
 {
     struct json *take = json_add_object(takes, NULL);
     json_add_string(take, "name", s->name);
@@ -112,11 +124,40 @@ static void add_take(struct json *takes, const struct take_summary *s)
     json_add_number(take, "lost", (double)s->lost);
     json_add_number(take, "frames_with_color", (double)s->with_color);
     json_add_number(take, "frames_with_depth", (double)s->with_depth);
+    struct json *bytes = json_add_object(take, "bytes");
+    json_add_number(bytes, "color", (double)sizes->color);
+    json_add_number(bytes, "depth", (double)sizes->depth);
+    json_add_number(bytes, "masks", (double)sizes->mask);
+    json_add_number(bytes, "joints", (double)sizes->joints);
     json_add_string(take, "alias", s->alias);
     json_add_string(take, "note", s->note);
 }
 
 // ------------------------------------------------------------- the command
+
+// Prints text, or adds to `takes` where it is not NULL. A take that cannot be read gets a warning.
+static enum status report_take(struct recording *r, const char *name, struct json *takes)
+{
+    struct take *take;
+    struct take_sizes sizes;
+    enum status status = take_open(&take, r, name);
+    if (status == OK)
+        status = take_read_sizes(take, &sizes);
+    if (status == ERR_CORRUPT) {
+        fprintf(stderr, "reenact-capture info: warning: take '%s': %s\n", name, status_message());
+        take_close(&take);
+        return OK;
+    }
+    if (status == OK) {
+        const struct take_summary summary = take_summarize(take, name);
+        if (takes)
+            add_take(takes, &summary, &sizes);
+        else
+            print_take(&summary, &sizes);
+    }
+    take_close(&take);
+    return status;
+}
 
 // Prints text, or fills `root` where it is not NULL.
 static enum status report(struct recording *r, const char *path, struct json *root)
@@ -150,24 +191,10 @@ static enum status report(struct recording *r, const char *path, struct json *ro
     struct json *takes = root ? json_add_array(root, "takes") : NULL;
     if (!root && !recording_take_count(r))
         printf("no take\n");
-    for (int i = 0; i < recording_take_count(r); i++) {
-        struct take *take;
-        status = take_open(&take, r, recording_take_name(r, i));
-        if (status == ERR_CORRUPT) {
-            fprintf(stderr, "reenact-capture info: warning: take '%s': %s\n", recording_take_name(r, i),
-                    status_message());
-            continue;
-        }
-        if (status != OK)
-            return status;
-        struct take_summary summary = take_summarize(take, recording_take_name(r, i));
-        if (root)
-            add_take(takes, &summary);
-        else
-            print_take(&summary);
-        take_close(&take);
-    }
-    return OK;
+    status = OK;
+    for (int i = 0; i < recording_take_count(r) && status == OK; i++)
+        status = report_take(r, recording_take_name(r, i), takes);
+    return status;
 }
 
 int capture_info(int argc, char **argv)

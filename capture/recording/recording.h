@@ -132,6 +132,14 @@ struct take_entry {
     struct skeleton skeleton; // colour camera's axes; zeroed without has_skeleton
 };
 
+// Bytes of all its frames.
+struct take_sizes {
+    int64_t color, depth, mask, joints; // joints: with their covariances, and the frame's pose
+    bool exact;                         // false: reckoned from some of the frames
+};
+// Reads the parts' lengths of at most 300 frames, not the parts. ERR_IO, ERR_CORRUPT, ERR_MEMORY.
+MUST_CHECK enum status take_read_sizes(struct take *t, struct take_sizes *out);
+
 const struct calibration *take_calibration(const struct take *t);
 int64_t take_frame_count(const struct take *t);
 // Asserts the range. Valid until the last handle on the take is closed.

@@ -131,6 +131,11 @@ static void test_empty_room_is_recorded(void **state)
     said = PROCESS(CAPTURE, "info", "--json", file);
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.out, "\"one\""));
+    const char *bytes = strstr(said.out, "\"bytes\":\t{");
+    double color = 0, depth = 0;
+    EXPECT_TRUE(bytes && sscanf(bytes, "\"bytes\": { \"color\": %lf, \"depth\": %lf", &color, &depth) == 2);
+    EXPECT_AT_LEAST(color, 1000);
+    EXPECT_AT_LEAST(depth, 100);
     EXPECT_INT(PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "joints-csv", "--out",
                        scratch_file(&scratch, "empty.csv"))
                    .exit_code,
