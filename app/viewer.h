@@ -11,6 +11,9 @@
 #include "app/viewer_live.h"
 #include "app/viewer_room.h"
 
+// The graphics card where there is one; or always the room worker; or the graphics card whatever its driver draws by.
+enum room_drawing { ROOM_DRAWN_AS_FITS, ROOM_DRAWN_BY_WORKER, ROOM_DRAWN_BY_CARD };
+
 struct viewer_options {
     const char *file;
     const char *take;    // NULL: the only one, or the user chooses
@@ -20,11 +23,11 @@ struct viewer_options {
     bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
     const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light;
-    bool mirrored;         // the actor is shown left and right exchanged from the start, and with a sensor judged by so
-    bool offer_trim;       // the take's ends can be cut off: state.trim
-    bool ask_knowledge;    // ask a thing's own address what is newer when its card is opened
-    bool room_by_card;     // the filmed room is drawn by the graphics card even if the driver draws by the processor
-    bool fixed_resolution; // the actor is always drawn at every pixel
+    bool mirrored;      // the actor is shown left and right exchanged from the start, and with a sensor judged by so
+    bool offer_trim;    // the take's ends can be cut off: state.trim
+    bool ask_knowledge; // ask a thing's own address what is newer when its card is opened
+    enum room_drawing room_drawing; // who draws the filmed room behind an orbit
+    bool fixed_resolution;          // the actor is always drawn at every pixel
     double refresh_hz;
     void (*opening)(void *self); // with wake_self: called before the recording is opened, for viewer_draw_opening; may
                                  // be NULL

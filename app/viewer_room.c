@@ -93,7 +93,8 @@ static enum status start_worker(struct viewer *v)
     struct room_worker_options how = {v->options.file, v->options.wake, v->options.wake_self, false};
     if (v->room.worker || !v->has_place)
         return OK;
-    if (v->options.room_by_card || !gpu_is_software(v->gpu))
+    const enum room_drawing by = v->options.room_drawing;
+    if (by == ROOM_DRAWN_BY_CARD || (by == ROOM_DRAWN_AS_FITS && !gpu_is_software(v->gpu)))
         how.hand_over = room_views_open(&v->room.views, v->gpu) == OK;
     return room_worker_start(&v->room.worker, &how);
 }

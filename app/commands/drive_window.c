@@ -112,11 +112,14 @@ static enum status show(struct drive_window *w, const struct gpu_texture *textur
     return status;
 }
 
+// In the window's size; in the session's own where the driver draws by the processor.
 static enum status draw_by_card(struct drive_window *w)
 {
     const struct gpu_texture *texture;
-    int width, height;
-    window_size(w->screen, &width, &height);
+    const struct lens *own = drive_session_lens(w->session);
+    int width = own->width, height = own->height;
+    if (!gpu_is_software(w->gpu))
+        window_size(w->screen, &width, &height);
     const enum status status = operator_picture_draw(w->picture, w->session, width, height, &texture);
     if (status == ERR_DEVICE) { // from now on by the processor
         operator_picture_close(&w->picture);
@@ -165,6 +168,15 @@ static enum status open_window(struct drive_window *w)
     return status;
 }
 
+// From one image to the next: as often as the display where a graphics card draws; else as often as the stick is sent,
+// and half of the time is left to the threads that make depth.
+static int64_t step_ns(const struct drive_window *w, int64_t took_ns)
+{
+    if (w->picture && !gpu_is_software(w->gpu))
+        return (int64_t)(1e9 / window_refresh_hz(w->screen));
+    return 2 * took_ns > STEP_NS ? 2 * took_ns : STEP_NS;
+}
+
 enum status drive_window_run(struct drive_session *session, const struct drive_window_options *how)
 {
     struct drive_window w = {.session = session};
@@ -185,9 +197,7 @@ enum status drive_window_run(struct drive_session *session, const struct drive_w
         if (status == OK)
             status = w.picture ? draw_by_card(&w) : draw_by_processor(&w);
         w.quit |= how->seconds > 0 && (double)(clock_now_ns() - start) * 1e-9 > how->seconds;
-        // As often as the display where the graphics card draws, else as often as the stick is sent
-        const int64_t step = w.picture ? (int64_t)(1e9 / window_refresh_hz(w.screen)) : STEP_NS;
-        const int64_t left = step - (clock_now_ns() - before);
+        const int64_t left = step_ns(&w, clock_now_ns() - before) - (clock_now_ns() - before);
         const struct window_event e = window_wait(w.screen, left > 0 ? (int)(left / 1000000) : 0);
         on_event(&w, &e);
     }

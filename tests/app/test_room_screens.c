@@ -34,6 +34,7 @@ static void open_glass(struct glass *g, int width, int height, const char *camer
                                            .camera = camera,
                                            .photos = rehearsal.scratch.path,
                                            .fixed_resolution = true,
+                                           .room_drawing = ROOM_DRAWN_BY_WORKER,
                                            .refresh_hz = 60};
     glass_open(g, width, height, &options);
 }

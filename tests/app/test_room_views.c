@@ -20,7 +20,7 @@ static void open_glass(struct glass *g, bool by_card)
                                            .take = "turn",
                                            .photos = rehearsal.scratch.path,
                                            .fixed_resolution = true,
-                                           .room_by_card = by_card,
+                                           .room_drawing = by_card ? ROOM_DRAWN_BY_CARD : ROOM_DRAWN_BY_WORKER,
                                            .refresh_hz = 60};
     glass_open(g, WIDTH, HEIGHT, &options);
     glass_draw(g);

@@ -199,6 +199,13 @@ struct pose drive_session_viewpoint(const struct drive_session *s)
     return operator_viewpoint(s->viewpoint, POSE_IDENTITY, size_of(s));
 }
 
+const struct lens *drive_session_lens(const struct drive_session *s)
+{
+    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings.view.lens
+           : s->kind == DRIVE_PLAYED  ? &s->played.view.lens
+                                      : &s->ros.surroundings.view.lens;
+}
+
 static struct pose eye_of(const struct drive_session *s, struct pose body)
 {
     return s->head    ? pose_multiply(body, s->body_from_eye)

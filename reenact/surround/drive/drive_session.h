@@ -52,6 +52,9 @@ void drive_session_close(struct drive_session *s); // what was zeroed, too
 // at this moment; NULL: nothing.
 MUST_CHECK enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command);
 
+// Of the operator's pictures.
+const struct lens *drive_session_lens(const struct drive_session *s);
+
 // What the operator is to see at this moment, for drawing it elsewhere. The pictures are borrowed until the next call.
 struct drive_scene {
     struct pose world_from_view;
