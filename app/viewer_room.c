@@ -53,7 +53,8 @@ enum status viewer_room_open(struct viewer *v)
     if (status == OK)
         status = solid_renderer_open(&r->renderer, v->gpu);
     if (status == OK && v->options.ask_knowledge && r->things.count) {
-        struct knowledge_asker_options how = {http_default_limits(), v->options.wake, v->options.wake_self};
+        struct knowledge_asker_options how = {v->options.file, http_default_limits(), v->options.wake,
+                                              v->options.wake_self};
         how.limits.connect_ms = how.limits.total_ms = (int)ANSWER_MS;
         status = knowledge_asker_start(&r->asker, &how);
     }
@@ -330,6 +331,9 @@ static void describe_source(struct viewer *v, int i)
                  t->trouble);
     else if (t->gone)
         snprintf(r->source, sizeof r->source, "It was not found where it stood.");
+    else if (t->unkept)
+        snprintf(r->source, sizeof r->source,
+                 "From its server; the recording cannot be written, so it is forgotten when this is closed.");
     else if (t->known)
         snprintf(r->source, sizeof r->source, "Kept in the recording.");
     else
