@@ -28,7 +28,7 @@ static enum status make_thing(struct recorded_thing *out, const struct recorded_
     out->covariance = t->covariance;
     out->width_m = thing->width_m;
     out->height_m = thing->height_m;
-    out->sightings = t->sightings;
+    out->sightings = t->sightings + (t->known && before ? before->sightings : 0);
     out->gone = t->gone;
     return status;
 }
@@ -51,6 +51,8 @@ static enum status collect(const struct thing_map *map, const struct thing_list 
 {
     enum status status = OK;
     for (int i = 0; i < map->count && status == OK; i++) {
+        if (!map->things[i].sightings && !map->things[i].gone) // known, and out of sight
+            continue;
         const struct thing *thing = &things->things[map->things[i].thing];
         struct recorded_thing *out = &now[(*written)++];
         status = make_thing(out, find(before, count, thing->name), &map->things[i], thing);
