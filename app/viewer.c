@@ -291,7 +291,8 @@ bool view_request_equal(const struct take_view_request *a, const struct take_vie
            p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
            a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
            a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
-           a->former == b->former && a->camera == b->camera && a->camera_number == b->camera_number;
+           a->former == b->former && a->overlay == b->overlay && a->camera == b->camera &&
+           a->camera_number == b->camera_number;
 }
 
 // The part of the screen that the controls leave free.
@@ -382,6 +383,8 @@ static enum status upload_camera_frame(struct viewer *v)
 static enum status draw_take(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     enum status status = v->state.orbiting ? OK : upload_camera_frame(v);
+    if (status == OK)
+        status = viewer_room_read_seen(v);
     if (status != OK)
         return status;
     ease_free_box(v, surface, now_ns);
@@ -391,6 +394,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     if (status != OK)
         return status;
     v->image.filmed = filmed;
+    viewer_room_ask_seen(v, &request);
     if (v->has_image && view_request_equal(&request, &v->request) && take_view_final(v->take_view))
         return OK; // nothing has changed
     bool steady = v->has_image;
@@ -398,6 +402,9 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     v->has_image = true;
     status = take_view_draw(v->take_view, &request, &v->image);
     v->image.filmed = filmed;
+    v->room.seen_comes = status == OK && request.overlay;
+    // The answer is read with the next drawing, which comes by itself while images follow one another.
+    v->state.changed |= v->room.seen_comes && !(request.camera && request.playing);
     view_state_set_avatar_shown(&v->state, v->image.prepared);
     v->state.changed |= request.camera == NULL && box_difference(v->free, free_box(v, surface)) > 0;
     if (steady)
@@ -421,7 +428,7 @@ static enum status draw_live(struct viewer *v, const struct viewer_surface *surf
     struct take_view_request request = make_request(v, surface, now_ns);
     if (!room)
         viewer_live_request(v, surface, &request);
-    status = viewer_live_draw(v, &request);
+    status = viewer_live_draw(v, surface, &request);
     v->has_image = true;
     view_state_set_avatar_shown(&v->state, v->image.prepared);
     if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) {

@@ -486,7 +486,27 @@ static struct pose beside(const struct viewer *v)
     return p;
 }
 
-enum status viewer_live_draw(struct viewer *v, struct take_view_request *request)
+// Person and ghost where they stand in the room, drawn with the actor: hidden by it and by furniture, and not hidden by
+// either where they are before it.
+static void fill_overlay(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request)
+{
+    struct viewer_live *l = &v->live;
+    const struct theme *t = theme_of(v->state.dark);
+    const double px = surface->px_per_dp;
+    const struct ui_box all = {0, 0, surface->width / px, surface->height / px};
+    const struct figure_view view = {request->lens, request->world_from_camera, cover_of(&request->lens, all), false};
+    const struct figure limbs = {FIGURE_LIMBS, l->page.person, l->page.verdicts, false},
+                        ghost = {FIGURE_GHOST, l->page.ghost, NULL, false};
+    int count = 0;
+    if (l->page.ghost)
+        count += figure_strokes(t, &view, &ghost, l->strokes);
+    if (l->page.person)
+        count += figure_strokes(t, &view, &limbs, l->strokes + count);
+    l->overlay = (struct overlay){.strokes = l->strokes, .stroke_count = count};
+    request->overlay = count ? &l->overlay : NULL;
+}
+
+enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surface, struct take_view_request *request)
 {
     struct viewer_live *l = &v->live;
     const struct live_state *s = &v->state.live;
@@ -505,12 +525,14 @@ enum status viewer_live_draw(struct viewer *v, struct take_view_request *request
     }
     if (s->screen == LIVE_MIRROR)
         return draw_mirror(v, request);
-    enum status status = take_view_draw(v->take_view, request, &v->image);
     const bool same_world = l->take_located && l->frame && l->frame->look.located;
+    if (s->screen == LIVE_ROOM && same_world) {
+        fill_person(v, POSE_IDENTITY);
+        fill_overlay(v, surface, request);
+    }
+    enum status status = take_view_draw(v->take_view, request, &v->image);
     if (status == OK && s->screen == LIVE_BESIDE)
         fill_person(v, beside(v));
-    else if (status == OK && same_world)
-        fill_person(v, POSE_IDENTITY);
     return status;
 }
 

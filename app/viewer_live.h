@@ -44,6 +44,8 @@ struct viewer_live {
     enum verdict verdicts[PART_COUNT], review_verdicts[PART_COUNT];
     struct skeleton person, ghost, attempt_figure, reference_figure;
     struct live_page page;
+    struct overlay_stroke strokes[2 * FIGURE_STROKES_MOST]; // of the room: person and ghost
+    struct overlay overlay;
     int64_t drawn_frame;                // number of the frame that was drawn last
     double latency_ms, latency_most_ms; // from a frame's arrival until it was presented: sum, worst
     int64_t presented;                  // frames so measured
@@ -63,5 +65,6 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
 
 // Draws the actor for the live screen, and fills live.page. *request: of an orbit or a camera image, as for watching;
 // the mirror replaces lens and pose. ERR_DEVICE, ERR_MEMORY, and those of take_view_draw.
-MUST_CHECK enum status viewer_live_draw(struct viewer *v, struct take_view_request *request);
+MUST_CHECK enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surface,
+                                        struct take_view_request *request);
 void viewer_live_presented(struct viewer *v, int64_t now_ns);

@@ -12,6 +12,10 @@ static const double PATH_M = 0.05;     // from one point of the tablet's path to
 static const double TURN_RAD_S = 0.8;  // of the card's body
 static const int64_t ANSWER_MS = 5000; // for which a knowledge base is waited for, on its thread
 enum { TURNING_PX = 320 };
+// A thing becomes hidden where less of it is seen than the first share, and seen again from the second on.
+static const double HIDDEN_SHARE = 0.2, SEEN_SHARE = 0.35;
+static const double FRONT_M = 0.02;    // asked for so far before its front: the room's surface has it, too, rounded
+static const double MIDDLE_RATE = 0.4; // the points lie within so much of its front, from the middle to a side
 
 // ---------------------------------------------------------------- opening
 
@@ -26,7 +30,8 @@ static enum status open_things(struct viewer *v)
     r->opened = calloc(count, sizeof *r->opened);
     r->pictures = calloc(count, sizeof *r->pictures);
     r->shown = calloc(count, sizeof *r->shown);
-    if (!r->solids || !r->opened || !r->pictures || !r->shown)
+    r->asked = calloc(count, sizeof *r->asked);
+    if (!r->solids || !r->opened || !r->pictures || !r->shown || !r->asked)
         return fail(ERR_MEMORY, "no memory for what stands in the room");
     for (int i = 0; i < r->things.count; i++) {
         const struct place_thing *t = &r->things.things[i];
@@ -53,7 +58,8 @@ enum status viewer_room_open(struct viewer *v)
     if (status == OK)
         status = solid_renderer_open(&r->renderer, v->gpu);
     if (status == OK && v->options.ask_knowledge && r->things.count) {
-        struct knowledge_asker_options how = {http_default_limits(), v->options.wake, v->options.wake_self};
+        struct knowledge_asker_options how = {v->options.file, http_default_limits(), v->options.wake,
+                                              v->options.wake_self};
         how.limits.connect_ms = how.limits.total_ms = (int)ANSWER_MS;
         status = knowledge_asker_start(&r->asker, &how);
     }
@@ -82,6 +88,7 @@ void viewer_room_close(struct viewer *v)
     free(r->opened);
     free(r->pictures);
     free(r->shown);
+    free(r->asked);
     place_things_free(&r->things);
     *r = (struct viewer_room){0};
 }
@@ -248,6 +255,53 @@ enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_req
     return filmed_layer_draw(r->filmed, r->renderer, p, &request->lens, request->world_from_camera, out);
 }
 
+// ---------------------------------------------------------------- what hides things
+
+// Points of the thing's front, moved towards the viewer: by the surface's own error, and, where the viewer looks at its
+// back, by its width: the thing does not hide itself.
+static void put_points(const struct room_thing *t, struct vec3 eye, struct overlay_group *out)
+{
+    const struct vec3 middle = t->world_from_thing.translation, to_eye = v3_unit(v3_sub(eye, middle));
+    const struct vec3 back = quat_rotate(t->world_from_thing.rotation, v3(0, 0, 1));
+    const double behind = fmax(0, v3_dot(to_eye, back));
+    const double towards_m = fmin(FRONT_M + behind * fmin(t->width_m, t->height_m), v3_distance(eye, middle) / 2);
+    for (int i = 0; i < OVERLAY_POINTS; i++) {
+        const struct vec3 at = v3((i % 3 - 1) * MIDDLE_RATE * t->width_m, (i / 3 - 1) * MIDDLE_RATE * t->height_m, 0);
+        out->point[i] = v3_add(pose_apply(t->world_from_thing, at), v3_scale(to_eye, towards_m));
+    }
+}
+
+void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request)
+{
+    struct viewer_room *r = &v->room;
+    const int count = r->things.count < ROOM_LABELS_MOST ? r->things.count : ROOM_LABELS_MOST;
+    _Static_assert(OVERLAY_POINTS == 9, "3 x 3");
+    _Static_assert((int)ROOM_LABELS_MOST <= (int)OVERLAY_GROUPS_MOST, "each label is asked for");
+    if (!v->state.room.names || !count || request->camera_lost)
+        return;
+    for (int i = 0; i < count; i++)
+        put_points(&r->shown[i], request->world_from_camera.translation, &r->asked[i]);
+    r->overlay = (struct overlay){.groups = r->asked, .group_count = count};
+    request->overlay = &r->overlay;
+}
+
+enum status viewer_room_read_seen(struct viewer *v)
+{
+    struct viewer_room *r = &v->room;
+    float share[OVERLAY_GROUPS_MOST];
+    int count;
+    if (!r->seen_comes)
+        return OK;
+    r->seen_comes = false;
+    const enum status status = take_view_read_seen(v->take_view, share, &count);
+    for (int i = 0; i < count && i < r->things.count && status == OK; i++) {
+        const bool hidden = share[i] < (r->shown[i].hidden ? SEEN_SHARE : HIDDEN_SHARE);
+        v->state.changed |= hidden != r->shown[i].hidden;
+        r->shown[i].hidden = hidden;
+    }
+    return status;
+}
+
 // ---------------------------------------------------------------- the map
 
 static struct thing_solid *solid_of(struct viewer *v, int i)
@@ -331,6 +385,9 @@ static void describe_source(struct viewer *v, int i)
                  t->trouble);
     else if (t->gone)
         snprintf(r->source, sizeof r->source, "It was not found where it stood.");
+    else if (t->unkept)
+        snprintf(r->source, sizeof r->source,
+                 "From its server; the recording cannot be written, so it is forgotten when this is closed.");
     else if (t->known)
         snprintf(r->source, sizeof r->source, "Kept in the recording.");
     else

@@ -18,6 +18,9 @@ struct viewer_room {
     bool *opened;
     struct gpu_texture **pictures; // of each thing, likewise
     struct room_thing *shown;
+    struct overlay_group *asked; // points of each, of which is asked whether they are seen
+    struct overlay overlay;
+    bool seen_comes; // what was asked has not been read yet
     struct solid_renderer *renderer;
     struct gpu_target *turning; // the card's body
 
@@ -54,6 +57,11 @@ void viewer_room_update(struct viewer *v, int64_t now_ns);
 // The recorded views behind an orbit, as seen by the request; *out NULL: there are none (yet). ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_request *request,
                                                int64_t now_ns, const struct gpu_texture **out);
+// Asks with the request which things are seen in its picture; the answer is read before the next one is drawn, when the
+// GPU has it.
+void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request);
+MUST_CHECK enum status viewer_room_read_seen(struct viewer *v); // ERR_DEVICE
+
 // Fills room.page, with the map and the card's pictures where they are open. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns);
 

@@ -118,6 +118,8 @@ struct gpu_box {
 // ---- targets: images to draw into
 // RGBA, 8 bit, with a 24-bit depth buffer. ERR_DEVICE: too large, or out of memory; ERR_MEMORY.
 MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
+// The same, whose depth a later job can compare with: gpu_target_depth.
+MUST_CHECK enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *g, int width, int height);
 // Without a depth buffer, for jobs without depth_test; and a shadow map: depth alone, 16 bit, which cannot be read
 // back. Its texture is a sampler2DShadow with bilinear comparison: the share of the four nearest texels whose depth is
 // not smaller than the reference.
@@ -133,6 +135,8 @@ void gpu_target_clear(struct gpu_target *t);      // to transparent black and de
 
 // The target's image as a texture, for a later job; belongs to the target.
 const struct gpu_texture *gpu_target_texture(const struct gpu_target *t);
+// The depth of a comparable target, a sampler2DShadow as a shadow map's; not for a job that draws into it.
+const struct gpu_texture *gpu_target_depth(const struct gpu_target *t);
 
 // rgba[width * height * 4], of the size in use. Waits for the GPU. ERR_DEVICE: rgba is undefined.
 MUST_CHECK enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba);

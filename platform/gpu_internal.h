@@ -45,7 +45,7 @@ struct gpu_mesh {
     size_t bytes;
 };
 
-enum gpu_target_kind { GPU_TARGET_COLOR_DEPTH, GPU_TARGET_COLOR, GPU_TARGET_DEPTH };
+enum gpu_target_kind { GPU_TARGET_COLOR_DEPTH, GPU_TARGET_COMPARABLE, GPU_TARGET_COLOR, GPU_TARGET_DEPTH };
 
 struct gpu_target {
     struct gpu *g;
@@ -54,7 +54,8 @@ struct gpu_target {
     size_t bytes;
     unsigned framebuffer, depth; // `depth`: renderbuffer of GPU_TARGET_COLOR_DEPTH, otherwise 0
     struct gpu_texture texture;
-    int left, top, right, bottom; // bounds of what was drawn since the last clear; right <= left: nothing
+    struct gpu_texture depth_texture; // of GPU_TARGET_COMPARABLE
+    int left, top, right, bottom;     // bounds of what was drawn since the last clear; right <= left: nothing
 };
 
 void gpu_count_made(struct gpu *g, size_t bytes);

@@ -3,22 +3,27 @@
 
 #include <stdlib.h>
 
-// The depth texture, attached to the framebuffer that is bound.
-static enum status make_depth_texture(struct gpu_target *t)
+// A depth texture of 16 or 24 bit, attached to the framebuffer that is bound.
+static void attach_depth_texture(struct gpu_target *t, struct gpu_texture *texture, int bits)
 {
-    if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return gpu_fail_too_large(t->g, t->width, t->height);
-    glGenTextures(1, &t->texture.id);
-    glBindTexture(GL_TEXTURE_2D, t->texture.id);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT16, t->width, t->height, 0, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT,
-                 NULL);
+    glGenTextures(1, &texture->id);
+    glBindTexture(GL_TEXTURE_2D, texture->id);
+    glTexImage2D(GL_TEXTURE_2D, 0, bits == 16 ? GL_DEPTH_COMPONENT16 : GL_DEPTH_COMPONENT24, t->width, t->height, 0,
+                 GL_DEPTH_COMPONENT, bits == 16 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT, NULL);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, t->texture.id, 0);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, texture->id, 0);
+}
+
+static enum status make_shadow_map(struct gpu_target *t)
+{
+    if (t->width > t->g->max_size || t->height > t->g->max_size)
+        return gpu_fail_too_large(t->g, t->width, t->height);
+    attach_depth_texture(t, &t->texture, 16);
     glDrawBuffers(1, &(const GLenum){GL_NONE});
     glReadBuffer(GL_NONE);
     return gpu_check(t->g);
@@ -36,10 +41,12 @@ static enum status make_target(struct gpu_target *t)
 {
     glGenFramebuffers(1, &t->framebuffer);
     glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
-    enum status status = t->kind == GPU_TARGET_DEPTH ? make_depth_texture(t) : make_color_texture(t);
+    enum status status = t->kind == GPU_TARGET_DEPTH ? make_shadow_map(t) : make_color_texture(t);
     if (status != OK)
         return status;
-    if (t->kind == GPU_TARGET_COLOR_DEPTH) {
+    if (t->kind == GPU_TARGET_COMPARABLE) {
+        attach_depth_texture(t, &t->depth_texture, 24);
+    } else if (t->kind == GPU_TARGET_COLOR_DEPTH) {
         glGenRenderbuffers(1, &t->depth);
         glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
         glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
@@ -55,7 +62,7 @@ static enum status make_target(struct gpu_target *t)
 static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_target_kind kind, int width, int height)
 {
     static const size_t bytes_a_pixel[] = {
-        [GPU_TARGET_COLOR_DEPTH] = 8, [GPU_TARGET_COLOR] = 4, [GPU_TARGET_DEPTH] = 2};
+        [GPU_TARGET_COLOR_DEPTH] = 8, [GPU_TARGET_COMPARABLE] = 8, [GPU_TARGET_COLOR] = 4, [GPU_TARGET_DEPTH] = 2};
     assert(width > 0 && height > 0);
     *out = NULL;
     gpu_make_current(g);
@@ -85,6 +92,11 @@ enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, i
     return open_target(out, g, GPU_TARGET_COLOR_DEPTH, width, height);
 }
 
+enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_COMPARABLE, width, height);
+}
+
 enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height)
 {
     return open_target(out, g, GPU_TARGET_COLOR, width, height);
@@ -104,6 +116,7 @@ void gpu_target_close(struct gpu_target **t)
     glDeleteFramebuffers(1, &(*t)->framebuffer);
     glDeleteRenderbuffers(1, &(*t)->depth);
     glDeleteTextures(1, &(*t)->texture.id);
+    glDeleteTextures(1, &(*t)->depth_texture.id);
     free(*t);
     *t = NULL;
 }
@@ -147,6 +160,12 @@ void gpu_target_resize(struct gpu_target *t, int width, int height)
 int gpu_target_width(const struct gpu_target *t) { return t->width; }
 
 const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
+
+const struct gpu_texture *gpu_target_depth(const struct gpu_target *t)
+{
+    assert(t->kind == GPU_TARGET_COMPARABLE);
+    return &t->depth_texture;
+}
 
 enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 {

@@ -48,7 +48,10 @@ static const struct argp_option options[] = {
      "they are; --tags lists new ones",
      0},
     {"objects", KEY_OBJECTS, "OBJECTS.json", 0,
-     "also look for these things in the views that are kept: names, reference pictures, sizes, URLs", 0},
+     "also look for these things in the sweep's sharp pictures: names, reference pictures, sizes, URLs; what an "
+     "earlier "
+     "sweep found and is no longer where it was is marked as gone",
+     0},
     {"knowledge", KEY_KNOWLEDGE, "URL", 0, "with --objects: ask this knowledge base what is known of each", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
@@ -104,9 +107,10 @@ static void note_progress(struct mapper *mapper, char *out, size_t capacity)
         snprintf(out, capacity, "all %d tags are seen", (int)p.listed);
 }
 
-// Feeds the mapper until the source ends. NOTHING: stopped before the end of a source that has one.
+// Feeds the mapper until the source ends; pictures: kept where things are looked for. NOTHING: stopped before the end
+// of a source that has one.
 static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
-                               int64_t *damaged)
+                               struct sweep_pictures *pictures, int64_t *damaged)
 {
     struct progress_bar bar;
     struct frame frame;
@@ -138,6 +142,8 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
         if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
             break;
         status = mapper_add(mapper, &frame);
+        if (status == OK && a->objects)
+            status = sweep_pictures_add(pictures, &frame);
         if (bar.done % 10 == 0)
             note_progress(mapper, bar.note, sizeof bar.note);
         progress_bar_step(&bar);
@@ -245,6 +251,14 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
+static void print_things(const struct objects_found *found)
+{
+    printf("%d things were found in %d sharp pictures", found->things, found->searched);
+    if (found->gone)
+        printf("; %d are gone from where they were", found->gone);
+    putchar('\n');
+}
+
 static void warn(const char *program, const struct map_advice *advice)
 {
     for (int i = 0; i < advice->count; i++)
@@ -269,6 +283,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     struct source *source = NULL;
     struct mapper *mapper = NULL;
     struct place before = {0}, place = {0};
+    struct sweep_pictures pictures = {.count = 0};
     struct mapper_report report = {0};
     struct mapper_options wanted = mapper_default_options();
     const char *file = a->into ? a->into : a->out;
@@ -283,10 +298,11 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     wanted.plan = source && source_is_live(source); // then hints are of use
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
-    if (status == OK)
+    if (status == OK) {
         command_catch_signals();
-    if (status == OK)
-        status = feed_mapper(source, mapper, a, &damaged);
+        sweep_pictures_start(&pictures, source_calibration(source));
+        status = feed_mapper(source, mapper, a, &pictures, &damaged);
+    }
     bool live = source && source_is_live(source);
     if (status == OK && !live)
         command_warn_times(program, source_dropped(source));
@@ -298,9 +314,10 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     const struct objects_arguments things = {.objects = a->objects, .into = file, .knowledge = a->knowledge};
-    int found = 0;
+    const struct objects_sweep sweep = {&before, &pictures, mapper};
+    struct objects_found found = {0};
     if (status == OK && a->objects)
-        status = objects_in_place(&things, &found);
+        status = objects_in_sweep(&things, &sweep, &found);
     if (status == OK) {
         struct map_advice advice;
         map_advise(&place, &report, damaged, &advice);
@@ -310,9 +327,10 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         else
             print_text(file, &before, &place, &report);
         if (a->objects && !a->json)
-            printf("%d things were found\n", found);
+            print_things(&found);
     }
     mapper_close(&mapper);
+    sweep_pictures_free(&pictures);
     place_free(&place);
     place_free(&before);
     if (status == NOTHING) {

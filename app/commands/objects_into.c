@@ -1,8 +1,7 @@
 // Keeping things in a recording, with what a knowledge base says of them.
 #include "app/commands/objects_run.h"
 
-#include "capture/objects/thing_knowledge.h"
-#include "capture/recording/recorded_things.h"
+#include "capture/objects/thing_update.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,49 +28,20 @@ static enum status make_thing(struct recorded_thing *out, const struct recorded_
     out->covariance = t->covariance;
     out->width_m = thing->width_m;
     out->height_m = thing->height_m;
-    out->sightings = t->sightings;
+    out->sightings = t->sightings + (t->known && before ? before->sightings : 0);
     out->gone = t->gone;
     return status;
-}
-
-// A picture or model; what there was stays where the server does not give another.
-static void ask_content(const char *url, const char *name, struct thing_content *content)
-{
-    struct http_limits limits = http_default_limits();
-    struct http_answer answer;
-    limits.most_bytes = THING_CONTENT_MOST;
-    if (!url[0])
-        return;
-    if (http_get(url, NULL, &limits, &answer) != OK) {
-        fprintf(stderr, "warning: '%s': %s\n", name, status_message());
-        return;
-    }
-    if (!answer.count) {
-        free(answer.body);
-        return;
-    }
-    free(content->bytes);
-    *content = (struct thing_content){answer.body, answer.count};
 }
 
 static void ask_knowledge(const struct objects_arguments *a, const char *reference, struct recorded_thing *out)
 {
     const struct http_limits limits = http_default_limits();
-    struct known k = {.text = out->knowledge};
-    snprintf(k.url, sizeof k.url, "%s", out->url);
-    snprintf(k.etag, sizeof k.etag, "%s", out->etag);
-    const enum status status = thing_knowledge_fetch(a->knowledge, reference, &limits, &k);
-    if (status < OK)
-        fprintf(stderr, "warning: nothing new is known of '%s': %s\n", out->name, k.trouble);
-    out->knowledge = k.text;
-    strcpy(out->url, k.url);
-    strcpy(out->etag, k.etag);
-    if (status < OK || !k.text || thing_knowledge_parse(k.text, strlen(k.text), k.url, &k.knowledge) != OK)
-        return;
-    if (status == OK || !out->image.bytes)
-        ask_content(k.knowledge.image, out->name, &out->image);
-    if (status == OK || !out->model.bytes)
-        ask_content(k.knowledge.model, out->name, &out->model);
+    struct thing_update update;
+    thing_update_ask(out, a->knowledge, reference, &limits, &update);
+    if (update.trouble[0])
+        fprintf(stderr, "warning: nothing new is known of '%s': %s\n", out->name, update.trouble);
+    if (update.content_trouble[0])
+        fprintf(stderr, "warning: '%s': %s\n", out->name, update.content_trouble);
 }
 
 // Fills now[]; *written: how many it holds, also after a failure.
@@ -81,6 +51,8 @@ static enum status collect(const struct thing_map *map, const struct thing_list 
 {
     enum status status = OK;
     for (int i = 0; i < map->count && status == OK; i++) {
+        if (!map->things[i].sightings && !map->things[i].gone) // known, and out of sight
+            continue;
         const struct thing *thing = &things->things[map->things[i].thing];
         struct recorded_thing *out = &now[(*written)++];
         status = make_thing(out, find(before, count, thing->name), &map->things[i], thing);

@@ -3,6 +3,7 @@
 #include "app/commands/command.h"
 #include "app/commands/place_input.h"
 #include "capture/objects/thing_search.h"
+#include "capture/recording/recorded_things.h"
 #include "locate/camera_tracker.h"
 #include "platform/jpeg.h"
 #include "platform/json.h"
@@ -10,12 +11,15 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 // Of a camera's images those are searched that were taken so far from the last one that was, metres or radians, and at
 // most so many: chosen by hand.
 #define APART_M   0.15
 #define APART_RAD 0.26
 enum { MOST_IMAGES = 40 };
+// Of a sweep: bounds the time, about half a second a picture with eight things.
+enum { MOST_PICTURES = 96 };
 
 struct search_run {
     const struct objects_arguments *arguments;
@@ -23,6 +27,7 @@ struct search_run {
     struct place place;
     struct thing_search *search;
     struct thing_map map;
+    const struct thing_map *earlier; // what is only known from an earlier sweep's views; NULL: nothing
     int images, searched, sightings, contradicted;
 };
 
@@ -44,9 +49,22 @@ static void close_run(struct search_run *r)
     thing_list_free(&r->things);
 }
 
+// What was not seen again stays as the earlier sweep's views showed it.
+static void take_earlier(struct search_run *r)
+{
+    for (int i = 0; r->earlier && i < r->earlier->count; i++)
+        for (int k = 0; k < r->map.count; k++)
+            if (r->map.things[k].thing == r->earlier->things[i].thing && !r->map.things[k].sightings) {
+                const bool gone = r->map.things[k].gone;
+                r->map.things[k] = r->earlier->things[i];
+                r->map.things[k].gone = gone;
+            }
+}
+
 static enum status finish(struct search_run *r)
 {
     enum status status = thing_search_finish(r->search, &r->map, &r->sightings, &r->contradicted);
+    take_earlier(r);
     if (status == OK)
         status = objects_into(&r->map, &r->things, r->arguments);
     if (status == OK && r->contradicted)
@@ -57,41 +75,150 @@ static enum status finish(struct search_run *r)
     return status;
 }
 
-// ---------------------------------------------------------------- the place's views
+// ---------------------------------------------------------------- a sweep
 
-static enum status search_view(struct search_run *r, const struct place_view *view)
+static enum status search_picture(struct thing_search *search, const struct calibration *c, const struct place_view *v,
+                                  const struct lens *depth_lens)
 {
-    const struct calibration *c = &r->place.calibration;
-    const struct depth_view depth = {view->depth, c->depth, pose_inverse(c->color_from_depth)};
+    const struct depth_view depth = {v->depth, *depth_lens, pose_inverse(c->color_from_depth)};
     uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3);
-    enum status status = rgb ? jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height)
-                             : fail(ERR_MEMORY, "no memory for a view of the place");
+    enum status status = rgb ? jpeg_decode(v->jpeg, v->jpeg_bytes, rgb, c->color.width, c->color.height)
+                             : fail(ERR_MEMORY, "no memory for a picture of the place");
     if (status == OK)
-        status = thing_search_add(r->search, &c->color, view->world_from_camera, rgb,
-                                  view->depth && c->depth.width ? &depth : NULL);
+        status = thing_search_add(search, &c->color, v->world_from_camera, rgb,
+                                  v->depth && depth_lens->width ? &depth : NULL);
     free(rgb);
     return status;
 }
 
-enum status objects_in_place(const struct objects_arguments *a, int *found)
+static int index_of(const struct thing_list *things, const char *name)
+{
+    for (int i = 0; i < things->count; i++)
+        if (!strcmp(things->things[i].name, name))
+            return i;
+    return -1;
+}
+
+// What the recording knows of the list's things; *unknown: how many it does not.
+static enum status expect_recorded(struct search_run *r, bool known[THINGS_MOST], int *unknown)
+{
+    struct recording *recording;
+    struct recorded_thing *things = NULL;
+    int count = 0;
+    enum status status = recording_open(&recording, r->arguments->into);
+    *unknown = r->things.count;
+    if (status != OK)
+        return status;
+    status = recording_read_things(recording, &things, &count);
+    recording_free(&recording);
+    for (int i = 0; i < count && status == OK; i++) {
+        const int thing = index_of(&r->things, things[i].name);
+        if (thing < 0)
+            continue;
+        thing_search_expect(r->search, thing, &things[i].world_from_thing, &things[i].covariance);
+        known[thing] = true;
+        --*unknown;
+    }
+    recorded_things_free(&things, count);
+    return status;
+}
+
+// Things that nobody has looked for yet, in the views of the place as it was before the sweep.
+static enum status search_before(struct search_run *r, const struct place *before, struct thing_map *out)
+{
+    struct thing_search *search;
+    int sightings, contradicted;
+    enum status status = thing_search_open(&search, &r->things);
+    for (int i = 0; i < before->view_count && status == OK && !command_stopped(); i++)
+        if (before->views[i].jpeg && before->calibration.color.width)
+            status = search_picture(search, &before->calibration, &before->views[i], &before->calibration.depth);
+    if (status == OK)
+        status = thing_search_finish(search, out, &sightings, &contradicted);
+    thing_search_close(&search);
+    return status;
+}
+
+static enum status expect(struct search_run *r, const struct place *before, struct thing_map *earlier)
+{
+    bool known[THINGS_MOST] = {false};
+    int unknown;
+    enum status status = expect_recorded(r, known, &unknown);
+    if (status == OK && unknown && before->view_count)
+        status = search_before(r, before, earlier);
+    int count = 0;
+    for (int i = 0; i < earlier->count && status == OK; i++) {
+        const struct mapped_thing *t = &earlier->things[i];
+        if (known[t->thing])
+            continue; // what the recording says is newer
+        thing_search_expect(r->search, t->thing, &t->world_from_thing, &t->covariance);
+        earlier->things[count++] = *t;
+    }
+    earlier->count = count;
+    return status;
+}
+
+// The sharp pictures with a pose; of more than MOST_PICTURES the sharpest of each of so many equal parts. Returns their
+// number.
+static int choose_pictures(const struct objects_sweep *sweep, struct place_view out[SWEEP_PICTURES_MOST])
+{
+    const struct sweep_pictures *s = sweep->pictures;
+    double sharpness[SWEEP_PICTURES_MOST];
+    int usable = 0, count = 0, last = -1;
+    for (int i = 0; i < s->count; i++) {
+        const struct sweep_picture *p = &s->pictures[i];
+        out[usable] = (struct place_view){.jpeg = p->jpeg, .jpeg_bytes = p->jpeg_bytes, .depth = p->depth};
+        sharpness[usable] = p->sharpness;
+        usable +=
+            sweep_picture_is_sharp(s, i) && mapper_pose(sweep->mapper, p->time_ns, &out[usable].world_from_camera);
+    }
+    for (int i = 0; i < usable; i++) {
+        const int part = usable <= MOST_PICTURES ? i : i * MOST_PICTURES / usable;
+        if (part != last)
+            count++;
+        else if (sharpness[i] <= sharpness[count - 1])
+            continue;
+        last = part;
+        out[count - 1] = out[i];
+        sharpness[count - 1] = sharpness[i];
+    }
+    return count;
+}
+
+static enum status search_sweep(struct search_run *r, const struct objects_sweep *sweep)
+{
+    struct place_view pictures[SWEEP_PICTURES_MOST];
+    struct progress_bar bar;
+    enum status status = OK;
+    const int count = choose_pictures(sweep, pictures);
+    progress_bar_start(&bar, "looking for things", count);
+    for (int i = 0; i < count && status == OK && !command_stopped(); i++) {
+        status = search_picture(r->search, &sweep->pictures->calibration, &pictures[i], &sweep->pictures->depth_lens);
+        r->searched++;
+        progress_bar_step(&bar);
+    }
+    progress_bar_end(&bar);
+    return status;
+}
+
+enum status objects_in_sweep(const struct objects_arguments *a, const struct objects_sweep *sweep,
+                             struct objects_found *found)
 {
     struct search_run r;
-    struct progress_bar bar;
+    struct thing_map earlier = {.count = 0};
+    *found = (struct objects_found){0};
     enum status status = open_run(&r, a);
     if (status == OK)
-        progress_bar_start(&bar, "looking for things", r.place.view_count);
-    for (int i = 0; i < r.place.view_count && status == OK && r.search; i++) {
-        if (r.place.views[i].jpeg && r.place.calibration.color.width)
-            status = search_view(&r, &r.place.views[i]);
-        progress_bar_step(&bar);
-        if (command_stopped())
-            break;
-    }
-    if (r.search)
-        progress_bar_end(&bar);
+        status = expect(&r, sweep->before, &earlier);
+    if (status == OK)
+        status = search_sweep(&r, sweep);
+    r.earlier = &earlier;
     if (status == OK)
         status = finish(&r);
-    *found = r.map.count;
+    for (int i = 0; i < r.map.count; i++) {
+        found->things += r.map.things[i].sightings > 0;
+        found->gone += r.map.things[i].gone;
+    }
+    found->searched = r.searched;
     close_run(&r);
     return status;
 }

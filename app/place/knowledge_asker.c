@@ -1,5 +1,7 @@
-// Asking a thing's own address for what is newer, on a thread.
+// Asking a thing's own address for what is newer, on a thread, and keeping it in the recording.
 #include "app/place/place_things.h"
+
+#include "capture/objects/thing_update.h"
 
 #include <pthread.h>
 #include <stdlib.h>
@@ -7,6 +9,7 @@
 
 struct knowledge_asker {
     struct knowledge_asker_options options;
+    char *file; // a copy of options.file
     pthread_t thread;
     bool runs;
 
@@ -14,16 +17,89 @@ struct knowledge_asker {
     pthread_cond_t changed;
     bool closing, orphan;          // orphan: closed while the server was asked; the thread frees it
     int wanted, running, answered; // indices; -1: none
-    char url[512], etag[128];      // of what is wanted
-    struct known answer;
+    char name[64], url[512];       // of what is wanted
+    struct answer {
+        struct thing_update update;
+        bool kept; // the recording has it
+    } answer;
 };
 
 static void dispose(struct knowledge_asker *a)
 {
     pthread_mutex_destroy(&a->lock);
     pthread_cond_destroy(&a->changed);
-    known_free(&a->answer);
+    free(a->file);
     free(a);
+}
+
+static struct recorded_thing *find(struct recorded_thing *things, int count, const char *name)
+{
+    for (int i = 0; i < count; i++)
+        if (!strcmp(things[i].name, name))
+            return &things[i];
+    return NULL;
+}
+
+static enum status read_things(const char *file, struct recorded_thing **things, int *count)
+{
+    struct recording *r;
+    enum status status = recording_open(&r, file);
+    if (status != OK)
+        return status;
+    status = recording_read_things(r, things, count);
+    recording_free(&r);
+    return status;
+}
+
+// The thing as the recording has it: what it knows already need not be sent again. False: it has none of that name.
+static bool read_kept(const char *file, const char *name, struct recorded_thing *out)
+{
+    struct recorded_thing *things = NULL;
+    int count = 0;
+    bool good = file && read_things(file, &things, &count) == OK;
+    const struct recorded_thing *kept = good ? find(things, count, name) : NULL;
+    *out = (struct recorded_thing){0};
+    good = kept && recorded_thing_copy(out, kept) == OK;
+    recorded_things_free(&things, count);
+    return good;
+}
+
+// As objects --knowledge does: all things again, in one transaction, those of the file as they are now.
+static bool keep(const char *file, const struct recorded_thing *thing)
+{
+    struct recorded_thing *things = NULL;
+    int count = 0;
+    bool good = read_things(file, &things, &count) == OK;
+    struct recorded_thing *to = good ? find(things, count, thing->name) : NULL;
+    if (to) {
+        struct recorded_thing now;
+        good = recorded_thing_copy(&now, thing) == OK;
+        const struct recorded_thing before = *to;
+        *to = now; // what is known; the rest is as the file has it
+        to->world_from_thing = before.world_from_thing;
+        to->covariance = before.covariance;
+        to->width_m = before.width_m, to->height_m = before.height_m;
+        to->sightings = before.sightings;
+        to->gone = before.gone;
+        memcpy(to->note, before.note, sizeof to->note);
+        free(before.knowledge);
+        free(before.image.bytes);
+        free(before.model.bytes);
+        good = good && recording_write_things(file, things, count) == OK;
+    }
+    recorded_things_free(&things, count);
+    return to && good;
+}
+
+static void ask(const struct knowledge_asker *a, const char *name, const char *url, struct answer *out)
+{
+    struct recorded_thing thing;
+    const bool recorded = read_kept(a->file, name, &thing);
+    thing_update_ask(&thing, url, url, &a->options.limits, &out->update);
+    out->kept = recorded && (!out->update.changed || keep(a->file, &thing));
+    free(thing.knowledge);
+    free(thing.image.bytes);
+    free(thing.model.bytes);
 }
 
 static void *run(void *self)
@@ -35,17 +111,16 @@ static void *run(void *self)
             pthread_cond_wait(&a->changed, &a->lock);
             continue;
         }
-        // Without the text that goes with it no ETag is sent: the whole answer is wanted.
-        struct known k = {.text = NULL};
-        char url[sizeof a->url];
+        char name[sizeof a->name], url[sizeof a->url];
+        struct answer answer;
+        strcpy(name, a->name);
         strcpy(url, a->url);
         a->running = a->wanted;
         a->wanted = -1;
         pthread_mutex_unlock(&a->lock);
-        (void)!thing_knowledge_fetch(url, url, &a->options.limits, &k); // k.trouble says what went wrong
+        ask(a, name, url, &answer);
         pthread_mutex_lock(&a->lock);
-        known_free(&a->answer);
-        a->answer = k;
+        a->answer = answer;
         a->answered = a->running;
         a->running = -1;
         if (a->options.notify && !a->closing)
@@ -64,6 +139,11 @@ enum status knowledge_asker_start(struct knowledge_asker **out, const struct kno
     if (!a)
         return fail(ERR_MEMORY, "out of memory");
     a->options = *options;
+    if (options->file && !(a->file = strdup(options->file))) {
+        free(a);
+        *out = NULL;
+        return fail(ERR_MEMORY, "out of memory");
+    }
     a->wanted = a->running = a->answered = -1;
     pthread_mutex_init(&a->lock, NULL);
     pthread_cond_init(&a->changed, NULL);
@@ -103,6 +183,7 @@ void knowledge_asker_ask(struct knowledge_asker *a, int index, const struct plac
     pthread_mutex_lock(&a->lock);
     if (a->running != index) {
         a->wanted = index;
+        strcpy(a->name, thing->name);
         strcpy(a->url, thing->url);
         pthread_cond_signal(&a->changed);
     }
@@ -115,10 +196,12 @@ int knowledge_asker_take(struct knowledge_asker *a, struct place_things *things)
     const int index = a->answered;
     if (index >= 0 && index < things->count) {
         struct place_thing *t = &things->things[index];
-        strcpy(t->trouble, a->answer.trouble);
-        if (a->answer.text) {
-            t->knowledge = a->answer.knowledge;
+        const struct thing_update *u = &a->answer.update;
+        strcpy(t->trouble, u->trouble);
+        if (u->known && !u->trouble[0]) {
+            t->knowledge = u->knowledge;
             t->known = true;
+            t->unkept = !a->answer.kept;
         }
     }
     a->answered = -1;

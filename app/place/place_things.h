@@ -1,5 +1,6 @@
 // The things of a recording as the app shows them: from the file, so that they are there without the network. On wish a
-// thread asks the address that the file gives for what is newer; nothing waits for it, and what fails says why.
+// thread asks the address that the file gives for what is newer, and writes it into the file; nothing waits for it, and
+// what fails says why.
 #pragma once
 #include "app/place/glb_reader.h"
 #include "base/covariance.h"
@@ -13,7 +14,8 @@ struct place_thing {
     double width_m, height_m, sigma_m; // sigma: the largest standard deviation of its position
     int sightings;
     bool gone;
-    bool known; // `knowledge` says something
+    bool known;  // `knowledge` says something
+    bool unkept; // which came from the server, and the recording could not be written
     struct thing_knowledge knowledge;
     char trouble[256];    // why nothing newer came; "" none
     struct image picture; // width 0: none
@@ -36,6 +38,7 @@ void covariance_ellipsoid(const struct covariance3 *c, struct vec3 axes[3]);
 
 struct knowledge_asker;
 struct knowledge_asker_options {
+    const char *file; // the recording, in which answers are kept where it can be written; NULL: none are
     struct http_limits limits;
     void (*notify)(void *self); // on the thread: there is an answer; may be NULL
     void *notify_self;

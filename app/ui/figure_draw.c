@@ -22,20 +22,23 @@ uint32_t verdict_color(const struct theme *t, enum verdict v)
     return v == VERDICT_SAME ? t->right : v == VERDICT_DIFFERENT ? t->wrong : t->unseen;
 }
 
-void verdict_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, enum verdict v)
+static void dashed_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, uint32_t color)
 {
-    const uint32_t color = verdict_color(b->theme, v);
-    if (v != VERDICT_UNKNOWN) {
-        ui_line(b->ui, from, to, width, color);
-        return;
-    }
     const double length = hypot(to.x - from.x, to.y - from.y), step = 2 * DASH_DP;
     for (double at = 0; at < length; at += step) {
         const double t0 = at / length, t1 = fmin(at + DASH_DP, length) / length;
         ui_line(b->ui, (struct ui_point){from.x + t0 * (to.x - from.x), from.y + t0 * (to.y - from.y)},
-                (struct ui_point){from.x + t1 * (to.x - from.x), from.y + t1 * (to.y - from.y)}, fmin(width, DASHED_DP),
-                color);
+                (struct ui_point){from.x + t1 * (to.x - from.x), from.y + t1 * (to.y - from.y)}, width, color);
     }
+}
+
+void verdict_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, enum verdict v)
+{
+    const uint32_t color = verdict_color(b->theme, v);
+    if (v == VERDICT_UNKNOWN)
+        dashed_line(b, from, to, fmin(width, DASHED_DP), color);
+    else
+        ui_line(b->ui, from, to, width, color);
 }
 
 // ---------------------------------------------------------------- limbs
@@ -146,52 +149,97 @@ static void draw_body(const struct brush *b, const struct figure_view *view, con
 
 // ---------------------------------------------------------------- lines
 
-static void draw_lines(const struct brush *b, const struct figure_view *view, const struct figure *f)
+// width, dash: dp.
+static struct overlay_stroke stroke_of(const struct figure_view *view, struct vec3 from, struct vec3 to, double width,
+                                       uint32_t color)
+{
+    return (struct overlay_stroke){from, to, width / view->cover.scale, 0, color};
+}
+
+static int put_limb(const struct theme *t, const struct figure_view *view, const struct figure *f, enum part part,
+                    bool outline, struct overlay_stroke *out)
+{
+    const enum verdict v = f->verdicts ? f->verdicts[part] : VERDICT_UNKNOWN;
+    const struct vec3 from = f->skeleton->joint[part_ends[part].from], to = f->skeleton->joint[part_ends[part].to];
+    const double width = v == VERDICT_DIFFERENT ? 1.5 * LIMB_DP : LIMB_DP;
+    if (outline && v == VERDICT_UNKNOWN)
+        return 0;
+    if (outline)
+        *out = stroke_of(view, from, to, width + 4, 0x00000090);
+    else if (!f->verdicts)
+        *out = stroke_of(view, from, to, LIMB_DP * 0.6, faint(0xffffffff, 0.8));
+    else
+        *out = stroke_of(view, from, to, v == VERDICT_UNKNOWN ? DASHED_DP : width, verdict_color(t, v));
+    if (f->verdicts && v == VERDICT_UNKNOWN)
+        out->dash_px = DASH_DP / view->cover.scale;
+    return 1;
+}
+
+static int put_limbs(const struct theme *t, const struct figure_view *view, const struct figure *f,
+                     struct overlay_stroke *out)
 {
     struct drawn_part parts[PART_COUNT];
     const int count = visible_parts(view, f->skeleton, parts);
+    int put = 0;
     for (int pass = 0; pass < 2; pass++) // first a dark outline, for contrast on any background
-        for (int i = 0; i < count; i++) {
-            const struct drawn_part *d = &parts[i];
-            const enum verdict v = f->verdicts ? f->verdicts[d->part] : VERDICT_UNKNOWN;
-            const double width = v == VERDICT_DIFFERENT ? 1.5 * LIMB_DP : LIMB_DP;
-            if (!pass && v != VERDICT_UNKNOWN)
-                ui_line(b->ui, d->from, d->to, width + 4, 0x00000090);
-            else if (pass && f->verdicts)
-                verdict_line(b, d->from, d->to, width, v);
-            else if (pass)
-                ui_line(b->ui, d->from, d->to, LIMB_DP * 0.6, faint(0xffffffff, 0.8));
-        }
+        for (int i = 0; i < count; i++)
+            put += put_limb(t, view, f, parts[i].part, !pass, &out[put]);
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct ui_point at;
         if (has(f->skeleton, (enum joint)j) && figure_point(view, f->skeleton->joint[j], &at))
-            ui_disc(b->ui, at, LIMB_DP * 0.45, f->verdicts ? 0xffffffff : faint(0xffffffff, 0.8));
+            out[put++] = stroke_of(view, f->skeleton->joint[j], f->skeleton->joint[j], 2 * LIMB_DP * 0.45,
+                                   f->verdicts ? 0xffffffff : faint(0xffffffff, 0.8));
     }
+    return put;
 }
 
-static void draw_ghost(const struct brush *b, const struct figure_view *view, const struct figure *f)
+static int put_ghost(const struct theme *t, const struct figure_view *view, const struct figure *f,
+                     struct overlay_stroke *out)
 {
     struct drawn_part parts[PART_COUNT];
     const int count = visible_parts(view, f->skeleton, parts);
-    const uint32_t color = faint(b->theme->ghost, 0.5);
+    const uint32_t color = faint(t->ghost, 0.5);
+    int put = 0;
     for (int i = 0; i < count; i++) {
-        const struct drawn_part *d = &parts[i];
-        const double r = thickness_m[d->part] * dp_per_m(view, d->depth_m) * 0.8;
-        ui_line(b->ui, d->from, d->to, 2 * r, color);
-        if (d->part == PART_HEAD)
-            ui_disc(b->ui, d->to, 0.9 * SKULL_M * dp_per_m(view, d->depth_m), color);
+        const struct part_ends ends = part_ends[parts[i].part];
+        const struct vec3 from = f->skeleton->joint[ends.from], to = f->skeleton->joint[ends.to];
+        const double dp = dp_per_m(view, parts[i].depth_m);
+        out[put++] = stroke_of(view, from, to, 2 * 0.8 * thickness_m[parts[i].part] * dp, color);
+        if (parts[i].part == PART_HEAD)
+            out[put++] = stroke_of(view, to, to, 2 * 0.9 * SKULL_M * dp, color);
+    }
+    return put;
+}
+
+int figure_strokes(const struct theme *t, const struct figure_view *view, const struct figure *f,
+                   struct overlay_stroke out[FIGURE_STROKES_MOST])
+{
+    return f->kind == FIGURE_GHOST ? put_ghost(t, view, f, out) : put_limbs(t, view, f, out);
+}
+
+static void draw_strokes(const struct brush *b, const struct figure_view *view, const struct figure *f)
+{
+    struct overlay_stroke strokes[FIGURE_STROKES_MOST];
+    const int count = figure_strokes(b->theme, view, f, strokes);
+    for (int i = 0; i < count; i++) {
+        const struct overlay_stroke *s = &strokes[i];
+        const double width = s->width_px * view->cover.scale;
+        struct ui_point from, to;
+        if (!figure_point(view, s->from, &from) || !figure_point(view, s->to, &to))
+            continue;
+        if (v3_distance(s->from, s->to) == 0)
+            ui_disc(b->ui, from, width / 2, s->color);
+        else if (s->dash_px > 0)
+            dashed_line(b, from, to, width, s->color);
+        else
+            ui_line(b->ui, from, to, width, s->color);
     }
 }
 
 void figure_draw(const struct brush *b, const struct figure_view *view, const struct figure *f)
 {
-    switch (f->kind) {
-    case FIGURE_BODY:
+    if (f->kind == FIGURE_BODY)
         draw_body(b, view, f);
-        if (f->verdicts)
-            draw_lines(b, view, f);
-        break;
-    case FIGURE_LIMBS: draw_lines(b, view, f); break;
-    case FIGURE_GHOST: draw_ghost(b, view, f); break;
-    }
+    if (f->kind != FIGURE_BODY || f->verdicts)
+        draw_strokes(b, view, f);
 }

@@ -24,6 +24,12 @@ struct figure {
     const enum verdict *verdicts;    // [PART_COUNT]; NULL: not judged
     bool dimmed;                     // a body that is only there to be compared with
 };
+// FIGURE_LIMBS or FIGURE_GHOST as strokes in world axes, for a picture that hides them by depth. Their widths count
+// pixels of view->lens's image. Returns how many; at most FIGURE_STROKES_MOST.
+enum { FIGURE_STROKES_MOST = 2 * PART_COUNT + JOINT_COUNT };
+int figure_strokes(const struct theme *t, const struct figure_view *view, const struct figure *f,
+                   struct overlay_stroke out[FIGURE_STROKES_MOST]);
+
 void figure_draw(const struct brush *b, const struct figure_view *view, const struct figure *f);
 
 // Where a point of the world is on the screen. False: behind the camera, or far outside.

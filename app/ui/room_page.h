@@ -17,6 +17,7 @@ struct room_thing {
     double width_m, height_m, sigma_m; // sigma: the largest of its position
     struct vec3 ellipsoid[3];          // half axes of 95 %, world axes
     bool gone;
+    bool hidden; // in the picture, by the actor or by the room
     enum answer answer;
 };
 

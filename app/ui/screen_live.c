@@ -78,12 +78,14 @@ static void draw_scene(const struct brush *b, const struct view_state *s, const 
                         limbs = {FIGURE_LIMBS, page->person, page->verdicts, false},
                         ghost = {FIGURE_GHOST, page->ghost, NULL, false};
     compositor_draw(b, all, p, s);
+    if (room) // the person is in p->overlay, hidden by what stands before it
+        return;
     ui_clip(b->ui, all);
-    if (page->person && !room)
+    if (page->person)
         figure_draw(b, &view, &body);
     if (page->ghost)
         figure_draw(b, &view, &ghost);
-    if (page->person && (room || page->verdicts)) // the verdicts' colours stay as they are
+    if (page->person && page->verdicts) // the verdicts' colours stay as they are
         figure_draw(b, &view, &limbs);
     ui_unclip(b->ui);
 }

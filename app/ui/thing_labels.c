@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 static const double LABEL_H = 40, FAINTEST = 0.08, TOO_NEAR_M = 0.15, INSIDE_DP = 34;
+static const double HIDDEN_OPACITY = 0.6; // of the label of what is hidden; chosen by hand
 
 void room_ui_start(struct room_ui *ui)
 {
@@ -17,12 +18,16 @@ void room_ui_start(struct room_ui *ui)
 struct marked {
     int thing;
     double distance_m, opacity;
+    bool hidden;
     char text[96];
 };
 
+// What is hidden chooses its place last.
 static int nearer_first(const void *a, const void *b)
 {
     const struct marked *x = a, *y = b;
+    if (x->hidden != y->hidden)
+        return x->hidden ? 1 : -1;
     if (x->distance_m != y->distance_m)
         return x->distance_m < y->distance_m ? -1 : 1;
     return x->thing - y->thing;
@@ -36,18 +41,22 @@ static const char *answer_text(const struct room_thing *t)
                                         : "";
 }
 
-// fades: with the distance, too; the map's viewpoint is far from everything.
-static int mark_things(const struct room_page *page, const struct figure_view *view, int wanted, bool fades,
+// in_map: its viewpoint is far from everything and looks in from outside; labels fade and are hidden in the picture
+// only.
+static int mark_things(const struct room_page *page, const struct figure_view *view, int wanted, bool in_map,
                        struct marked out[ROOM_LABELS_MOST])
 {
     int count = 0;
     for (int i = 0; i < page->count && i < ROOM_LABELS_MOST; i++) {
         const struct room_thing *t = &page->things[i];
         const double away = v3_distance(t->world_from_thing.translation, view->world_from_camera.translation);
-        struct marked m = {
-            .thing = i, .distance_m = away, .opacity = room_label_opacity(fades ? away : 0, t->sigma_m, t->gone)};
+        struct marked m = {.thing = i,
+                           .distance_m = away,
+                           .opacity = room_label_opacity(in_map ? 0 : away, t->sigma_m, t->gone),
+                           .hidden = t->hidden && !in_map};
         if (i == wanted) {
             m.opacity = 1;
+            m.hidden = false; // the arrow leads to it, whatever is before it
             m.distance_m = 0; // it chooses its place first
         }
         if (away < TOO_NEAR_M || m.opacity < FAINTEST)
@@ -65,6 +74,14 @@ static void draw_label(const struct brush *b, const struct placed_label *l, cons
     const struct ui_box pill = {l->box.x, l->box.y + (l->box.h - LABEL_H) / 2, l->box.w, LABEL_H};
     const double x = fmin(fmax(l->at.x, pill.x), pill.x + pill.w), y = fmin(fmax(l->at.y, pill.y), pill.y + pill.h);
     const double o = 0.25 + 0.75 * m->opacity;
+    if (m->hidden) { // an outline: what it names is not in sight
+        const uint32_t color = faint(t->text, HIDDEN_OPACITY * o);
+        ui_ring(b->ui, l->at, 4.5, 1.5, color);
+        ui_line(b->ui, l->at, (struct ui_point){x, y}, 1, color);
+        ui_border(b->ui, pill, LABEL_H / 2, 1.5, color);
+        label_centred(b, FACE_SMALL, pill, color, m->text);
+        return;
+    }
     ui_line(b->ui, l->at, (struct ui_point){x, y}, 2, faint(wanted ? t->accent : t->text, o));
     ui_disc(b->ui, l->at, 6.5, faint(t->ground, o));
     ui_disc(b->ui, l->at, 4.5, faint(t->accent, o));
@@ -132,7 +149,7 @@ void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_st
     struct marked marked[ROOM_LABELS_MOST];
     struct placed_label labels[ROOM_LABELS_MOST];
     int *sides = ui->sides[number];
-    const int count = s->room.names ? mark_things(page, view, s->room.wanted, number == 0, marked) : 0;
+    const int count = s->room.names ? mark_things(page, view, s->room.wanted, number == 1, marked) : 0;
     int shown = 0;
     ui_clip(b->ui, bounds);
     for (int i = 0; i < count; i++) {

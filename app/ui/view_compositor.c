@@ -269,5 +269,9 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         if (s->skeleton)
             draw_skeleton(b, p, cover, s->presence);
     }
+    if (s->presence > 0 && p->overlay)
+        ui_image(b->ui, p->overlay, whole_of(p, cover),
+                 p->flip_x ? (struct ui_uv_rect){1, 0, 0, 1} : (struct ui_uv_rect){0, 0, 1, 1}, 0,
+                 faint(0xffffffff, s->presence));
     ui_unclip(b->ui);
 }

@@ -38,7 +38,9 @@ struct take_view {
     struct lens drawn_lens;
     struct sized_texture sources, inset;
     int64_t inset_frame;
-    uint8_t *codes, *colors;  // scratch for sources
+    uint8_t *codes, *colors;                             // scratch for sources
+    struct overlay_stroke strokes[OVERLAY_STROKES_MOST]; // scratch
+    struct overlay_group groups[OVERLAY_GROUPS_MOST];
     struct vec3 pivot, right; // the actor's first position on the floor; the sensor's x axis, horizontal
     struct orbit orbit;
 };
@@ -194,6 +196,30 @@ static struct lens lens_for(const struct take_view_request *request)
         l.p2 = -l.p2;
     }
     return l;
+}
+
+// The request's overlay in the axes of the camera whose image is flipped later where it is mirrored.
+static struct overlay place_overlay(struct take_view *s, const struct take_view_request *request)
+{
+    const struct overlay *from = request->overlay;
+    const struct pose camera_from_world = pose_inverse(request->world_from_camera);
+    const double sign = request->placement.mirrored ? -1 : 1;
+    struct overlay out = {.strokes = s->strokes, .groups = s->groups};
+    for (int i = 0; i < from->stroke_count && i < OVERLAY_STROKES_MOST; i++) {
+        struct overlay_stroke *to = &s->strokes[out.stroke_count++];
+        *to = from->strokes[i];
+        to->from = pose_apply(camera_from_world, to->from);
+        to->to = pose_apply(camera_from_world, to->to);
+        to->from.x *= sign, to->to.x *= sign;
+    }
+    for (int g = 0; g < from->group_count && g < OVERLAY_GROUPS_MOST; g++) {
+        struct overlay_group *to = &s->groups[out.group_count++];
+        for (int i = 0; i < OVERLAY_POINTS; i++) {
+            to->point[i] = pose_apply(camera_from_world, from->groups[g].point[i]);
+            to->point[i].x *= sign;
+        }
+    }
+    return out;
 }
 
 static void place_skeleton(const struct take_view *s, const struct take_view_request *request,
@@ -456,6 +482,12 @@ static enum status use_prefetched(struct take_view *s, const struct take_view_re
     return OK;
 }
 
+enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MOST], int *count)
+{
+    *count = 0;
+    return s->renderer ? renderer_read_seen(s->renderer, share, count) : OK;
+}
+
 void take_view_presented(struct take_view *s)
 {
     if (s->builder && s->drawn)
@@ -491,6 +523,11 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
                                  .within_ns = frame_tolerance_ns(s, request, frame),
                                  .also_paper = request->former};
     struct renderer_result result;
+    struct overlay overlay;
+    if (request->overlay) {
+        overlay = place_overlay(s, request);
+        view.overlay = &overlay;
+    }
     enum status status = ensure_renderer(s, &lens);
     if (status != OK)
         return status;
@@ -505,6 +542,7 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
     s->drawn = true;
     out->actor = renderer_actor_texture(s->renderer);
     out->shadow = renderer_shadow_texture(s->renderer);
+    out->overlay = renderer_overlay_texture(s->renderer);
     out->former = request->former ? renderer_paper_texture(s->renderer) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
     out->full = out->prepared && s->has_full;

@@ -13,6 +13,7 @@
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
 #include "platform/ui.h"
+#include "reenact/render/depth_overlay.h"
 
 struct take_view;
 
@@ -53,6 +54,7 @@ struct take_view_request {
     bool former;                      // also the actor at DETAIL_PAPER, as drawn before the avatar was there
     const struct gpu_texture *camera; // the camera's image, of the lens's size; NULL: an orbit
     int64_t camera_number;            // number of that image
+    const struct overlay *overlay;    // at its own depth over the actor, world axes; NULL: nothing
 };
 
 struct take_view_image {
@@ -64,13 +66,15 @@ struct take_view_image {
     const struct gpu_texture *actor;   // premultiplied alpha; NULL: not drawn
     struct ui_uv_rect actor_part;      // bounds of the actor in shares of the image; all of it where unknown
     const struct gpu_texture *shadow;  // occlusion shadow, to be drawn under the actor; NULL: none
+    const struct gpu_texture *overlay; // the request's strokes, premultiplied, where neither actor nor room hides them;
+                                       // NULL: none, or the camera is lost
     const struct gpu_texture *former;  // the actor at DETAIL_PAPER; NULL: not requested
     bool prepared;                     // `actor` is better than DETAIL_PAPER
     bool full;                         // and as good as it gets: the take's full avatar
     const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
     const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
     double inset_aspect;               // its width divided by its height
-    bool flip_x;                       // actor, shadow and sources are to be drawn mirrored, left to right
+    bool flip_x;                       // actor, shadow, overlay and sources are to be drawn mirrored, left to right
     bool has_skeleton;
     struct skeleton skeleton; // world axes, placement and mirroring applied
     struct vec3 floor_point;  // on the floor under the actor
@@ -80,6 +84,10 @@ struct take_view_image {
 // Draws one request. ERR_DEVICE, ERR_MEMORY, ERR_CORRUPT, ERR_IO; *out is then undefined.
 MUST_CHECK enum status take_view_draw(struct take_view *s, const struct take_view_request *request,
                                       struct take_view_image *out);
+
+// Of each group of the last request.overlay that was drawn the share that is seen (depth_overlay_read). *count: 0: none
+// was drawn yet. ERR_DEVICE.
+MUST_CHECK enum status take_view_read_seen(struct take_view *s, float share[OVERLAY_GROUPS_MOST], int *count);
 
 // To be called after the image was presented: starts loading what the next ones are predicted to show.
 void take_view_presented(struct take_view *s);

@@ -421,3 +421,13 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     report_longest_gap(&m->map, report);
     return status;
 }
+
+bool mapper_pose(const struct mapper *m, int64_t time_ns, struct pose *world_from_camera)
+{
+    for (int32_t i = 0; i < m->map.frame_count; i++)
+        if (m->map.frames[i].time_ns == time_ns && m->map.frames[i].placed) {
+            *world_from_camera = pose_inverse(m->map.frames[i].camera_from_world);
+            return true;
+        }
+    return false;
+}

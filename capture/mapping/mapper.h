@@ -101,4 +101,8 @@ struct mapper_report {
 // On error *out is zeroed. Call it once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 
+// After mapper_finish: where the camera was at a frame of the sweep, in the place's world. False: that frame was not
+// used, or it could not be placed.
+bool mapper_pose(const struct mapper *m, int64_t time_ns, struct pose *world_from_camera);
+
 void mapper_close(struct mapper **m); // NULL is fine; sets *m = NULL

@@ -198,12 +198,6 @@ enum status thing_knowledge_parse(const char *text, size_t count, const char *ur
     return status;
 }
 
-void known_free(struct known *k)
-{
-    free(k->text);
-    *k = (struct known){0};
-}
-
 static enum status ask(const char *base, const char *reference, const struct http_limits *limits, struct known *k)
 {
     struct http_answer answer;

@@ -18,11 +18,10 @@ MUST_CHECK enum status thing_knowledge_parse(const char *text, size_t count, con
 // A thing's knowledge as kept: the last good answer stays when the server is absent, slow or wrong.
 struct known {
     char url[512], etag[128];
-    char *text; // JSON-LD of the last good answer, malloc'ed; NULL: none yet
+    char *text; // JSON-LD of the last good answer, malloc'ed, the caller frees it; NULL: none yet
     struct thing_knowledge knowledge;
     char trouble[256]; // "" or why the last attempt brought nothing; for the label
 };
-void known_free(struct known *k);
 
 // Asks the server once; blocks as http_get does. NOTHING: it has nothing newer, *k stays. On an error *k stays as it
 // was but for `trouble`.

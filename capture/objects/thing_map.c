@@ -2,8 +2,9 @@
 
 #include "base/linear_algebra.h"
 
-#define OUTSIDE 16.27 // chi^2 with 3 degrees of freedom, 99.9 %
-#define JITTER2 1e-8  // m^2, added before inverting: 0.1 mm
+#define OUTSIDE   16.27 // chi^2 with 3 degrees of freedom, 99.9 %
+#define BY_HAND_M 0.1   // standard deviation of a place without a covariance: chosen by hand
+#define JITTER2   1e-8  // m^2, added before inverting: 0.1 mm
 
 static bool inverse(const struct covariance3 *c, double out[9])
 {
@@ -50,6 +51,24 @@ static struct mapped_thing *entry(struct thing_map *map, int thing)
     return &map->things[map->count++];
 }
 
+void thing_map_know(struct thing_map *map, int thing, const struct pose *world_from_thing,
+                    const struct covariance3 *covariance)
+{
+    struct mapped_thing *t = entry(map, thing);
+    if (!t)
+        return;
+    *t = (struct mapped_thing){.thing = thing, .world_from_thing = *world_from_thing, .known = true};
+    t->covariance = covariance3_trace(covariance) > 0 ? *covariance : covariance3_isotropic(BY_HAND_M * BY_HAND_M);
+}
+
+static void move(struct mapped_thing *t, struct quat rotation)
+{
+    t->world_from_thing = (struct pose){rotation, t->elsewhere};
+    t->covariance = t->elsewhere_covariance;
+    t->moves++;
+    t->doubted = false;
+}
+
 void thing_map_add(struct thing_map *map, const struct sighting *s, const struct pose *world_from_left)
 {
     struct mapped_thing *t = entry(map, s->thing);
@@ -59,7 +78,7 @@ void thing_map_add(struct thing_map *map, const struct sighting *s, const struct
         return;
     t->misses = 0;
     t->gone = false;
-    if (!t->sightings++) {
+    if (!t->sightings++ && !t->known) {
         t->world_from_thing = world;
         t->covariance = c;
         return;
@@ -73,15 +92,24 @@ void thing_map_add(struct thing_map *map, const struct sighting *s, const struct
     }
     if (t->doubted && !apart(t->elsewhere, &t->elsewhere_covariance, world.translation, &c)) {
         fuse(&t->elsewhere, &t->elsewhere_covariance, world.translation, &c);
-        t->world_from_thing = (struct pose){world.rotation, t->elsewhere};
-        t->covariance = t->elsewhere_covariance;
-        t->moves++;
-        t->doubted = false;
+        move(t, world.rotation);
         return;
     }
     t->doubted = true;
     t->elsewhere = world.translation;
+    t->elsewhere_rotation = world.rotation;
     t->elsewhere_covariance = c;
+}
+
+void thing_map_absent(struct thing_map *map, int thing)
+{
+    for (int i = 0; i < map->count; i++) {
+        struct mapped_thing *t = &map->things[i];
+        if (t->thing == thing && t->doubted)
+            move(t, t->elsewhere_rotation);
+        else if (t->thing == thing)
+            t->gone = true;
+    }
 }
 
 void thing_map_miss(struct thing_map *map, int thing)

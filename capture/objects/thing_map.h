@@ -10,12 +10,14 @@ struct mapped_thing {
     int thing;                    // in the list
     struct pose world_from_thing; // rotation: of the best sighting
     struct covariance3 covariance;
+    bool known; // by thing_map_know
     int sightings, moves;
     int misses; // in a row; it was expected in sight
     bool gone;
     // A sighting elsewhere that waits for a second one.
     bool doubted;
     struct vec3 elsewhere;
+    struct quat elsewhere_rotation;
     struct covariance3 elsewhere_covariance;
 };
 
@@ -25,6 +27,13 @@ struct thing_map {
 };
 
 enum { THING_MISSES_TO_GONE = 3 };
+
+// The thing is known already, from an earlier time: what is seen from now on counts from there.
+void thing_map_know(struct thing_map *map, int thing, const struct pose *world_from_thing,
+                    const struct covariance3 *covariance);
+
+// Where it was known is empty: it moves to the single sighting elsewhere, if there is one, else it is gone.
+void thing_map_absent(struct thing_map *map, int thing);
 
 void thing_map_add(struct thing_map *map, const struct sighting *s, const struct pose *world_from_left);
 

@@ -1,7 +1,9 @@
 #include "capture/objects/thing_search.h"
 
 #include "capture/objects/thing_recognition.h"
+#include "capture/objects/thing_visibility.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,6 +12,28 @@
 #define POSE_SIGMA_M 0.002
 // How far away a thing may be: the length of a room.
 #define FARTHEST_M 8
+
+// Viewpoints so far apart, or that look another way by so much, are two: errors of one are not those of the other.
+// Chosen by hand.
+#define APART_M   0.1
+#define APART_RAD 0.12
+// Of a miss where depth shows that the place is empty, and where something stands there that was not recognised.
+#define EMPTY_VOTE    1.0
+#define OCCUPIED_VOTE 0.5
+#define ABSENT        3.0
+enum { MISSES_MOST = 12 };
+#define SAME_PLACE 0.5 // of its larger side: it stands there still
+
+// What is expected of a thing, and where it was in clear sight and not recognised.
+struct expectation {
+    bool any;
+    struct pose world_from_thing;
+    struct covariance3 covariance;
+    struct pose missed_from[MISSES_MOST]; // world_from_camera
+    int misses;
+    double absent;
+    bool there; // it was recognised at its place
+};
 
 struct searched {
     struct lens lens;
@@ -25,6 +49,9 @@ struct thing_search {
     const struct thing_list *things;
     struct recognizer *recognizer;
     struct thing_traits traits[THINGS_MOST];
+    struct expectation expected[THINGS_MOST];
+    struct pose kept_from[THINGS_MOST]; // the viewpoint from which a thing was kept last
+    bool kept[THINGS_MOST];
     struct searched *pictures;
     int count;
 };
@@ -62,6 +89,26 @@ void thing_search_close(struct thing_search **s)
     *s = NULL;
 }
 
+static bool is_apart(struct pose a, struct pose b)
+{
+    return v3_distance(a.translation, b.translation) >= APART_M || pose_angle(a, b) >= APART_RAD;
+}
+
+// Leaves out what is seen from about where it was seen before: it says nothing new, and its picture costs memory.
+static void leave_out_repeated(struct thing_search *s, struct searched *p)
+{
+    int count = 0;
+    for (int i = 0; i < p->count; i++) {
+        const int thing = p->detections[i].thing;
+        if (s->kept[thing] && !is_apart(s->kept_from[thing], p->world_from_camera))
+            continue;
+        s->kept[thing] = true;
+        s->kept_from[thing] = p->world_from_camera;
+        p->detections[count++] = p->detections[i];
+    }
+    p->count = count;
+}
+
 // Copies what the second look needs.
 static enum status keep(struct thing_search *s, struct searched *p, const uint8_t *rgb, const struct depth_view *depth)
 {
@@ -88,6 +135,48 @@ static enum status keep(struct thing_search *s, struct searched *p, const uint8_
     return OK;
 }
 
+void thing_search_expect(struct thing_search *s, int thing, const struct pose *world_from_thing,
+                         const struct covariance3 *covariance)
+{
+    s->expected[thing] =
+        (struct expectation){.any = true, .world_from_thing = *world_from_thing, .covariance = *covariance};
+}
+
+// The picture shows the thing where it was known.
+static bool is_there(const struct thing_search *s, const struct searched *p, int thing)
+{
+    const struct thing *t = &s->things->things[thing];
+    const struct vec3 at = s->expected[thing].world_from_thing.translation;
+    for (int i = 0; i < p->count; i++)
+        for (int shape = 0; shape < THING_SHAPES && p->detections[i].thing == thing; shape++) {
+            const struct vec3 found =
+                pose_apply(p->world_from_camera, p->detections[i].by[shape].left_from_thing.translation);
+            if (p->detections[i].found[shape] && v3_distance(found, at) < SAME_PLACE * fmax(t->width_m, t->height_m))
+                return true;
+        }
+    return false;
+}
+
+static void note_misses(struct thing_search *s, const struct searched *p, const struct depth_view *depth)
+{
+    for (int i = 0; i < s->things->count; i++) {
+        struct expectation *e = &s->expected[i];
+        e->there |= e->any && is_there(s, p, i);
+        if (!e->any || e->there || e->misses == MISSES_MOST)
+            continue;
+        const enum thing_sight sight =
+            thing_sight_of(&s->things->things[i],
+                           pose_multiply(pose_inverse(p->world_from_camera), e->world_from_thing), &p->lens, depth);
+        bool counts = sight != SIGHT_NONE;
+        for (int k = 0; k < e->misses; k++)
+            counts &= is_apart(e->missed_from[k], p->world_from_camera);
+        if (!counts)
+            continue;
+        e->missed_from[e->misses++] = p->world_from_camera;
+        e->absent += sight == SIGHT_EMPTY ? EMPTY_VOTE : OCCUPIED_VOTE;
+    }
+}
+
 enum status thing_search_add(struct thing_search *s, const struct lens *lens, struct pose world_from_camera,
                              const uint8_t *rgb, const struct depth_view *depth)
 {
@@ -102,6 +191,10 @@ enum status thing_search_add(struct thing_search *s, const struct lens *lens, st
     if (status == OK) {
         status = recognizer_find(s->recognizer, &view, 1, p.detections, &p.count);
         thing_view_free(&view);
+    }
+    if (status == OK) {
+        note_misses(s, &p, depth);
+        leave_out_repeated(s, &p);
     }
     for (int i = 0; i < p.count && status == OK; i++)
         thing_traits_add(&s->traits[p.detections[i].thing], s->recognizer, &p.detections[i]);
@@ -144,7 +237,15 @@ enum status thing_search_finish(struct thing_search *s, struct thing_map *out, i
     enum status status = OK;
     *out = (struct thing_map){0};
     *sightings = *contradicted = 0;
+    for (int i = 0; i < s->things->count; i++)
+        if (s->expected[i].any)
+            thing_map_know(out, i, &s->expected[i].world_from_thing, &s->expected[i].covariance);
     for (int i = 0; i < s->count && status == OK; i++)
         status = refine(s, &s->pictures[i], out, sightings, contradicted);
+    for (int i = 0; i < s->things->count && status == OK; i++) {
+        const struct mapped_thing *t = thing_map_find(out, i);
+        if (t && !t->moves && !s->expected[i].there && s->expected[i].absent >= ABSENT)
+            thing_map_absent(out, i);
+    }
     return status;
 }

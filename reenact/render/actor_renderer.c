@@ -178,6 +178,7 @@ void renderer_close(struct renderer **out)
     avatar_renderer_close(&p->avatar);
     source_rays_close(&p->rays);
     occlusion_shadow_close(&p->occlusion);
+    depth_overlay_close(&p->overlay);
     gpu_texture_close(&p->no_shadow);
     gpu_mesh_close(&p->fullscreen);
     actor_targets_close(p);
@@ -203,22 +204,20 @@ static void clear(struct renderer *p)
     gpu_target_clear(p->actor);
     if (p->writes_source)
         gpu_target_clear(p->source);
+    if (p->room_depth)
+        gpu_target_clear(p->room_depth);
+    p->room_drawn = false;
 }
 
 // Clears the targets and draws the depth of the room that may hide the actor.
 static void begin_target(struct renderer *p, const struct renderer_view *view, const struct draw_state *state)
 {
     const struct occlusion_frustum body = occlusion_frustum_body(&state->in_viewer);
-    const bool antialiased = p->actor == p->full && p->avatar && p->room_depth;
     clear(p);
-    if (antialiased)
-        gpu_target_clear(p->room_depth);
-    p->room_drawn = false;
     if (view->viewer_from_room)
         occlusion_shadow_set_front_only(p->occlusion, view->room_front);
     if (view->viewer_from_room)
-        p->room_drawn = occlusion_shadow_draw_room(p->occlusion, antialiased ? p->room_depth : p->actor,
-                                                   view->viewer_from_room, &body);
+        p->room_drawn = occlusion_shadow_draw_room(p->occlusion, actor_targets_room(p), view->viewer_from_room, &body);
     if (view->viewer_from_room && p->writes_source)
         occlusion_shadow_draw_room(p->occlusion, p->source, view->viewer_from_room, &body);
 }
@@ -361,8 +360,10 @@ enum status renderer_draw(struct renderer *p, const struct renderer_view *view, 
         .level = p->detail, .shown = -1, .source = -1, .width = p->drawn.width, .height = p->drawn.height};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
-    p->shaded = false;
+    p->shaded = p->stroked = false;
     enum status status = draw_actor(p, view, result);
+    if (status >= 0 && view->overlay)
+        status = actor_overlay_draw(p, view);
     if (status < 0)
         return status;
     return view->color ? compose(p, view->color) : gpu_check(p->gpu);

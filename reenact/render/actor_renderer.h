@@ -8,12 +8,13 @@
 //
 // GPU memory is bounded, however long the take: options.texture_bytes for recorded frames
 // (beyond DETAIL_PAPER half for frame layers, half for cylinder textures), 8 bytes a pixel of
-// the take's images for the shown frame, 42 bytes a pixel of the viewer's (with all options),
+// the take's images for the shown frame, 46 bytes a pixel of the viewer's (with all options),
 // and 16 MiB for meshes and the avatar's texture.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
 #include "reenact/frame/frame_layer.h"
+#include "reenact/render/depth_overlay.h"
 #include "reenact/scene/occluder_mesh.h"
 
 enum detail {
@@ -61,7 +62,9 @@ struct renderer_view {
     bool room_front;   // the room hides the actor only where its surfaces face the viewer (occlusion_shadow.h)
     int64_t within_ns; // where the nearest frame's layer is not resident, a resident one at most so far from it in
                        // time gives colours and deformation. 0: the nearest is loaded
-    bool also_paper;   // draw DETAIL_PAPER too, for renderer_paper_texture. Needs options.avatar_later
+    const struct overlay *overlay; // also drawn and asked for: viewer camera's axes. For renderer_overlay_texture and
+                                   // renderer_read_seen (actor_renderer_live.h). NULL: nothing
+    bool also_paper;               // draw DETAIL_PAPER too, for renderer_paper_texture. Needs options.avatar_later
 };
 
 struct renderer_result {

@@ -1,4 +1,4 @@
-// The actor renderer's state and its render targets; for actor_renderer.c and actor_targets.c only.
+// The actor renderer's state and its render targets; for actor_renderer.c, actor_targets.c and actor_overlay.c only.
 #pragma once
 #include "reenact/render/actor_renderer_live.h"
 #include "reenact/render/avatar_renderer.h"
@@ -29,19 +29,27 @@ struct renderer {
     struct gpu_target *shadow;                  // NULL: not wanted
     struct gpu_texture *no_shadow;              // one transparent pixel
     bool shaded;                                // the image last drawn has a shadow
-    struct gpu_target *source;                  // as renderer_read_source; NULL: not wanted
-    bool writes_source;                         // wanted for the next image
-    bool upload_pending;                        // waiting for the avatar or its upload
-    bool avatar_later;                          // renderer_set_avatar gives it
-    double error_px;                            // predicted error that DETAIL_AUTO accepts
-    double cylinder_error_m;                    // of the cylinders against the avatar's surface
+    struct depth_overlay *overlay;              // NULL: none was drawn yet, as the following
+    struct gpu_target *strokes;
+    bool stroked;              // the image last drawn has strokes
+    struct gpu_target *source; // as renderer_read_source; NULL: not wanted
+    bool writes_source;        // wanted for the next image
+    bool upload_pending;       // waiting for the avatar or its upload
+    bool avatar_later;         // renderer_set_avatar gives it
+    double error_px;           // predicted error that DETAIL_AUTO accepts
+    double cylinder_error_m;   // of the cylinders against the avatar's surface
 };
 
 // Opens the render targets at the lens's size. ERR_DEVICE, ERR_MEMORY; close them then, too.
 MUST_CHECK enum status actor_targets_open(struct renderer *p, bool sources, bool shadow);
 MUST_CHECK enum status actor_targets_open_room_depth(struct renderer *p);
 void actor_targets_close(struct renderer *p);
+// Where the room's depth is drawn that hides p->actor: into p->room_depth, or into its own.
+struct gpu_target *actor_targets_room(const struct renderer *p);
 
 // Applies the resolution scale and the lens to targets and renderers. Targets keep their allocation
 // at the lens's size and use their top left, so that nothing is allocated when the scale changes.
 void actor_targets_apply_scale(struct renderer *p);
+
+// Draws view->overlay over the actor just drawn, and the depth of the room that may hide it. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status actor_overlay_draw(struct renderer *p, const struct renderer_view *view);

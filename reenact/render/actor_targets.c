@@ -21,9 +21,9 @@ enum status actor_targets_open(struct renderer *p, bool sources, bool shadow)
     enum status status =
         gpu_texture_open(&p->camera, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
     if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
-        status = gpu_target_open(&p->paper, p->gpu, w, h);
+        status = gpu_target_open_comparable(&p->paper, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)
-        status = gpu_target_open(&p->full, p->gpu, w, h);
+        status = gpu_target_open_comparable(&p->full, p->gpu, w, h);
     if (status == OK)
         status = gpu_target_open_color(&p->composed, p->gpu, w, h);
     if (status == OK && sources)
@@ -47,9 +47,15 @@ void actor_targets_close(struct renderer *p)
     gpu_target_close(&p->paper);
     gpu_target_close(&p->full);
     gpu_target_close(&p->composed);
+    gpu_target_close(&p->strokes);
     gpu_target_close(&p->source);
     gpu_target_close(&p->shadow);
     gpu_texture_close(&p->camera);
+}
+
+struct gpu_target *actor_targets_room(const struct renderer *p)
+{
+    return p->actor == p->full && p->avatar && p->room_depth ? p->room_depth : p->actor;
 }
 
 static void resize(struct gpu_target *t, int width, int height)
@@ -66,6 +72,7 @@ void actor_targets_apply_scale(struct renderer *p)
     resize(p->paper, w, h);
     resize(p->full, w, h);
     resize(p->source, w, h);
+    resize(p->strokes, w, h);
     resize(p->room_depth, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
     resize(p->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
 }

@@ -320,6 +320,77 @@ static void test_the_room_moves_with_the_viewpoint(void **state)
     glass_close(&g);
 }
 
+// ---------------------------------------------------------------- what hides things
+
+enum { BEHIND_ACTOR, BEFORE_ACTOR, PLACED };
+
+// On the line of sight to the actor's trunk, so far beyond it.
+static void put_thing(struct glass *g, int thing, double beyond_m)
+{
+    const struct take_view_image *p = &g->viewer.image;
+    const struct vec3 eye = p->world_from_camera.translation, trunk = p->skeleton.joint[JOINT_TORSO];
+    const struct vec3 along = v3_unit(v3_sub(trunk, eye));
+    struct room_thing *t = &g->viewer.room.shown[thing];
+    t->world_from_thing = (struct pose){p->world_from_camera.rotation, v3_add(trunk, v3_scale(along, beyond_m))};
+    t->width_m = t->height_m = 0.1;
+    t->sigma_m = 0.005;
+}
+
+static void open_with_hidden_things(struct glass *g, int share)
+{
+    open_glass(g, LONG / share, SHORT / share, NULL);
+    pause_at(g, 0.5);
+    glass_prepare(g);
+    put_thing(g, BEHIND_ACTOR, 0.6);
+    put_thing(g, BEFORE_ACTOR, -0.6);
+    for (int i = 0; i < 3; i++) {
+        g->viewer.has_image = false; // the same request, of other things
+        glass_draw(g);
+    }
+}
+
+// How much of the picture a label's middle covers, pixels.
+static int covered(const struct glass *g, const uint8_t *without, struct ui_box label)
+{
+    const double scale = glass_scale(g);
+    const struct ui_point m = middle(label);
+    int count = 0;
+    for (int x = (int)((m.x - 20) * scale); x < (int)((m.x + 20) * scale); x++)
+        for (int y = (int)((m.y - 14) * scale); y < (int)((m.y + 14) * scale); y++)
+            count += memcmp(g->rgba + 4 * (y * g->width + x), without + 4 * (y * g->width + x), 3) != 0;
+    return count;
+}
+
+// Of two things on one line of sight the one before the actor is in sight; the other one's name is an outline.
+static void test_what_the_actor_hides_is_an_outline(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_with_hidden_things(&g, SHARE);
+    const struct room_ui *ui = &g.viewer.screens.room;
+    EXPECT_TRUE(g.viewer.room.shown[BEHIND_ACTOR].hidden);
+    EXPECT_TRUE(!g.viewer.room.shown[BEFORE_ACTOR].hidden);
+    EXPECT_TRUE(ui->sides[0][BEHIND_ACTOR] != LABEL_NO_SIDE && ui->sides[0][BEFORE_ACTOR] != LABEL_NO_SIDE);
+    const size_t bytes = (size_t)g.width * (size_t)g.height * 4;
+    uint8_t *without = malloc(bytes), *with = malloc(bytes);
+    EXPECT_TRUE(without && with);
+    glass_read(&g);
+    memcpy(with, g.rgba, bytes);
+    g.viewer.state.room.names = false;
+    glass_draw(&g);
+    glass_read(&g);
+    memcpy(without, g.rgba, bytes);
+    memcpy(g.rgba, with, bytes);
+    const int hidden = covered(&g, without, ui->boxes[0][BEHIND_ACTOR]),
+              in_sight = covered(&g, without, ui->boxes[0][BEFORE_ACTOR]);
+    print_message("pixels that the label covers: %d hidden, %d in sight\n", hidden, in_sight);
+    EXPECT_AT_LEAST(hidden, 10);
+    EXPECT_AT_MOST(hidden, 0.8 * in_sight);
+    free(without);
+    free(with);
+    glass_close(&g);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -361,8 +432,20 @@ static void show(struct glass *g, int n)
     glass_draw(g);
 }
 
+static void save_hidden(const char *folder)
+{
+    struct glass g;
+    char path[600];
+    open_with_hidden_things(&g, 1);
+    glass_read(&g);
+    snprintf(path, sizeof path, "%s/hidden-wide-dark.png", folder);
+    EXPECT_STATUS(png_write(path, PNG_RGBA8, g.rgba, g.width, g.height), OK);
+    glass_close(&g);
+}
+
 static void save_images(const char *folder)
 {
+    save_hidden(folder);
     for (int upright = 0; upright < 2; upright++) {
         struct glass g;
         char path[600];
@@ -392,9 +475,12 @@ int main(int argc, char **argv)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_touch_opens_what_is_known),       cmocka_unit_test(test_typing_finds_a_thing),
-        cmocka_unit_test(test_the_map_is_beside_the_picture),     cmocka_unit_test(test_an_orbit_shows_the_filmed_room),
+        cmocka_unit_test(test_a_touch_opens_what_is_known),
+        cmocka_unit_test(test_typing_finds_a_thing),
+        cmocka_unit_test(test_the_map_is_beside_the_picture),
+        cmocka_unit_test(test_an_orbit_shows_the_filmed_room),
         cmocka_unit_test(test_the_room_moves_with_the_viewpoint),
+        cmocka_unit_test(test_what_the_actor_hides_is_an_outline),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

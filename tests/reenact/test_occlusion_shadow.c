@@ -1,11 +1,13 @@
 // Occlusion and shadow of the actor in the small world: a table between viewer and actor
 // hides the actor as far as sensors saw it, and nothing else does; the shadow lies under
-// the feet.
+// the feet. What is drawn at a depth of its own is hidden by table and actor where it is behind them.
 #include "tests/support/test.h"
 
 #include "platform/jpeg.h"
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/shaders.h"
 #include "reenact/scene/occlusion_frustum.h"
+#include "tests/support/random.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"
 
@@ -302,6 +304,172 @@ static void test_shadow_lies_under_feet(void **state)
     renderer_close(&p);
 }
 
+// ---------------------------------------------------------------- at a depth of its own
+
+enum { ASKED = 60, ROUNDS = 16 };
+static const double APART_M = 0.15; // from the true surface, beyond which it is clear what hides what
+
+enum truth { IN_SIGHT, BEHIND, UNCLEAR };
+
+// By the rendered world's depth in the pixels about the point.
+static enum truth truth_of(const uint16_t *depth, const struct lens *lens, struct vec3 in_viewer)
+{
+    enum { ABOUT = 3 };
+    const struct pixel px = lens_project(lens, in_viewer);
+    int before = 0, behind = 0;
+    for (int dy = -ABOUT; dy <= ABOUT; dy++)
+        for (int dx = -ABOUT; dx <= ABOUT; dx++) {
+            const int x = (int)lround(px.x) + dx, y = (int)lround(px.y) + dy;
+            if (x < 0 || y < 0 || x >= lens->width || y >= lens->height)
+                return UNCLEAR;
+            const double z = depth[y * lens->width + x] * 1e-3;
+            before += z == 0 || z > in_viewer.z + APART_M;
+            behind += z > 0 && z < in_viewer.z - APART_M;
+        }
+    const int all = (2 * ABOUT + 1) * (2 * ABOUT + 1);
+    return before == all ? IN_SIGHT : behind == all ? BEHIND : UNCLEAR;
+}
+
+struct answers {
+    int in_sight, shown, behind_table, hidden_by_table, behind_actor, hidden_by_actor;
+};
+
+// The strokes' alpha: of white ones, over black, the red.
+static void read_strokes(const struct gpu_texture *texture, const struct lens *lens, uint8_t *rgba)
+{
+    static const uint8_t black[3 * MOST], none[4];
+    static const char *const samplers[] = {"camera_image", "actor_image", "shadow_image"};
+    const struct gpu_program_source source = {.name = "compose",
+                                              .vertex = shader_find("fullscreen.vert"),
+                                              .fragment = shader_find("compose.frag"),
+                                              .samplers = samplers,
+                                              .sampler_count = 3};
+    const struct gpu_texture_layout whole = {GPU_RGB8, lens->width, lens->height, GPU_NEAREST},
+                                    pixel = {GPU_RGBA8, 1, 1, GPU_NEAREST};
+    struct gpu_program *program;
+    struct gpu_mesh *mesh;
+    struct gpu_target *target;
+    struct gpu_texture *ground, *shadow;
+    EXPECT_STATUS(gpu_program_open(&program, set.gpu, &source), OK);
+    EXPECT_STATUS(fullscreen_mesh_open(&mesh, set.gpu), OK);
+    EXPECT_STATUS(gpu_target_open_color(&target, set.gpu, lens->width, lens->height), OK);
+    EXPECT_STATUS(gpu_texture_open(&ground, set.gpu, &whole, black), OK);
+    EXPECT_STATUS(gpu_texture_open(&shadow, set.gpu, &pixel, none), OK);
+    gpu_draw(
+        &(struct gpu_job){.target = target, .program = program, .mesh = mesh, .textures = {ground, texture, shadow}});
+    EXPECT_STATUS(gpu_target_read(target, rgba), OK);
+    gpu_texture_close(&shadow);
+    gpu_texture_close(&ground);
+    gpu_target_close(&target);
+    gpu_mesh_close(&mesh);
+    gpu_program_close(&program);
+}
+
+// No other disc covers it.
+static bool is_apart(const struct lens *lens, const struct overlay_stroke *stroke, int disc)
+{
+    const struct pixel at = lens_project(lens, stroke[disc].from);
+    for (int i = 0; i < ASKED; i++) {
+        const struct pixel other = lens_project(lens, stroke[i].from);
+        if (i != disc && hypot(other.x - at.x, other.y - at.y) < 8)
+            return false;
+    }
+    return true;
+}
+
+// Nobody can be inside the table, of which sensors know its surface alone.
+static bool is_in_table(struct vec3 p) { return p.x > 0.95 && p.x < 1.65 && fabs(p.y) < 0.75 && p.z < 0.8; }
+
+// About actor and table, half of them on the lines of sight to the actor's joints.
+static struct vec3 draw_point(struct pose viewer, struct rng *rng)
+{
+    const struct skeleton s = world_joints(set.world, 0);
+    for (;;) {
+        const struct vec3 joint = s.joint[(int)rng_between(rng, 0, JOINT_COUNT - 0.001)];
+        const double beyond = rng_between(rng, -1.2, 1.2);
+        struct vec3 at = v3_add(joint, v3_scale(v3_unit(v3_sub(joint, viewer.translation)), beyond));
+        if (rng_uniform(rng) < 0.4)
+            at = v3_add(v3(0.4, 0, 0.75), rng_within(rng, v3(1.2, 0.6, 0.5)));
+        if (!is_in_table(at) && at.z > 0.2)
+            return at;
+    }
+}
+
+// A round of points about actor and table, in the viewer's axes: each as a disc, and asked for.
+static void ask_round(struct renderer *p, const struct lens *lens, struct pose viewer, struct rng *rng,
+                      struct answers *discs, struct answers *shares)
+{
+    static uint16_t with[MOST], without[MOST];
+    static uint8_t strokes[4 * MOST];
+    struct overlay_stroke stroke[ASKED];
+    struct overlay_group group[ASKED];
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
+    const struct world_shot shot = {*lens, viewer, 0, true};
+    EXPECT_STATUS(world_render(set.world, &shot, &(struct world_image){.depth = with}), OK);
+    EXPECT_STATUS(world_render(set.without, &shot, &(struct world_image){.depth = without}), OK);
+    for (int i = 0; i < ASKED; i++) {
+        const struct vec3 at = draw_point(viewer, rng);
+        const struct vec3 seen = pose_apply(pose_inverse(viewer), at);
+        stroke[i] = (struct overlay_stroke){seen, seen, 5, 0, 0xffffffff};
+        for (int k = 0; k < OVERLAY_POINTS; k++)
+            group[i].point[k] = v3_add(seen, v3(0.01 * (k % 3 - 1), 0.01 * (k / 3 - 1), 0));
+    }
+    const struct overlay overlay = {stroke, ASKED, group, ASKED};
+    const struct renderer_view view = {
+        .world_from_camera = viewer, .viewer_from_room = &viewer_from_room, .overlay = &overlay};
+    struct renderer_result result;
+    float share[OVERLAY_GROUPS_MOST];
+    int count;
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
+    EXPECT_TRUE(renderer_overlay_texture(p));
+    read_strokes(renderer_overlay_texture(p), lens, strokes);
+    EXPECT_STATUS(renderer_read_seen(p, share, &count), OK);
+    EXPECT_INT(count, ASKED);
+    for (int i = 0; i < ASKED; i++) {
+        const struct pixel px = lens_project(lens, stroke[i].from);
+        const enum truth truth = truth_of(with, lens, stroke[i].from);
+        const bool by_actor = truth_of(without, lens, stroke[i].from) == BEHIND;
+        if (truth == UNCLEAR || !is_apart(lens, stroke, i))
+            continue;
+        const int alpha = strokes[4 * ((int)lround(px.y) * lens->width + (int)lround(px.x))];
+        discs->in_sight += truth == IN_SIGHT;
+        discs->shown += truth == IN_SIGHT && alpha > 200;
+        shares->shown += truth == IN_SIGHT && share[i] > 0.8F;
+        *(by_actor ? &discs->behind_actor : &discs->behind_table) += truth == BEHIND;
+        *(by_actor ? &discs->hidden_by_actor : &discs->hidden_by_table) += truth == BEHIND && alpha < 50;
+        *(by_actor ? &shares->hidden_by_actor : &shares->hidden_by_table) += truth == BEHIND && share[i] < 0.2F;
+    }
+}
+
+static void test_what_stands_behind_is_hidden(void **state)
+{
+    (void)state;
+    const struct lens lens = world_viewer_calibration(SCALE).color;
+    struct renderer *p = renderer_with(&lens, OCCLUDER);
+    struct answers discs = {0}, shares = {0};
+    struct rng rng = {5};
+    print_message("seed 5\n");
+    for (int i = 0; i < ROUNDS; i++) {
+        const double angle = 0.12 * i - 0.9;
+        ask_round(p, &lens, look_at(v3(2.7 * cos(angle), 2.7 * sin(angle), 1.3), v3(0.2, 0, 0.8)), &rng, &discs,
+                  &shares);
+    }
+    print_message("discs: of %d in sight %d are shown, of %d behind the table %d hidden, behind the actor of %d %d\n",
+                  discs.in_sight, discs.shown, discs.behind_table, discs.hidden_by_table, discs.behind_actor,
+                  discs.hidden_by_actor);
+    print_message("asked: %d, %d, %d\n", shares.shown, shares.hidden_by_table, shares.hidden_by_actor);
+    EXPECT_AT_LEAST(discs.in_sight, 60); // else it says little
+    EXPECT_AT_LEAST(discs.behind_table, 15);
+    EXPECT_AT_LEAST(discs.behind_actor, 15);
+    EXPECT_AT_LEAST(discs.shown, 0.97 * discs.in_sight);
+    EXPECT_AT_LEAST(shares.shown, 0.97 * discs.in_sight);
+    EXPECT_AT_LEAST(discs.hidden_by_table, 0.9 * discs.behind_table);
+    EXPECT_AT_LEAST(shares.hidden_by_table, 0.9 * discs.behind_table);
+    EXPECT_AT_LEAST(discs.hidden_by_actor, 0.95 * discs.behind_actor);
+    EXPECT_AT_LEAST(shares.hidden_by_actor, 0.95 * discs.behind_actor);
+    renderer_close(&p);
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -344,6 +512,7 @@ int main(void)
         cmocka_unit_test(test_table_occludes_actor),
         cmocka_unit_test(test_table_edge_is_smooth),
         cmocka_unit_test(test_shadow_lies_under_feet),
+        cmocka_unit_test(test_what_stands_behind_is_hidden),
     };
     return cmocka_run_group_tests(tests, make, end);
 }
