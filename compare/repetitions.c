@@ -16,6 +16,8 @@ enum {
 static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
 // A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
 static const double MOST_PRICE = 0.45;
+// A repetition's mean price, as a share of idling, is at most this above the median repetition's.
+static const double MOST_UNLIKE = 0.33;
 // A part does not repeat itself with the others if more of its variance is left from cycle to cycle than this, and than
 // so many times what is left of the best part's.
 static const double LEFT_LEAST = 0.5, LEFT_FACTOR = 2;
@@ -36,6 +38,7 @@ struct model {
     const struct feature_frame *cycle;
     int32_t length;
     int64_t idle, stay; // prices
+    bool alike;         // repetitions are about as like the cycle as each other
 };
 
 struct trace {
@@ -155,20 +158,56 @@ static int32_t spans_of(const struct trace *t, int32_t count, struct repetition_
     return found;
 }
 
+static int64_t entry_price(const struct trace *t, int32_t j)
+{
+    if (!j)
+        return 0;
+    return t->end_price[j - 1] < t->idle_price[j - 1] ? t->end_price[j - 1] : t->idle_price[j - 1];
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// What resembles the cycle far less than the other repetitions do is none: somebody who gets ready or walks off.
+static enum status drop_outliers(const struct model *m, const struct trace *t, struct repetition_list *l)
+{
+    double *price = malloc(2 * (size_t)(l->count ? l->count : 1) * sizeof *price);
+    if (!price)
+        return fail(ERR_MEMORY, "no memory to find repetitions");
+    double *sorted = price + l->count;
+    for (int32_t k = 0; k < l->count; k++) {
+        const struct repetition_span s = l->spans[k];
+        price[k] = sorted[k] =
+            (double)(t->end_price[s.end - 1] - entry_price(t, s.first)) / (double)m->idle / (s.end - s.first);
+    }
+    qsort(sorted, (size_t)l->count, sizeof *sorted, by_size);
+    int32_t kept = 0;
+    for (int32_t k = 0; k < l->count; k++)
+        if (price[k] <= sorted[l->count / 2] + MOST_UNLIKE)
+            l->spans[kept++] = l->spans[k];
+    l->count = kept;
+    free(price);
+    return OK;
+}
+
 static enum status search(const struct model *m, const struct features *f, struct repetition_list *out, int64_t *price)
 {
     struct trace t = {0};
     enum status status = trace_open(&t, m->length, f->count) ? OK : fail(ERR_MEMORY, "no memory to find repetitions");
     if (status == OK) {
         explain(m, f, &t);
-        *price = t.end_price[f->count - 1] < t.idle_price[f->count - 1] ? t.end_price[f->count - 1]
-                                                                        : t.idle_price[f->count - 1];
+        *price = entry_price(&t, f->count);
         out->count = spans_of(&t, f->count, NULL);
         out->spans = malloc((size_t)(out->count ? out->count : 1) * sizeof *out->spans);
         if (out->spans)
             spans_of(&t, f->count, out->spans);
         else
             status = fail(ERR_MEMORY, "no memory to find repetitions");
+        if (status == OK && m->alike)
+            status = drop_outliers(m, &t, out);
     }
     trace_close(&t);
     return status;
@@ -309,7 +348,7 @@ static enum status try_starts(const struct features *f, int32_t lag, struct best
     for (int32_t first = 0; first + lag <= f->count && status == OK; first += shift) {
         if (!goes_somewhere(f, first, lag, mean))
             continue;
-        const struct model m = {f->frames + first, lag, (int64_t)(IDLE * mean), (int64_t)(STAY * mean)};
+        const struct model m = {f->frames + first, lag, (int64_t)(IDLE * mean), (int64_t)(STAY * mean), false};
         struct repetition_list found = {0};
         int64_t price = 0;
         status = search(&m, f, &found, &price);
@@ -458,7 +497,7 @@ static enum status find(const struct features *f, int32_t count, struct repetiti
     if (status == OK) {
         silence(level, f->count, best.restless);
         const struct model m = {level + at + best.span.first, length, (int64_t)(IDLE * best.mean),
-                                (int64_t)(STAY * best.mean)};
+                                (int64_t)(STAY * best.mean), true};
         const struct features all = {level, f->count};
         status = search(&m, &all, out, &price);
     }
@@ -502,7 +541,7 @@ enum status repetitions_of(const struct features *cycle, const struct features *
                 mean += feature_cost(&c.frames[i], &c.frames[k]);
         mean /= (double)c.all.count * ((c.all.count + 2) / 3);
         // Another person's cycle is never as near as one's own: idle costs what a wrong pose of the cycle does.
-        const struct model m = {c.frames, c.all.count, (int64_t)mean, (int64_t)(STAY * mean)};
+        const struct model m = {c.frames, c.all.count, (int64_t)mean, (int64_t)(STAY * mean), false};
         int64_t price;
         status = search(&m, &t.all, out, &price);
     }

@@ -9,8 +9,9 @@
 // (as YIN does with a difference function, de Cheveigne & Kawahara 2002), pieces of that length from all places are
 // tried, and halves of those lags, because one cycle alone is no such lag where the pace changes; the piece whose
 // repetitions explain the rest of the movement at the least price is taken, a shorter one where it does as well. Parts
-// that do not repeat themselves from cycle to cycle while others do (legs that a tracker loses) are left out. Searched
-// in 7.5 Hz, in the two minutes that move most. Pure.
+// that do not repeat themselves from cycle to cycle while others do (legs that a tracker loses) are left out, and so is
+// what resembles the cycle far less than the other repetitions (somebody who walks off). Searched in 7.5 Hz, in the two
+// minutes that move most. Pure.
 #pragma once
 #include "compare/alignment.h"
 
