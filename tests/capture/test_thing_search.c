@@ -121,8 +121,12 @@ static void test_what_depth_contradicts_is_left_out(void **state)
 
 // ---------------------------------------------------------------- an earlier time, and now
 
-enum { THERE = DESK_THINGS / 2, AROUND = 4 };
+// Viewpoints: so many that an empty place is believed to be empty, and one where something stands that is not the
+// thing.
+enum { THERE = DESK_THINGS / 2, FEW = 4, MANY = 7 };
 static const double WALL_M = 2;
+static const double from[MANY][2] = {{-0.06, -0.08}, {0.06, -0.08}, {-0.06, 0.04}, {0.06, 0.04},
+                                     {0.18, -0.08},  {0.18, 0.04},  {0.06, 0.16}};
 static const struct vec3 away = {0, 0, -40}; // behind the cameras
 
 // A grey board upright before the desk, facing the cameras: what is behind it is hidden.
@@ -147,8 +151,8 @@ static void put_board(const struct lens *lens, const struct pose *world_from_cam
 }
 
 // Looks for the things that stand, which were known where `before` has them, in pictures of the desk as it is now.
-static void look(const struct desk *before, const struct desk *now, const struct board *board, bool with_depth,
-                 struct thing_map *map)
+static void look(const struct desk *before, const struct desk *now, const struct board *board, int viewpoints,
+                 bool with_depth, struct thing_map *map)
 {
     struct thing_search *s;
     const struct thing_list things = {desk.storage, THERE};
@@ -158,8 +162,8 @@ static void look(const struct desk *before, const struct desk *now, const struct
     EXPECT_STATUS(thing_search_open(&s, &things), OK);
     for (int t = 0; t < THERE; t++)
         thing_search_expect(s, t, &before->world_from_thing[t], &known);
-    for (int i = 0; i < AROUND; i++) {
-        const struct pose camera = {{0, 0, 0, 1}, v3(0.12 * (i % 2) - 0.06, 0.12 * (i / 2) - 0.08, -0.2)};
+    for (int i = 0; i < viewpoints; i++) {
+        const struct pose camera = {{0, 0, 0, 1}, v3(from[i][0], from[i][1], -0.2)};
         desk_film(now, &desk.rig.left, &camera, 2, SEED + 20 + (uint64_t)i, rgb);
         film_depth(now, &desk.rig.left, &camera, 1, SEED + 40 + (uint64_t)i);
         put_board(&desk.rig.left, &camera, board);
@@ -188,7 +192,7 @@ static void test_moved_taken_away_and_still_there(void **state)
     struct thing_map map;
     now.world_from_thing[MOVED].translation = v3_add(desk.world_from_thing[MOVED].translation, v3(0.02, -0.16, 0.05));
     now.world_from_thing[AWAY].translation = away;
-    look(&desk, &now, &no_board, true, &map);
+    look(&desk, &now, &no_board, FEW, true, &map);
     for (int t = 0; t < THERE; t++) {
         const struct mapped_thing *found = thing_map_find(&map, t);
         EXPECT_INT(found->gone, t == AWAY);
@@ -206,10 +210,10 @@ static void test_what_is_hidden_or_out_of_view_is_not_gone(void **state)
     struct desk before = desk, now = desk;
     struct thing_map map;
     const struct vec3 at = desk.world_from_thing[HIDDEN].translation;
-    const struct board board = {at.x - 0.12, at.x + 0.12, at.y - 0.09, at.y + 0.09, at.z - 0.2};
+    const struct board board = {at.x - 0.14, at.x + 0.14, at.y - 0.09, at.y + 0.09, at.z - 0.2};
     now.world_from_thing[HIDDEN].translation = now.world_from_thing[OUTSIDE].translation = away;
     before.world_from_thing[OUTSIDE].translation.x += 3;
-    look(&before, &now, &board, true, &map);
+    look(&before, &now, &board, MANY, true, &map);
     for (int t = 0; t < THERE; t++)
         EXPECT_TRUE(!thing_map_find(&map, t)->gone);
     EXPECT_INT(thing_map_find(&map, HIDDEN)->sightings, 0);
@@ -225,7 +229,7 @@ static void test_without_depth_nothing_is_gone(void **state)
     struct thing_map map;
     for (int t = 0; t < THERE; t++)
         now.world_from_thing[t].translation = away;
-    look(&desk, &now, &no_board, false, &map);
+    look(&desk, &now, &no_board, FEW, false, &map);
     for (int t = 0; t < THERE; t++)
         EXPECT_TRUE(!thing_map_find(&map, t)->gone);
 }
