@@ -33,25 +33,52 @@ static bool look(const struct texture_level *l, int level, struct pixel px, stru
     return true;
 }
 
-static struct vec3 placed(const struct align_input *in, const struct alignment *a, int i)
+// An alignment as one view sees it: what is the same for all points.
+struct view_frame {
+    const struct thing_view *view;
+    struct vec3 of_thing[3]; // the thing's axes in the camera's
+    struct vec3 of_left[3];  // the left camera's
+    struct vec3 origin;      // the thing's, in the camera's axes
+    double scale;
+};
+
+static struct vec3 combined(const struct vec3 axes[3], struct vec3 v)
 {
-    const struct vec3 p = v3_scale(in->samples->at[in->shape][i], 1 + a->log_scale * (1 + a->log_scale / 2));
-    return quat_rotate(a->left_from_thing.rotation, p); // about the thing's origin
+    return v3(axes[0].x * v.x + axes[1].x * v.y + axes[2].x * v.z, axes[0].y * v.x + axes[1].y * v.y + axes[2].y * v.z,
+              axes[0].z * v.x + axes[1].z * v.y + axes[2].z * v.z);
 }
 
-// False: behind the camera, or the surface there is turned away from it.
-static bool project(const struct align_input *in, int view, const struct alignment *a, int i, struct pixel *px,
-                    struct vec3 *in_camera)
+static struct view_frame frame_of(const struct align_input *in, int view, const struct alignment *a)
 {
     const struct thing_view *v = &in->views[view];
-    *in_camera = pose_apply(v->camera_from_left, v3_add(placed(in, a, i), a->left_from_thing.translation));
-    if (!(in_camera->z > 0.02))
+    const struct pose camera_from_thing = pose_multiply(v->camera_from_left, a->left_from_thing);
+    struct view_frame f = {
+        .view = v, .origin = camera_from_thing.translation, .scale = 1 + a->log_scale * (1 + a->log_scale / 2)};
+    for (int k = 0; k < 3; k++) {
+        const struct vec3 axis = v3(k == 0, k == 1, k == 2);
+        f.of_thing[k] = quat_rotate(camera_from_thing.rotation, axis);
+        f.of_left[k] = quat_rotate(v->camera_from_left.rotation, axis);
+    }
+    return f;
+}
+
+struct projected {
+    struct vec3 arm; // from the thing's origin to the point, camera axes
+    struct vec3 at;  // the point
+    struct pixel px;
+};
+
+// False: behind the camera, or the surface there is turned away from it.
+static bool project(const struct align_input *in, const struct view_frame *f, int i, struct projected *out)
+{
+    out->arm = v3_scale(combined(f->of_thing, in->samples->at[in->shape][i]), f->scale);
+    out->at = v3_add(out->arm, f->origin);
+    if (!(out->at.z > 0.02))
         return false;
-    const struct vec3 normal = quat_rotate(v->camera_from_left.rotation,
-                                           quat_rotate(a->left_from_thing.rotation, in->samples->normal[in->shape][i]));
-    if (v3_dot(normal, *in_camera) > -LEAST_SEEN * v3_length(*in_camera))
+    const double facing = v3_dot(combined(f->of_thing, in->samples->normal[in->shape][i]), out->at);
+    if (facing >= 0 || facing * facing < LEAST_SEEN * LEAST_SEEN * v3_dot(out->at, out->at))
         return false;
-    *px = lens_project_clamped(&v->lens, v->largest_r2, *in_camera);
+    out->px = lens_project_clamped(&f->view->lens, f->view->largest_r2, out->at);
     return true;
 }
 
@@ -99,21 +126,20 @@ struct gains {
 };
 
 // How the pixel moves with each unknown.
-static void pixel_slopes(const struct thing_view *v, struct vec3 arm, struct vec3 q, struct pixel px,
-                         double slope[ALIGN_UNKNOWNS][2])
+static void pixel_slopes(const struct view_frame *f, const struct projected *p, double slope[ALIGN_UNKNOWNS][2])
 {
+    const struct thing_view *v = f->view;
     static const double step = 1e-5;
     double j[3][2];
     for (int k = 0; k < 3; k++) {
         const struct vec3 d = v3(k == 0 ? step : 0, k == 1 ? step : 0, k == 2 ? step : 0);
-        const struct pixel moved = lens_project_clamped(&v->lens, v->largest_r2, v3_add(q, d));
-        j[k][0] = (moved.x - px.x) / step;
-        j[k][1] = (moved.y - px.y) / step;
+        const struct pixel moved = lens_project_clamped(&v->lens, v->largest_r2, v3_add(p->at, d));
+        j[k][0] = (moved.x - p->px.x) / step;
+        j[k][1] = (moved.y - p->px.y) / step;
     }
     for (int k = 0; k < ALIGN_UNKNOWNS; k++) {
-        const struct vec3 axis = v3(k % 3 == 0, k % 3 == 1, k % 3 == 2);
-        const struct vec3 motion = k < 3 ? v3_cross(axis, arm) : k < 6 ? axis : arm;
-        const struct vec3 m = quat_rotate(v->camera_from_left.rotation, motion);
+        const struct vec3 axis = f->of_left[k % 3];
+        const struct vec3 m = k < 3 ? v3_cross(axis, p->arm) : k < 6 ? axis : p->arm;
         slope[k][0] = j[0][0] * m.x + j[1][0] * m.y + j[2][0] * m.z;
         slope[k][1] = j[0][1] * m.x + j[1][1] * m.y + j[2][1] * m.z;
     }
@@ -155,17 +181,17 @@ static double tint_of(const struct sums s[3])
 // Writes the view's score, visible share and tint, too.
 static bool view_gains(const struct align_input *in, int view, struct alignment *a, struct gains *g)
 {
-    const struct thing_view *v = &in->views[view];
+    const struct view_frame f = frame_of(in, view, a);
+    const struct texture_level *l = &f.view->level[in->level];
     struct sums s[3] = {{0}};
     int seen = 0, used = 0;
     for (int i = 0; i < in->samples->count; i++) {
-        struct pixel px;
-        struct vec3 q;
+        struct projected p;
         struct sample at;
         if (!is_used(in, i))
             continue;
         used++;
-        if (!project(in, view, a, i, &px, &q) || !look(&v->level[in->level], in->level, px, &at))
+        if (!project(in, &f, i, &p) || !look(l, in->level, p.px, &at))
             continue;
         seen++;
         add(s, in->samples->color[i], at.value);
@@ -192,17 +218,17 @@ double thing_score(const struct align_input *in, int view, struct alignment *a)
 static void add_view(const struct align_input *in, int view, const struct alignment *a, const struct gains *g,
                      struct normal *n)
 {
-    const struct thing_view *v = &in->views[view];
+    const struct view_frame f = frame_of(in, view, a);
+    const struct texture_level *l = &f.view->level[in->level];
     for (int i = 0; i < in->samples->count; i++) {
-        struct pixel px;
-        struct vec3 q;
+        struct projected p;
         struct sample at;
         if (!is_used(in, i))
             continue;
-        if (!project(in, view, a, i, &px, &q) || !look(&v->level[in->level], in->level, px, &at))
+        if (!project(in, &f, i, &p) || !look(l, in->level, p.px, &at))
             continue;
         double slope[ALIGN_UNKNOWNS][2];
-        pixel_slopes(v, placed(in, a, i), q, px, slope);
+        pixel_slopes(&f, &p, slope);
         add_residuals(&at, in->samples->color[i], g, (const double(*)[2])slope, a->noise, n);
     }
 }
