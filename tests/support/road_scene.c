@@ -75,7 +75,7 @@ enum status road_scene_make(struct road_scene *s, uint32_t seed)
     enum status status = scan(s, seed);
     struct depth_options how = depth_default_options();
     how.sky = true;
-    const struct world_points points = {(const float(*)[3])s->points, NULL, s->point_count};
+    const struct world_points points = {.xyz = (const float(*)[3])s->points, .count = s->point_count};
     for (int i = 0; i < ROAD_PANORAMAS && status == OK; i++) {
         uint8_t *rgb = malloc((size_t)ROAD_HEIGHT * ROAD_HEIGHT * 2 * 3);
         const struct pose at = {ahead(), v3(2.0 * i, 0, 2.1)};

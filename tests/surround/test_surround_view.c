@@ -139,7 +139,7 @@ static void test_glass_and_walls_above(void **state)
             points[count][0] = (float)x, points[count][1] = (float)y, points[count++][2] = 0;
         }
     struct depth_options how = depth_default_options();
-    const struct world_points world = {(const float(*)[3])points, NULL, count};
+    const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
     struct surround_picture *p = &s.pictures[1];
     assert_int_equal(dense_depth_make(p, &world, &how), OK);
     double worst = 0;
