@@ -301,7 +301,7 @@ static enum status make_depths(struct surroundings *s, const struct surround_pic
         status = surface_points_gather(&s->surface, &s->alignment.surface);
         w.points = surface_points_world(&s->surface);
     }
-    if (status == OK && n && s->kind != SURROUNDINGS_FILMED) {
+    if (status == OK && n && s->kind == SURROUNDINGS_VEHICLE) { // whose scanners see through glass
         status = point_colors_make(&s->colors, &w.points, s->pictures, s->taken);
         w.points.rgb = (const uint8_t(*)[4])s->colors.rgb;
     }

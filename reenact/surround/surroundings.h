@@ -38,7 +38,7 @@ struct surroundings {
     int taken, room, unplaced;         // captures; allocated; those that did not fit and have the odometry's pose
     int next;                          // the set's next capture
     struct surface_points surface;     // robot: means of the alignment's voxels
-    struct point_colors colors;        // of the points that depth was made of last
+    struct point_colors colors;        // vehicle: of the points
     struct exposure exposure;
     struct capture_thread *thread; // NULL: captures are aligned and given depth inside the calls
     // The capture aligned last, and the one taken last (which may be under way).
