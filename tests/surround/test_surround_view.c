@@ -60,20 +60,20 @@ static void test_the_unseen_is_marked(void **state)
 static void test_what_others_look_through_is_unseen(void **state)
 {
     (void)state;
-    static struct scene s;
-    const struct pose eye = camera_at(-0.6, 0.1, 1.15);
+    static struct box_room s;
+    const struct pose eye = room_camera(-0.6, 0.1, 1.15);
     const struct vec3 low = v3(0.6, -0.42, 1.2), high = v3(0.6, -0.18, 1.4); // of the plate, facing the way
     const struct pose view_from_world = pose_inverse(eye);
-    open_scene(&s);
-    film(&s);
+    box_room_open(&s, &view_lens);
+    box_room_film(&s);
     const struct pixel a = lens_project(&view_lens, pose_apply(view_from_world, v3(low.x, high.y, high.z)));
     const struct pixel b = lens_project(&view_lens, pose_apply(view_from_world, v3(low.x, low.y, low.z)));
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < ROOM_PICTURES; i++) {
         struct surround_picture *p = &s.pictures[i];
         const struct vec3 c = p->world_from_camera.translation;
-        for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        for (int k = 0; k < ROOM_WIDTH * ROOM_HEIGHT; k++) {
             float ray[3];
-            surround_picture_ray(p, k % WIDTH, k / WIDTH, ray);
+            surround_picture_ray(p, k % ROOM_WIDTH, k / ROOM_WIDTH, ray);
             const struct vec3 d = quat_rotate(p->world_from_camera.rotation, v3(ray[0], ray[1], ray[2]));
             const struct vec3 seen = v3_add(c, v3_scale(d, 1 / (double)p->inverse[k]));
             const struct vec3 plate = v3_add(c, v3_scale(d, (low.x - c.x) / d.x)),
@@ -86,7 +86,7 @@ static void test_what_others_look_through_is_unseen(void **state)
         }
         surround_picture_join(p);
     }
-    draw(&s, eye, PICTURES);
+    box_room_draw(&s, eye, ROOM_PICTURES);
     int marked = 0, all = 0;
     for (int y = (int)a.y + 2; y < (int)b.y - 1; y++)
         for (int x = (int)a.x + 2; x < (int)b.x - 1; x++, all++)
@@ -94,7 +94,7 @@ static void test_what_others_look_through_is_unseen(void **state)
     print_message("of %d pixels %d marked\n", all, marked);
     EXPECT_AT_LEAST(all, 100);
     EXPECT_AT_LEAST(marked, 0.6 * all); // at its edge one of the two has the unknown behind it
-    close_scene(&s);
+    box_room_close(&s);
 }
 
 static void test_no_capture_yet(void **state)
@@ -210,10 +210,10 @@ struct glass {
 static void build_glass(struct glass *g)
 {
     int count = 0;
-    box_room_open(&g->scene);
+    box_room_open(&g->scene, &view_lens);
     g->scene.world.boxes[1] = (struct box){{1.5, -0.15, 0}, {1.6, 0.15, 1}, {30, 60, 200}, false};
     for (int i = 0; i < ROW; i++)
-        box_room_picture(&g->scene.world, box_room_camera(0, 0.4 * (i - ROW / 2), 1.15), &g->row[i]);
+        room_picture(&g->scene.world, room_camera(0, 0.4 * (i - ROW / 2), 1.15), &g->row[i]);
     for (double y = -2; y < 2; y += 0.02)
         for (double z = 0; z < 2.4; z += 0.025)
             g->points[count][0] = 4, g->points[count][1] = (float)y, g->points[count++][2] = (float)z;
