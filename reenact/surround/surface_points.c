@@ -37,5 +37,5 @@ void surface_points_free(struct surface_points *s)
 
 struct world_points surface_points_world(const struct surface_points *s)
 {
-    return (struct world_points){(const float(*)[3])s->xyz, s->weights, s->count};
+    return (struct world_points){.xyz = (const float(*)[3])s->xyz, .weight = s->weights, .count = s->count};
 }

@@ -81,6 +81,7 @@ void surroundings_close(struct surroundings *s)
     free(s->blank);
     free(s->nearest);
     surface_points_free(&s->surface);
+    point_colors_free(&s->colors);
     exposure_free(&s->exposure);
     photo_refinement_free(&s->photo);
     depth_alignment_close(&s->alignment);
@@ -286,7 +287,7 @@ static void make_depth(void *context, int i)
 static enum status make_depths(struct surroundings *s, const struct surround_picture *const *pictures, int count)
 {
     struct depth_work w = {.s = s,
-                           .points = {(const float(*)[3])s->set.points, NULL, s->set.point_count},
+                           .points = {.xyz = (const float(*)[3])s->set.points, .count = s->set.point_count},
                            .pictures = malloc((size_t)(s->taken + 1) * sizeof *w.pictures),
                            .failures = calloc((size_t)(s->taken + 1), sizeof *w.failures)};
     int n = 0;
@@ -299,6 +300,10 @@ static enum status make_depths(struct surroundings *s, const struct surround_pic
     if (status == OK && n && s->kind != SURROUNDINGS_VEHICLE) {
         status = surface_points_gather(&s->surface, &s->alignment.surface);
         w.points = surface_points_world(&s->surface);
+    }
+    if (status == OK && n && s->kind == SURROUNDINGS_VEHICLE) { // whose scanners see through glass
+        status = point_colors_make(&s->colors, &w.points, s->pictures, s->taken);
+        w.points.rgb = (const uint8_t(*)[4])s->colors.rgb;
     }
     const int64_t before = now(s);
     if (status == OK)

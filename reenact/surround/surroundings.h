@@ -4,7 +4,7 @@
 //
 // Determinate; uses up to `threads` threads inside a call. One caller at a time.
 #pragma once
-#include "reenact/surround/depth/dense_depth.h"
+#include "reenact/surround/depth/point_colors.h"
 #include "reenact/surround/photo_refinement.h"
 #include "reenact/surround/reading/surround_set.h"
 #include "reenact/surround/surface_points.h"
@@ -38,6 +38,7 @@ struct surroundings {
     int taken, room, unplaced;         // captures; allocated; those that did not fit and have the odometry's pose
     int next;                          // the set's next capture
     struct surface_points surface;     // robot: means of the alignment's voxels
+    struct point_colors colors;        // vehicle: of the points
     struct exposure exposure;
     struct capture_thread *thread; // NULL: captures are aligned and given depth inside the calls
     // The capture aligned last, and the one taken last (which may be under way).

@@ -16,7 +16,7 @@ void room_add_box(struct box_world *w, struct vec3 low, struct vec3 high, bool i
         .low = {low.x, low.y, low.z}, .high = {high.x, high.y, high.z}, .color = {150, 120, 100}, .inside = inside};
 }
 
-static void picture_of(const struct box_world *w, struct pose pose, struct surround_picture *p)
+void room_picture(const struct box_world *w, struct pose pose, struct surround_picture *p)
 {
     uint8_t *rgb = malloc(ROOM_WIDTH * ROOM_HEIGHT * 3);
     box_world_panorama(w, pose, ROOM_WIDTH, ROOM_HEIGHT, rgb);
@@ -59,7 +59,7 @@ void box_room_open(struct box_room *s, const struct lens *view)
 void box_room_film(struct box_room *s)
 {
     for (int i = 0; i < ROOM_PICTURES; i++) {
-        picture_of(&s->world, room_camera(0.4 * i - 0.4, 0.3 * i - 0.3, 1.15), &s->pictures[i]);
+        room_picture(&s->world, room_camera(0.4 * i - 0.4, 0.3 * i - 0.3, 1.15), &s->pictures[i]);
         s->pictures[i].depth_number = i + 1;
     }
 }

@@ -15,6 +15,8 @@ struct box_room {
 };
 
 struct pose room_camera(double x, double y, double z); // looks along x
+// A panorama of the room with its true depth.
+void room_picture(const struct box_world *w, struct pose pose, struct surround_picture *p);
 void room_add_box(struct box_world *w, struct vec3 low, struct vec3 high, bool inside);
 
 void box_room_open(struct box_room *s, const struct lens *view);

@@ -75,7 +75,7 @@ enum status road_scene_make(struct road_scene *s, uint32_t seed)
     enum status status = scan(s, seed);
     struct depth_options how = depth_default_options();
     how.sky = true;
-    const struct world_points points = {(const float(*)[3])s->points, NULL, s->point_count};
+    struct world_points points = {.xyz = (const float(*)[3])s->points, .count = s->point_count};
     for (int i = 0; i < ROAD_PANORAMAS && status == OK; i++) {
         uint8_t *rgb = malloc((size_t)ROAD_HEIGHT * ROAD_HEIGHT * 2 * 3);
         const struct pose at = {ahead(), v3(2.0 * i, 0, 2.1)};
@@ -87,8 +87,14 @@ enum status road_scene_make(struct road_scene *s, uint32_t seed)
             return status;
         surround_picture_place(&s->pictures[i], at);
         s->pictures[i].time_ns = i;
-        status = dense_depth_make(&s->pictures[i], &points, &how);
     }
+    struct point_colors colors = {0};
+    if (status == OK)
+        status = point_colors_make(&colors, &points, s->pictures, ROAD_PANORAMAS);
+    points.rgb = (const uint8_t(*)[4])colors.rgb;
+    for (int i = 0; i < ROAD_PANORAMAS && status == OK; i++)
+        status = dense_depth_make(&s->pictures[i], &points, &how);
+    point_colors_free(&colors);
     return status;
 }
 

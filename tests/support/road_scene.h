@@ -2,7 +2,7 @@
 // panoramas from a vehicle, the points of its line scanners, virtual cameras with their true pictures and depth, and a
 // plain detector of white lines. World: x along the road, y left, z up; the lane's middle is y = 0.
 #pragma once
-#include "reenact/surround/depth/dense_depth.h"
+#include "reenact/surround/depth/point_colors.h"
 #include "reenact/surround/drive/box_world.h"
 #include "reenact/surround/view/surround_view.h"
 

@@ -23,6 +23,7 @@ struct world_points {
     const float (*xyz)[3];
     const float *weight; // of each, 1 / sigma^2; NULL: all alike
     int count;
+    const uint8_t (*rgb)[4]; // point_colors.h; NULL: not known
 };
 
 // Makes picture->inverse and joined. The picture must be placed. ERR_MEMORY: they are as before.

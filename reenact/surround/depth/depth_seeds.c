@@ -1,5 +1,6 @@
 #include "reenact/surround/depth/depth_seeds.h"
 
+#include "reenact/surround/depth/point_colors.h"
 #include "base/memory.h"
 
 #include <stdlib.h>
@@ -32,6 +33,9 @@ static void project_points(struct depth_seeds *s, const struct surround_picture 
                            const struct depth_options *how)
 {
     const struct vec3 t = p->world_from_camera.translation;
+    float gain[3] = {1, 1, 1};
+    if (points->rgb)
+        point_colors_gain(p, points, gain);
     for (int i = 0; i < points->count; i++) {
         const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
         struct picture_point at;
@@ -39,7 +43,8 @@ static void project_points(struct depth_seeds *s, const struct surround_picture 
             !(at.distance > how->nearest_m && at.distance < how->farthest_m))
             continue;
         const int u = (int)floorf(at.u + 0.5f), v = (int)floorf(at.v + 0.5f);
-        if (u < 0 || v < 0 || u >= p->width || v >= p->height)
+        if (u < 0 || v < 0 || u >= p->width || v >= p->height ||
+            (points->rgb && !point_color_agrees(p, u, v, gain, points->rgb[i])))
             continue;
         int32_t *slot = &s->at[(size_t)v * (size_t)p->width + (size_t)u];
         if (*slot < 0) {

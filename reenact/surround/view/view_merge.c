@@ -29,6 +29,10 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
     return most < wanted * (1 - apart) - 1e-4f ? SIGHT_THROUGH : SIGHT_SEEN;
 }
 
+// Where so much of the weight looks through every candidate, nobody has seen what is there: a wall was continued too
+// far.
+#define MOST_THROUGH 0.6
+
 struct candidate {
     float inverse_z;
     int layer;
@@ -114,14 +118,15 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
         for (int from = 0, end; from < n && least > 0.4; from = end) {
             end = surface_end(list, n, from, how->apart);
             const struct candidate mean = surface_mean(list, from, end);
-            const bool alone = from == 0 && end == n;
             const double error =
-                how->depth_test && !alone ? error_of(view, pictures, count < 8 ? count : 8, (int)i, mean.inverse_z) : 0;
+                how->depth_test ? error_of(view, pictures, count < 8 ? count : 8, (int)i, mean.inverse_z) : 0;
             if (error < least) {
                 least = error;
                 best = mean;
             }
         }
+        if (how->depth_test && least > MOST_THROUGH)
+            continue;
         view->inverse_z[i] = best.inverse_z;
         view->first[i] = (int16_t)best.layer;
     }
