@@ -13,7 +13,7 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
-enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 10, MOST_HALF = 30, LEAST_LATE = 20 };
+enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 11, MOST_HALF = 30, LEAST_LATE = 20 };
 
 struct series {
     const struct body_joint *joint;
@@ -318,6 +318,35 @@ static double mean_sigma(const struct series *s, int32_t count)
     return used > 0 ? sum / used : 0;
 }
 
+// What an angle goes through over first..end - 1 when its medians are looked at, degrees: what a tracker's short
+// mistakes add is not in it.
+static double held_range(const struct movement *m, enum body_angle angle, int32_t first, int32_t end)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int32_t f = first; f < end; f++) {
+        struct weighed v[2 * SMOOTH_HALF + 1];
+        int32_t used = 0;
+        for (int32_t k = f - SMOOTH_HALF; k <= f + SMOOTH_HALF; k++) {
+            const float rad = k >= first && k < end ? body_angles_of(&m->frames[k]).rad[angle] : NAN;
+            if (!isnan(rad))
+                v[used++] = (struct weighed){rad, 1};
+        }
+        const double middle = weighed_quantile(v, used, 0.5);
+        low = fmin(low, middle); // of a NaN the other
+        high = fmax(high, middle);
+    }
+    return high > low ? (high - low) * RAD : 0;
+}
+
+static bool held_less(const struct judge *g, double by_degrees)
+{
+    const struct pace *p = &g->c->pace;
+    const enum body_angle angle = g->s.joint->angle;
+    return 2 * (held_range(&g->c->a, angle, p->a_first, p->a_end) -
+                held_range(&g->c->judged, angle, p->b_first, p->b_end)) >=
+           by_degrees;
+}
+
 static enum status scan_range(struct judge *g, bool *found)
 {
     const struct body_joint *j = g->s.joint;
@@ -327,7 +356,8 @@ static enum status scan_range(struct judge *g, bool *found)
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
         range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&g->s, g->count),
                                  0.2 * range_a) || // going too far is posture: it has a place and a time
-        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD))
+        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD) ||
+        !held_less(g, range_a - range_b))
         return OK;
     static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
     const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];

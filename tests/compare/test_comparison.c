@@ -488,6 +488,22 @@ static void test_a_short_mistake_is_no_posture(void **state)
     comparison_free(&c);
 }
 
+// Who stands still goes through as much as a reference that stands still, too, but for a tracker's mistake.
+static void test_a_short_mistake_is_no_range(void **state)
+{
+    (void)state;
+    struct exercise e = once();
+    e.still = true;
+    struct movement lost = make_lost(&e, 0.25), sound = make(&e);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&lost, &sound, &c), OK);
+    if (find(&c, FINDING_RANGE))
+        print_findings(&c);
+    EXPECT_AT_LEAST(c.range_a[ANGLE_RIGHT_SHOULDER].high - c.range_a[ANGLE_RIGHT_SHOULDER].low, 0.5);
+    EXPECT_TRUE(!find(&c, FINDING_RANGE));
+    comparison_free(&c);
+}
+
 static void test_reports_hold_what_was_found(void **state)
 {
     (void)state;
@@ -572,6 +588,7 @@ int main(void)
         cmocka_unit_test(test_walking_half_a_cycle_late),
         cmocka_unit_test(test_noise_is_not_found),
         cmocka_unit_test(test_a_short_mistake_is_no_posture),
+        cmocka_unit_test(test_a_short_mistake_is_no_range),
         cmocka_unit_test(test_live),
         cmocka_unit_test(test_reports_hold_what_was_found),
     };
