@@ -8,7 +8,7 @@
 
 // FINEST: frames in a block of the finest level; each coarser one has COARSER times as many, until it is at most MOST
 // blocks wide and high. Chosen by time on the alignments of reenact-bench compare and growth.
-enum { FINEST = 6, COARSER = 4, MOST = 24, LEVELS = 12 };
+enum { FINEST = 6, COARSER = 2, MOST = 24, LEVELS = 12 };
 
 static struct feature_box *boxes_of(const struct features *f, int block, int32_t blocks)
 {

@@ -13,13 +13,14 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
-enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 3, LEAST_LATE = 20 };
+enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 11, MOST_HALF = 30, LEAST_LATE = 20 };
 
 struct series {
     const struct body_joint *joint;
     float (*difference)[3];   // smoothed
     float *degrees, *sigma;   // of the difference; NaN where unknown
     float *angle_a, *angle_b; // the joint's named angle, rad
+    float *fresh;             // how much of a frame says something new
 };
 
 struct judge {
@@ -47,6 +48,85 @@ static const char *own_part(const struct judge *g, enum part p)
 
 // ------------------------------------------------------------- the series
 
+struct weighed {
+    float value, weight;
+};
+
+static int by_value(const void *a, const void *b)
+{
+    const float x = ((const struct weighed *)a)->value, y = ((const struct weighed *)b)->value;
+    return (x > y) - (x < y);
+}
+
+// The value below which `share` of the weight is; sorts. NaN: nothing there.
+static double weighed_quantile(struct weighed *v, int32_t count, double share)
+{
+    double sum = 0, before = 0;
+    for (int32_t k = 0; k < count; k++)
+        sum += v[k].weight;
+    qsort(v, (size_t)count, sizeof *v, by_value);
+    for (int32_t k = 0; k < count; k++) {
+        before += v[k].weight;
+        if (before >= share * sum)
+            return v[k].value;
+    }
+    return NAN;
+}
+
+// What a frame says against noise of its own and of 3 degrees.
+static double weight_of(const struct series *s, int32_t f)
+{
+    return s->fresh[f] / ((double)s->sigma[f] * s->sigma[f] + 9);
+}
+
+// Many frames of B that show one of A (a pause) tell little more than one: A's error is the same in all of them.
+static void fill_fresh(const struct judge *g)
+{
+    enum { HALF = 2 };
+    const double least = 0.2; // of B's own errors; by hand
+    const float *reference = g->c->timeline.reference;
+    for (int32_t f = 0; f < g->count; f++) {
+        int32_t first = f, end = f;
+        while (first > 0 && first > f - HALF && !isnan(reference[first - 1]))
+            first--;
+        while (end + 1 < g->count && end < f + HALF && !isnan(reference[end + 1]))
+            end++;
+        const double pace = end > first ? ((double)reference[end] - reference[first]) / (end - first) : 1;
+        g->s.fresh[f] = (float)fmax(least, fmin(1, pace));
+    }
+}
+
+// The frames about f whose `fresh` is SMOOTH_HALF in sum to either side.
+static void window_about(const struct series *s, int32_t count, int32_t f, int32_t *first, int32_t *end)
+{
+    double before = 0, after = 0;
+    *first = f;
+    *end = f + 1;
+    while (*first > 0 && f - *first < MOST_HALF && (before += s->fresh[*first - 1]) <= SMOOTH_HALF)
+        --*first;
+    while (*end < count && *end - f <= MOST_HALF && (after += s->fresh[*end]) <= SMOOTH_HALF)
+        ++*end;
+}
+
+// Of the median of the differences about a frame, axis by axis: a tracker's gross mistakes are short, and a median
+// passes over what is shorter than half its window.
+static float smoothed_degrees(const struct series *s, int32_t count, int32_t f)
+{
+    double square = 0;
+    int32_t first, end;
+    window_about(s, count, f, &first, &end);
+    for (int axis = 0; axis < 3; axis++) {
+        struct weighed v[2 * MOST_HALF + 1];
+        int32_t used = 0;
+        for (int32_t k = first; k < end; k++)
+            if (!isnan(s->sigma[k]))
+                v[used++] = (struct weighed){s->difference[k][axis], (float)weight_of(s, k)};
+        const double middle = weighed_quantile(v, used, 0.5);
+        square += middle * middle;
+    }
+    return (float)(2 * RAD * portable_asin(fmin(1, sqrt(square) / 2)));
+}
+
 static void fill(struct judge *g, const struct body_joint *j)
 {
     const struct comparison *c = g->c;
@@ -68,20 +148,9 @@ static void fill(struct judge *g, const struct body_joint *j)
         s->angle_a[f] = body_angles_of(&x).rad[j->angle];
         s->angle_b[f] = body_angles_of(&c->judged.frames[f]).rad[j->angle];
     }
-    for (int32_t f = 0; f < g->count; f++) {
-        double sum[3] = {0}, used = 0;
-        for (int32_t k = f - SMOOTH_HALF; k <= f + SMOOTH_HALF; k++) {
-            if (k < 0 || k >= g->count || isnan(s->sigma[k]))
-                continue;
-            for (int n = 0; n < 3; n++)
-                sum[n] += s->difference[k][n];
-            used++;
-        }
-        if (isnan(s->sigma[f]))
-            continue;
-        const double chord = sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / used;
-        s->degrees[f] = (float)(2 * RAD * portable_asin(fmin(1, chord / 2)));
-    }
+    for (int32_t f = 0; f < g->count; f++)
+        if (!isnan(s->sigma[f]))
+            s->degrees[f] = smoothed_degrees(s, g->count, f);
 }
 
 // ------------------------------------------------------------- posture
@@ -91,44 +160,22 @@ struct wrong {
     double degrees, angle_degrees, difference[3], sigma;
 };
 
-struct weighed {
-    float degrees, weight;
-};
-
-static int by_degrees(const void *a, const void *b)
-{
-    const float x = ((const struct weighed *)a)->degrees, y = ((const struct weighed *)b)->degrees;
-    return (x > y) - (x < y);
-}
-
-// What a frame says against noise of its own and of 3 degrees.
-static double weight_of(const struct series *s, int32_t f) { return 1 / ((double)s->sigma[f] * s->sigma[f] + 9); }
-
-// The degrees below which UPPER_SHARE of the frames are, by weight: it is wrong less where it begins and ends, and a
-// tracker's mistakes are more but short. NaN: nothing known.
-static double level_of(const struct series *s, int32_t first, int32_t end, struct weighed *scratch)
+// The degrees below which a share of the frames are, by weight; UPPER_SHARE for the size: it is wrong less where it
+// begins and ends, and a tracker's mistakes are more but short. NaN: nothing known.
+static double level_of(const struct series *s, int32_t first, int32_t end, double share, struct weighed *scratch)
 {
     int32_t count = 0;
-    double sum = 0, before = 0;
     for (int32_t f = first; f < end; f++)
-        if (!isnan(s->degrees[f])) {
+        if (!isnan(s->degrees[f]))
             scratch[count++] = (struct weighed){s->degrees[f], (float)weight_of(s, f)};
-            sum += weight_of(s, f);
-        }
-    qsort(scratch, (size_t)count, sizeof *scratch, by_degrees);
-    for (int32_t k = 0; k < count; k++) {
-        before += scratch[k].weight;
-        if (before >= UPPER_SHARE * sum)
-            return scratch[k].degrees;
-    }
-    return NAN;
+    return weighed_quantile(scratch, count, share);
 }
 
 // The weighted mean over the frames about that level.
 static struct wrong measure(const struct series *s, int32_t first, int32_t end, struct weighed *scratch)
 {
     struct wrong w = {0};
-    const double level = level_of(s, first, end, scratch);
+    const double level = level_of(s, first, end, UPPER_SHARE, scratch);
     double used = 0;
     for (int32_t f = first; f < end; f++) {
         if (isnan(s->degrees[f]) || isnan(s->angle_a[f]) || isnan(s->angle_b[f]) ||
@@ -199,7 +246,8 @@ static enum status add_posture(struct judge *g, int32_t first, int32_t end)
     // By how much it counts: what may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
     f.weight = sure * w.degrees * fmin(1.5, sqrt(f.to_s - f.from_s)) * (g->s.joint->part == PART_HEAD ? 0.6 : 1);
-    return w.degrees < BEGIN_DEGREES ? OK : finding_add(g->c, &f, true);
+    const bool mostly = level_of(&g->s, first, end, 0.5, g->scratch) >= BEGIN_DEGREES;
+    return w.degrees < BEGIN_DEGREES || !mostly ? OK : finding_add(g->c, &f, true);
 }
 
 static bool begins(const struct series *s, int32_t f)
@@ -216,13 +264,14 @@ static enum status scan_posture(struct judge *g)
     for (int32_t f = 0; f < g->count && status == OK; f++) {
         if (!begins(s, f))
             continue;
-        int32_t first = f, end = f + 1, frames = 1;
+        int32_t first = f, end = f + 1;
+        double frames = s->fresh[f];
         while (first > 0 && s->degrees[first - 1] >= STAY_DEGREES) // false for NaN
             first--;
         for (int32_t k = end; k < g->count && k < end + MOST_GAP; k++)
             if (s->degrees[k] >= STAY_DEGREES) {
                 end = k + 1;
-                frames += begins(s, k);
+                frames += begins(s, k) ? s->fresh[k] : 0;
             }
         if (frames >= LEAST_FRAMES)
             status = add_posture(g, first, end);
@@ -269,6 +318,35 @@ static double mean_sigma(const struct series *s, int32_t count)
     return used > 0 ? sum / used : 0;
 }
 
+// What an angle goes through over first..end - 1 when its medians are looked at, degrees: what a tracker's short
+// mistakes add is not in it.
+static double held_range(const struct movement *m, enum body_angle angle, int32_t first, int32_t end)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int32_t f = first; f < end; f++) {
+        struct weighed v[2 * SMOOTH_HALF + 1];
+        int32_t used = 0;
+        for (int32_t k = f - SMOOTH_HALF; k <= f + SMOOTH_HALF; k++) {
+            const float rad = k >= first && k < end ? body_angles_of(&m->frames[k]).rad[angle] : NAN;
+            if (!isnan(rad))
+                v[used++] = (struct weighed){rad, 1};
+        }
+        const double middle = weighed_quantile(v, used, 0.5);
+        low = fmin(low, middle); // of a NaN the other
+        high = fmax(high, middle);
+    }
+    return high > low ? (high - low) * RAD : 0;
+}
+
+static bool held_less(const struct judge *g, double by_degrees)
+{
+    const struct pace *p = &g->c->pace;
+    const enum body_angle angle = g->s.joint->angle;
+    return 2 * (held_range(&g->c->a, angle, p->a_first, p->a_end) -
+                held_range(&g->c->judged, angle, p->b_first, p->b_end)) >=
+           by_degrees;
+}
+
 static enum status scan_range(struct judge *g, bool *found)
 {
     const struct body_joint *j = g->s.joint;
@@ -278,7 +356,8 @@ static enum status scan_range(struct judge *g, bool *found)
     if (isnan(range_a) || isnan(range_b) || j->limb < 0 || range_a < 25 ||
         range_a - range_b < fmax(12 + SIGMA_SHARE * mean_sigma(&g->s, g->count),
                                  0.2 * range_a) || // going too far is posture: it has a place and a time
-        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD))
+        !gain_explains(&g->s, g->count, fabs(range_b - range_a) / RAD) ||
+        !held_less(g, range_a - range_b))
         return OK;
     static const char *const names[2][2] = {{"upper arm", "elbow"}, {"hip", "knee"}};
     const char *name = names[j->limb >= 2][j->carrier == CARRIER_PART];
@@ -342,7 +421,9 @@ static bool open(struct judge *g, struct comparison *c)
     g->s.sigma = malloc(n * sizeof *g->s.sigma);
     g->s.angle_a = malloc(n * sizeof *g->s.angle_a);
     g->s.angle_b = malloc(n * sizeof *g->s.angle_b);
-    bool have = g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b;
+    g->s.fresh = malloc(n * sizeof *g->s.fresh);
+    bool have =
+        g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b && g->s.fresh;
     for (int k = 0; k < LIMBS; k++) {
         g->shift[k] = calloc(n, sizeof *g->shift[k]);
         g->late[k] = calloc(n, sizeof *g->late[k]);
@@ -359,6 +440,7 @@ static void close(struct judge *g)
     free(g->s.sigma);
     free(g->s.angle_a);
     free(g->s.angle_b);
+    free(g->s.fresh);
     for (int k = 0; k < LIMBS; k++) {
         free(g->shift[k]);
         free(g->late[k]);
@@ -369,6 +451,8 @@ enum status find_postures(struct comparison *c)
 {
     struct judge g;
     enum status status = open(&g, c) ? OK : fail(ERR_MEMORY, "no memory for the findings");
+    if (status == OK)
+        fill_fresh(&g);
     for (int limb = 0; limb < LIMBS && status == OK; limb++) {
         status = limb_shifts(&c->a, &c->judged, &c->timeline, limb, g.shift[limb], g.late[limb]);
         if (status == OK)

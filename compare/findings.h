@@ -9,7 +9,8 @@
 //   mirrored  the other side was used
 //
 // An arm's or leg's posture is judged at the limb's own time: where shifting it by up to 0.5 s explains much of the
-// difference, the finding is the lateness, and only what remains is posture.
+// difference, the finding is the lateness, and only what remains is posture. A posture is held: what lasts less than a
+// third of a second, in either movement, is taken for the tracker's mistake.
 #pragma once
 #include "compare/comparison.h"
 

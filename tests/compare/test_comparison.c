@@ -443,6 +443,67 @@ static void test_noise_is_not_found(void **state)
     comparison_free(&c);
 }
 
+// A person whose right arm a tracker has 0.25 m elsewhere from 1 s on, for `lost_s`.
+static struct movement make_lost(const struct exercise *e, double lost_s)
+{
+    struct joint_samples s;
+    struct movement m;
+    exercise_samples(e, &rng, &s);
+    for (int64_t i = 0; i < s.count; i++) {
+        const double time_s = (double)(s.at[i].time_ns - s.at[0].time_ns) * 1e-9;
+        if (time_s < 1 || time_s >= 1 + lost_s)
+            continue;
+        struct vec3 *joint = s.at[i].skeleton.joint;
+        joint[JOINT_RIGHT_ELBOW] = v3_add(joint[JOINT_RIGHT_ELBOW], v3(0, 0, -0.25));
+        joint[JOINT_RIGHT_HAND] = v3_add(joint[JOINT_RIGHT_HAND], v3(0, 0, -0.25));
+    }
+    movement_of(&s, &m);
+    return m;
+}
+
+// A tracker's mistake is short; a posture is held. That the attempt pauses just where the reference is mistaken does
+// not make more of it.
+static void test_a_short_mistake_is_no_posture(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise pausing = a;
+    pausing.pause_at_s = 1.15;
+    pausing.pause_s = 0.8;
+    pausing.seconds = 3.8;
+    const struct exercise attempts[2] = {a, pausing};
+    for (int k = 0; k < 2; k++) {
+        struct movement lost = make_lost(&a, 0.25), sound = make(&attempts[k]);
+        struct comparison c;
+        EXPECT_STATUS(comparison_make(&lost, &sound, &c), OK);
+        if (worst_posture(&c) > 0)
+            print_findings(&c);
+        EXPECT_AT_MOST(worst_posture(&c), 0);
+        comparison_free(&c);
+    }
+    struct movement wrong = make_lost(&a, 1), sound = make(&a);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&sound, &wrong, &c), OK);
+    EXPECT_AT_LEAST(worst_posture(&c), 20);
+    comparison_free(&c);
+}
+
+// Who stands still goes through as much as a reference that stands still, too, but for a tracker's mistake.
+static void test_a_short_mistake_is_no_range(void **state)
+{
+    (void)state;
+    struct exercise e = once();
+    e.still = true;
+    struct movement lost = make_lost(&e, 0.25), sound = make(&e);
+    struct comparison c;
+    EXPECT_STATUS(comparison_make(&lost, &sound, &c), OK);
+    if (find(&c, FINDING_RANGE))
+        print_findings(&c);
+    EXPECT_AT_LEAST(c.range_a[ANGLE_RIGHT_SHOULDER].high - c.range_a[ANGLE_RIGHT_SHOULDER].low, 0.5);
+    EXPECT_TRUE(!find(&c, FINDING_RANGE));
+    comparison_free(&c);
+}
+
 static void test_reports_hold_what_was_found(void **state)
 {
     (void)state;
@@ -526,6 +587,8 @@ int main(void)
         cmocka_unit_test(test_left_and_right_confused_for_some_frames),
         cmocka_unit_test(test_walking_half_a_cycle_late),
         cmocka_unit_test(test_noise_is_not_found),
+        cmocka_unit_test(test_a_short_mistake_is_no_posture),
+        cmocka_unit_test(test_a_short_mistake_is_no_range),
         cmocka_unit_test(test_live),
         cmocka_unit_test(test_reports_hold_what_was_found),
     };
