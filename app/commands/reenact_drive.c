@@ -20,7 +20,7 @@ struct drive_arguments {
     const char *remap[MOST_REMAPS + 1];
     int remaps;
     int trials;
-    bool json;
+    bool json, map;
     double seconds, every_s;
     struct drive_options how;
 };
@@ -35,6 +35,7 @@ enum {
     KEY_CALIBRATION,
     KEY_REMAP,
     KEY_CAMERA,
+    KEY_MAP,
     KEY_JSON
 };
 
@@ -54,6 +55,7 @@ static const struct argp_option options[] = {
      0},
     {"camera", KEY_CAMERA, "URI", 0,
      "the tablet's own camera, localised in FILE's place: its way moves and turns the viewpoint", 0},
+    {"map", KEY_MAP, NULL, 0, "show the map with the path driven beside the picture from the start (M)", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -71,6 +73,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_JSON: a->json = true; return 0;
     case KEY_CALIBRATION: a->how.calibration = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_MAP: a->map = true; return 0;
     case KEY_REMAP:
         if (a->remaps == MOST_REMAPS)
             argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
@@ -245,7 +248,7 @@ int reenact_drive(int argc, char **argv)
         "robot's captures, played in real time), or ros: or ros:http://HOST:PORT (a robot on a ROS master: topics "
         "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Stick or arrow keys drive, space "
         "stops; a finger turns the viewpoint; "
-        "1, 2 and 3 choose first person, third person and from above.",
+        "1, 2 and 3 choose first person, third person and from above; M shows the map beside the picture.",
         NULL,
         NULL,
         NULL};
@@ -263,7 +266,7 @@ int reenact_drive(int argc, char **argv)
     if (status == OK)
         status = drive_session_open(&session, arguments.uri, &arguments.how);
     if (status == OK) {
-        const struct drive_window_options window = {arguments.seconds, arguments.camera, &place};
+        const struct drive_window_options window = {arguments.seconds, arguments.camera, &place, arguments.map};
         status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
         drive_session_close(&session);
     }

@@ -87,7 +87,7 @@ static void test_as_the_session_draws_it(void **state)
     open_stage(&s);
     drive(&s, 3);
     for (int k = 0; k < 3; k++) {
-        s.session.viewpoint = (enum viewpoint)k;
+        s.session.eye.viewpoint = (enum viewpoint)k;
         EXPECT_STATUS(drive_session_draw(&s.session, &view), OK);
         for (int i = 0; i < 8; i++) // the pictures come one in each image, the line to what is nearest an image later
             show(&s, WIDTH, HEIGHT, rgba);
@@ -113,7 +113,7 @@ static void test_a_wide_window(void **state)
     const struct surround_view *view;
     open_stage(&s);
     drive(&s, 1);
-    s.session.viewpoint = VIEWPOINT_ABOVE;
+    s.session.eye.viewpoint = VIEWPOINT_ABOVE;
     EXPECT_STATUS(drive_session_draw(&s.session, &view), OK);
     for (int i = 0; i < 8; i++)
         show(&s, 2 * WIDTH, HEIGHT, rgba);

@@ -136,6 +136,56 @@ static void test_overlay(void **state)
     simulated_rover_close(&rover);
 }
 
+// A spiral of 200 m: the path stays within its memory, begins where the robot did, and is nowhere farther from where it
+// was than its points are apart.
+static void test_a_long_path_is_bounded(void **state)
+{
+    (void)state;
+    enum { STEPS = 20000 };
+    static struct vec3 was[STEPS];
+    struct drive_path path = {.count = 0};
+    for (int i = 0; i < STEPS; i++) {
+        const double angle = 2e-3 * i, radius = 2 + 1.5e-4 * i;
+        was[i] = v3(radius * cos(angle), radius * sin(angle), 0);
+        drive_path_add(&path, was[i]);
+        EXPECT_AT_MOST(path.count, DRIVE_PATH_POINTS);
+    }
+    EXPECT_AT_LEAST(path.count, DRIVE_PATH_POINTS / 4);
+    EXPECT_AT_MOST(v3_distance(path.at[0], was[0]), 0);
+    double farthest = 0;
+    for (int i = 0; i < STEPS; i += 7) {
+        double nearest = INFINITY;
+        for (int k = 0; k < path.count; k++)
+            nearest = fmin(nearest, v3_distance(was[i], path.at[k]));
+        farthest = fmax(farthest, nearest);
+    }
+    print_message("%d points, %.2f m apart, at most %.2f m from the way\n", path.count, path.spacing_m, farthest);
+    EXPECT_AT_MOST(farthest, path.spacing_m);
+}
+
+// Seen from above, a path of a metre behind the robot is drawn where it was driven.
+static void test_the_path_is_drawn_where_it_was_driven(void **state)
+{
+    (void)state;
+    struct overlay_shapes without, with;
+    struct drive_path path = {.count = 0};
+    const struct lens lens = {.width = 400, .height = 400, .fx = 200, .fy = 200, .cx = 199.5, .cy = 199.5};
+    struct surround_view view = {.lens = lens,
+                                 .world_from_view = {quat_from_rotation_vector(v3(3.14159265358979, 0, 0)), {0, 0, 4}}};
+    struct operator_overlay overlay = {.world_from_body = POSE_IDENTITY, .size_m = {0.6, 0.5, 1.2}};
+    quat_to_matrix(view.world_from_view.rotation, view.axes);
+    for (int i = 0; i <= 10; i++)
+        drive_path_add(&path, v3(0.1 * i - 1, 0, 0));
+    operator_overlay_shapes(&without, &view, &overlay, NULL);
+    overlay.path = &path;
+    operator_overlay_shapes(&with, &view, &overlay, NULL);
+    EXPECT_INT(with.line_count - without.line_count, path.count);
+    const double to_px = lens.fx / 3.98; // the floor's, 2 cm raised
+    EXPECT_NEAR(with.lines[0].ax, lens.cx - 1 * to_px, 0.01);
+    EXPECT_NEAR(with.lines[0].ay, lens.cy, 0.01);
+    EXPECT_NEAR(with.lines[path.count - 1].bx, lens.cx, 0.01);
+}
+
 // The tablet looks along its place's y when it is centred: half a metre that way is half a metre ahead of the robot, a
 // quarter turn to the left looks to the robot's left, and what is raised is raised.
 static void test_the_tablet_is_the_head(void **state)
@@ -216,6 +266,8 @@ int main(void)
         cmocka_unit_test(test_a_lost_link_stops_the_robot),
         cmocka_unit_test(test_clearance),
         cmocka_unit_test(test_overlay),
+        cmocka_unit_test(test_a_long_path_is_bounded),
+        cmocka_unit_test(test_the_path_is_drawn_where_it_was_driven),
         cmocka_unit_test(test_the_tablet_is_the_head),
         cmocka_unit_test(test_captures_on_threads),
         cmocka_unit_test(test_commands_through_the_bent_passage_are_counted),

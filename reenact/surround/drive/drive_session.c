@@ -78,7 +78,7 @@ static struct surroundings *seen_by(struct drive_session *s)
 
 enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how)
 {
-    *s = (struct drive_session){.how = *how, .viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2};
+    *s = (struct drive_session){.how = *how, .eye = {.viewpoint = VIEWPOINT_THIRD, .elevation = 0.8, .distance_m = 2}};
     s->watch.patience_s = how->patience_s;
     enum status status;
     if (!strncmp(uri, "sim:", 4)) {
@@ -129,7 +129,7 @@ static void send(struct drive_session *s, const struct drive_command *command)
     s->pending[s->pending_count++].arrives_ns = s->now_ns + delay_ns(s);
 }
 
-enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
+static enum status step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
 {
     const double seconds = (double)(now_ns - s->now_ns) * 1e-9;
     s->now_ns = now_ns;
@@ -150,6 +150,14 @@ enum status drive_session_step(struct drive_session *s, int64_t now_ns, const st
     }
     const struct drive_command carried = link_watch_command(&s->watch, s->command, now_ns, &s->link_lost);
     return simulated_rover_step(&s->rover, carried, seconds);
+}
+
+enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
+{
+    const enum status status = step(s, now_ns, command);
+    if (status == OK)
+        drive_path_add(&s->path, drive_session_pose(s).translation);
+    return status;
 }
 
 struct pose drive_session_pose(const struct drive_session *s)
@@ -196,7 +204,7 @@ static const double *size_of(const struct drive_session *s)
 
 struct pose drive_session_viewpoint(const struct drive_session *s)
 {
-    return operator_viewpoint(s->viewpoint, POSE_IDENTITY, size_of(s));
+    return operator_viewpoint(s->eye.viewpoint, POSE_IDENTITY, size_of(s));
 }
 
 const struct lens *drive_session_lens(const struct drive_session *s)
@@ -208,17 +216,20 @@ const struct lens *drive_session_lens(const struct drive_session *s)
 
 static struct pose eye_of(const struct drive_session *s, struct pose body)
 {
-    return s->head    ? pose_multiply(body, s->body_from_eye)
-           : s->orbit ? operator_orbit(body, s->azimuth, s->elevation, s->distance_m)
-                      : operator_viewpoint(s->viewpoint, body, size_of(s));
+    return s->eye.head    ? pose_multiply(body, s->eye.body_from_eye)
+           : s->eye.orbit ? operator_orbit(body, s->eye.azimuth, s->eye.elevation, s->eye.distance_m)
+                          : operator_viewpoint(s->eye.viewpoint, body, size_of(s));
 }
 
 static void fill_overlay(struct drive_session *s, struct pose body, struct operator_overlay *out)
 {
-    *out = (struct operator_overlay){
-        .world_from_body = body, .command = command_of(s), .age_s = age_of_s(s, seen_by(s)), .link_lost = s->link_lost};
+    *out = (struct operator_overlay){.world_from_body = body,
+                                     .command = command_of(s),
+                                     .age_s = age_of_s(s, seen_by(s)),
+                                     .link_lost = s->link_lost,
+                                     .path = &s->path};
     memcpy(out->size_m, size_of(s), sizeof out->size_m);
-    if (!s->orbit && !s->head && s->viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
+    if (!s->eye.orbit && !s->eye.head && s->eye.viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
         out->size_m[0] = out->size_m[1] = out->size_m[2] = 0;
         out->command = (struct drive_command){0, 0};
     }

@@ -18,6 +18,15 @@ struct drive_options drive_default_options(void);
 
 enum { DRIVE_PENDING = 64 };
 
+// From where the operator looks.
+struct drive_eye {
+    enum viewpoint viewpoint;
+    bool orbit; // a free viewpoint round the body
+    double azimuth, elevation, distance_m;
+    bool head;                 // a head tracker's viewpoint
+    struct pose body_from_eye; // with head: the camera's axes in the body's
+};
+
 enum drive_kind { DRIVE_SIMULATED, DRIVE_PLAYED, DRIVE_ROS };
 
 struct drive_session {
@@ -35,13 +44,10 @@ struct drive_session {
         int64_t arrives_ns;
     } pending[DRIVE_PENDING]; // under way to the robot, oldest first
     int pending_count;
-    uint32_t sent;         // packets
-    bool link_lost, ended; // ended: the folder is played to its end
-    enum viewpoint viewpoint;
-    bool orbit; // a free viewpoint round the body
-    double azimuth, elevation, distance_m;
-    bool head;                 // a head tracker's viewpoint
-    struct pose body_from_eye; // with head: the camera's axes in the body's
+    uint32_t sent;          // packets
+    bool link_lost, ended;  // ended: the folder is played to its end
+    struct drive_path path; // of the body, as the operator's side believes it to be
+    struct drive_eye eye;   // the operator's; may be set at any time
 };
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.

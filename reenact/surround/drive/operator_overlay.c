@@ -11,7 +11,7 @@ enum { RANK = 10, ARC_STEPS = 24, GLYPH_WIDTH = 3, GLYPH_HEIGHT = 5 };
 #define PI      3.14159265358979323846
 
 const uint8_t overlay_body_color[3] = {60, 160, 255};
-static const uint8_t arrow_color[3] = {255, 210, 0}, line_color[3] = {255, 40, 40};
+static const uint8_t arrow_color[3] = {255, 210, 0}, line_color[3] = {255, 40, 40}, path_color[3] = {90, 220, 120};
 
 static struct vec3 in_body(struct pose world_from_body, const double at[3])
 {
@@ -141,6 +141,24 @@ static void add_edges(struct overlay_shapes *out, const struct surround_view *vi
     }
 }
 
+// A chevron on its top, at its front.
+static void add_heading(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+{
+    const struct vec3 front = pose_apply(o->world_from_body, v3(o->size_m[0] / 2, 0, o->size_m[2]));
+    for (int side = -1; side <= 1; side += 2)
+        add_line(out, view, front, pose_apply(o->world_from_body, v3(0, side * o->size_m[1] / 2, o->size_m[2])),
+                 overlay_body_color);
+}
+
+static void add_path(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
+{
+    const struct drive_path *p = o->path;
+    const struct vec3 above_floor = v3(0, 0, 0.02);
+    for (int i = 0; p && i < p->count; i++)
+        add_line(out, view, v3_add(p->at[i], above_floor),
+                 v3_add(i + 1 < p->count ? p->at[i + 1] : o->world_from_body.translation, above_floor), path_color);
+}
+
 static void add_arrow(struct overlay_shapes *out, const struct surround_view *view, const struct operator_overlay *o)
 {
     if (fabs(o->command.speed) < 1e-3 && fabs(o->command.turn_rate) < 1e-3)
@@ -208,7 +226,9 @@ void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_v
     const int scale = view->lens.width < 400 ? 1 : view->lens.width / 200;
     char text[32];
     out->line_count = out->rect_count = 0;
+    add_path(out, view, o);
     add_edges(out, view, o);
+    add_heading(out, view, o);
     add_arrow(out, view, o);
     if (thing) {
         double x, y, z;

@@ -1,7 +1,9 @@
 // What an operator sees over the surroundings: the robot's body, transparent and of its true size, hidden where
-// something stands in front of it; an arrow along the arc that it will drive in the next two seconds; a line to what is
-// nearest, with its distance; the picture's age; and a warning when the link is lost. Drawn into a surround_view.
+// something stands in front of it, with a mark at its front; the path that it has driven; an arrow along the arc that
+// it will drive in the next two seconds; a line to what is nearest, with its distance; the picture's age; and a warning
+// when the link is lost. Drawn into a surround_view.
 #pragma once
+#include "reenact/surround/drive/drive_path.h"
 #include "reenact/surround/drive/robot_motion.h"
 #include "reenact/surround/view/surround_view.h"
 
@@ -9,8 +11,9 @@ struct operator_overlay {
     struct pose world_from_body;
     double size_m[3]; // length, width, height
     struct drive_command command;
-    double age_s;   // of the newest capture
-    bool link_lost; // the robot stands
+    double age_s;                  // of the newest capture
+    bool link_lost;                // the robot stands
+    const struct drive_path *path; // NULL: none is drawn
 };
 
 struct nearest_thing {
@@ -26,7 +29,12 @@ MUST_CHECK enum status nearest_in_view(const struct surround_view *view, struct 
 
 // The overlay but for the body's tint, in the view's pixels: lines two pixels wide at 85 %, then rectangles, later ones
 // over earlier ones. Of *view the lens, the pose and the axes are used.
-enum { OVERLAY_LINES = 64, OVERLAY_RECTS = 512, OVERLAY_LINE_PERCENT = 85, OVERLAY_BODY_PERCENT = 40 };
+enum {
+    OVERLAY_LINES = 64 + DRIVE_PATH_POINTS,
+    OVERLAY_RECTS = 512,
+    OVERLAY_LINE_PERCENT = 85,
+    OVERLAY_BODY_PERCENT = 40
+};
 struct overlay_line {
     double ax, ay, bx, by;
     uint8_t color[3];
