@@ -1,6 +1,7 @@
 #include "app/commands/drive_window.h"
 
 #include "app/camera/camera_feed.h"
+#include "app/commands/command.h"
 #include "base/clock.h"
 #include "platform/gpu_draw2d.h"
 #include "platform/window.h"
@@ -278,7 +279,7 @@ enum status drive_window_run(struct drive_session *session, const struct drive_w
         status = camera_feed_open(&w.feed, &feed);
     const int64_t start = clock_now_ns() - session->now_ns;
     int64_t sent = start - STEP_NS;
-    while (status == OK && !w.quit) {
+    while (status == OK && !w.quit && !command_stopped()) {
         const int64_t before = clock_now_ns();
         for (struct window_event e; (e = window_wait(w.screen, 0)).kind != WINDOW_NO_EVENT && !w.quit;)
             on_event(&w, &e);

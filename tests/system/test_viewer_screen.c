@@ -224,6 +224,39 @@ static void test_lost_graphics_context_is_recreated(void **state)
     EXPECT_INT(count_occurrences(said.out, "shows     the actor in place"), 2);
 }
 
+// How many pixels have the colour of the robot's edges, in one half of the display.
+static int find_robot(int half)
+{
+    int count = 0;
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = half * WIDTH / 2; x < (half + 1) * WIDTH / 2; x++) {
+            const uint8_t *p = rgb + 3 * (y * WIDTH + x);
+            count += p[0] < 120 && p[1] > 120 && p[1] < 200 && p[2] > 220;
+        }
+    return count;
+}
+
+// The picture on the left, the map on the right, the robot in both; SIGTERM ends it in good order.
+static void test_driving_with_the_map_beside(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    const char *const arguments[] = {PROGRAM_DIR "/reenact", "drive", "sim:1", "--map", NULL};
+    int left = 0, right = 0;
+    watcher = process_start(arguments);
+    for (int i = 0; i < 600 * PROCESS_PATIENCE && (left < 300 || right < 100); i++) {
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
+        if (!read_display())
+            continue;
+        left = find_robot(0);
+        right = find_robot(1);
+    }
+    print_message("%d pixels of the robot's edges in the picture, %d in the map\n", left, right);
+    EXPECT_AT_LEAST(left, 300);
+    EXPECT_AT_LEAST(right, 100);
+    end_watcher();
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -260,6 +293,7 @@ int main(void)
         cmocka_unit_test(test_x11),
         cmocka_unit_test(test_wayland),
         cmocka_unit_test(test_lost_graphics_context_is_recreated),
+        cmocka_unit_test(test_driving_with_the_map_beside),
         cmocka_unit_test(test_missing_display_is_reported),
         cmocka_unit_test(test_missing_graphics_driver_is_reported),
     };
