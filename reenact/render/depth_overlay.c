@@ -113,7 +113,7 @@ static bool put_stroke(const struct overlay_picture *picture, const struct overl
     struct pixel from, to;
     if (!project(&picture->lens, s->from, &from) || !project(&picture->lens, s->to, &to))
         return false;
-    const double dx = to.x - from.x, dy = to.y - from.y, length = hypot(dx, dy),
+    const double dx = to.x - from.x, dy = to.y - from.y, length = sqrt(dx * dx + dy * dy),
                  radius = s->width_px * picture->scale / 2;
     const double ax = length > 0 ? dx / length : 1, ay = length > 0 ? dy / length : 0, reach = radius + 1;
     for (int i = 0; i < QUAD; i++) {

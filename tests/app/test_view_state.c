@@ -363,6 +363,7 @@ static void fill_request(struct take_view_request *r)
     r->sources = r->inset = r->camera_lost = r->in_room = r->former = false;
     r->camera = NULL;
     r->camera_number = 3;
+    r->overlay = NULL;
 }
 
 static void test_padding_causes_no_redraw(void **state)
@@ -411,6 +412,7 @@ static void test_every_field_causes_a_redraw(void **state)
     EXPECT_REDRAW(former = true);
     EXPECT_REDRAW(camera = (const struct gpu_texture *)&pixel);
     EXPECT_REDRAW(camera_number = 4);
+    EXPECT_REDRAW(overlay = (const struct overlay *)(const void *)&pixel);
 }
 
 int main(void)
