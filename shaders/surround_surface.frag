@@ -4,6 +4,7 @@ precision highp float;
 precision highp int;
 
 in float inverse;
+in float through;
 
 uniform vec4 view_range; // width, height, nearest z drawn
 uniform vec4 order;      // of this picture
@@ -12,4 +13,11 @@ out vec4 kept;
 
 #include "surround_depth.glsl"
 
-void main() { kept = pack_surface(inverse * gl_FragCoord.w, view_range.z, order.x); }
+const float MOST_THROUGH = 0.6; // as in view_merge.c
+
+void main()
+{
+    if (through > MOST_THROUGH) // where no other surface is, nothing has been seen
+        discard;
+    kept = pack_surface(inverse * gl_FragCoord.w, view_range.z, order.x);
+}

@@ -14,6 +14,7 @@ uniform vec4 order;                // of this picture; 1: it is judged; share th
 uniform sampler2DArray ranges;     // least and most inverse distance about each 2 x 2 pixels; most < 0: not known
 
 out float inverse;
+out float through; // share that looks through the surface here
 
 #include "surround_picture.glsl"
 
@@ -47,9 +48,10 @@ void main()
     inverse = ray_inverse.w;
     vec3 p = vec3(dot(a.xyz, ray), dot(b.xyz, ray), dot(c.xyz, ray)) + inverse * vec3(a.w, b.w, c.w);
     vec2 px = view_lens.xy * p.xy + (view_lens.zw + 0.5) * p.z;
+    through = order.y > 0.0 ? share_through(p) : 0.0;
     // The nearer half of the depth range is for what passes the test. 1 / z is linear in the image, and so is this. The
     // earlier picture wins where two nearly agree, so that a surface is of one picture, not of their noise.
     float shown = inverse * (1.0 - order.z * (1.0 - 1.0 / (1.0 + order.x))) * view_range.z;
-    float half_from = order.y > 0.0 && share_through(p) > 0.4 ? 0.9999 : -0.0001;
+    float half_from = through > 0.4 ? 0.9999 : -0.0001;
     gl_Position = vec4(2.0 * px / view_range.xy - p.z, half_from * p.z - 0.9999 * shown, p.z);
 }

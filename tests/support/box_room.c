@@ -84,6 +84,34 @@ void box_room_draw(struct box_room *s, struct pose eye, int count)
     box_room_make_truth(s, eye);
 }
 
+struct room_plate box_room_put_plate(struct box_room *s, struct pose eye)
+{
+    const struct vec3 low = v3(0.6, -0.42, 1.2), high = v3(0.6, -0.18, 1.4); // facing the way
+    const struct lens *lens = &s->view.lens;
+    const struct pose view_from_world = pose_inverse(eye);
+    const struct pixel a = lens_project(lens, pose_apply(view_from_world, v3(low.x, high.y, high.z)));
+    const struct pixel b = lens_project(lens, pose_apply(view_from_world, v3(low.x, low.y, low.z)));
+    for (int i = 0; i < ROOM_PICTURES; i++) {
+        struct surround_picture *p = &s->pictures[i];
+        const struct vec3 c = p->world_from_camera.translation;
+        for (int k = 0; k < ROOM_WIDTH * ROOM_HEIGHT; k++) {
+            float ray[3];
+            surround_picture_ray(p, k % ROOM_WIDTH, k / ROOM_WIDTH, ray);
+            const struct vec3 d = quat_rotate(p->world_from_camera.rotation, v3(ray[0], ray[1], ray[2]));
+            const struct vec3 seen = v3_add(c, v3_scale(d, 1 / (double)p->inverse[k]));
+            const struct vec3 plate = v3_add(c, v3_scale(d, (low.x - c.x) / d.x)),
+                              from = pose_apply(view_from_world, seen);
+            const struct pixel at = lens_project(lens, from);
+            if (i == 0 && d.x > 0 && plate.y > low.y && plate.y < high.y && plate.z > low.z && plate.z < high.z)
+                p->inverse[k] = (float)(d.x / (low.x - c.x));
+            else if (from.z > 0 && at.x > a.x - 4 && at.x < b.x + 4 && at.y > a.y - 4 && at.y < b.y + 4)
+                p->inverse[k] = DEPTH_UNKNOWN;
+        }
+        surround_picture_join(p);
+    }
+    return (struct room_plate){(int)a.x + 2, (int)a.y + 2, (int)b.x - 1, (int)b.y - 1};
+}
+
 struct room_measured box_room_measure(const struct box_room *s)
 {
     const int pixels = s->view.lens.width * s->view.lens.height;

@@ -26,6 +26,13 @@ void box_room_make_truth(struct box_room *s, struct pose eye);
 // By the processor, of the first `count` pictures; makes the truth, too.
 void box_room_draw(struct box_room *s, struct pose eye, int count);
 
+// Gives the first picture the depth of a plate in the air, through which the others look, at walls; of what is behind
+// it from `eye`, in s->view's lens, none knows anything any more.
+struct room_plate {
+    int left, top, right, bottom; // pixels of the view that are well inside of it; right and bottom are outside
+};
+struct room_plate box_room_put_plate(struct box_room *s, struct pose eye);
+
 struct room_measured {
     double psnr_db, drawn, depth_off; // of drawn pixels; depth: share off by more than 3 %
 };

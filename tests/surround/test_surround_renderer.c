@@ -104,6 +104,34 @@ static void test_as_the_processor_draws(void **state)
     close_stage(&s);
 }
 
+static int unseen_in(const struct surround_view *v, const struct room_plate *plate)
+{
+    int count = 0;
+    for (int y = plate->top; y < plate->bottom; y++)
+        for (int x = plate->left; x < plate->right; x++)
+            count += v->source[y * view_lens.width + x] == SOURCE_UNSEEN;
+    return count;
+}
+
+// As the processor marks it.
+static void test_what_others_look_through_is_unseen(void **state)
+{
+    (void)state;
+    struct stage s;
+    const struct pose eye = room_camera(-0.6, 0.1, 1.15);
+    open_stage(&s, true);
+    const struct room_plate plate = box_room_put_plate(&s.room, eye);
+    const int all = (plate.right - plate.left) * (plate.bottom - plate.top);
+    box_room_draw(&s.room, eye, ROOM_PICTURES);
+    const int by_processor = unseen_in(&s.room.view, &plate);
+    draw(&s, eye, ROOM_PICTURES, 0);
+    const int by_card = unseen_in(&s.room.view, &plate);
+    print_message("of %d pixels %d marked by the processor, %d by the graphics card\n", all, by_processor, by_card);
+    EXPECT_AT_LEAST(by_processor, 0.6 * all);
+    EXPECT_AT_LEAST(by_card, 0.6 * all);
+    close_stage(&s);
+}
+
 static void test_no_capture_yet(void **state)
 {
     (void)state;
@@ -208,9 +236,13 @@ static void test_uploads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_as_the_processor_draws),   cmocka_unit_test(test_no_capture_yet),
-        cmocka_unit_test(test_a_black_panorama),         cmocka_unit_test(test_inside_and_beyond_a_wall),
-        cmocka_unit_test(test_what_others_look_through), cmocka_unit_test(test_uploads),
+        cmocka_unit_test(test_as_the_processor_draws),
+        cmocka_unit_test(test_no_capture_yet),
+        cmocka_unit_test(test_a_black_panorama),
+        cmocka_unit_test(test_inside_and_beyond_a_wall),
+        cmocka_unit_test(test_what_others_look_through),
+        cmocka_unit_test(test_what_others_look_through_is_unseen),
+        cmocka_unit_test(test_uploads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
