@@ -85,7 +85,11 @@ static void on_key(struct drive_window *w, int key)
     case WINDOW_KEY_RIGHT: w->stick.turn_rate = fmax(-FASTEST_RAD_S, w->stick.turn_rate - 0.2); return;
     case WINDOW_KEY_SPACE: w->stick = (struct drive_command){0, 0}; return;
     case 'c': w->head.centred = false; return;
-    case 'm': w->map = !w->map; return;
+    case 'm':
+        w->map = !w->map;
+        w->pointed = PICTURE; // until the pointer moves
+        w->down = false;
+        return;
     case WINDOW_KEY_ESCAPE: w->quit = true; return;
     case '1':
     case '2':
