@@ -42,9 +42,10 @@ static void place(const struct surround_renderer *r, struct surround_view *view)
 enum status surround_renderer_read(struct surround_renderer *r, struct surround_view *view)
 {
     const size_t pixels = (size_t)r->lens.width * (size_t)r->lens.height;
-    uint8_t *rgba = malloc(8 * pixels), *surface = rgba + 4 * pixels;
+    uint8_t *rgba = malloc(8 * pixels);
     if (!rgba)
         return fail(ERR_MEMORY, "out of memory");
+    uint8_t *surface = rgba + 4 * pixels;
     assert(view->lens.width == r->lens.width && view->lens.height == r->lens.height);
     place(r, view);
     enum status status = gpu_target_read(r->image, rgba);

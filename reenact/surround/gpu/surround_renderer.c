@@ -21,44 +21,41 @@ enum surface_uniform {
 };
 enum texture_uniform { TEXTURE_LENS, LOOK, TEXTURE_CAMERA, TEXTURE_PICTURES, TEXTURE_UNIFORMS };
 
+static const char *const surface_names[SURFACE_UNIFORMS] = {[VIEW_FROM_PICTURE] = "view_from_picture",
+                                                            [SURFACE_LENS] = "view_lens",
+                                                            [VIEW_RANGE] = "view_range",
+                                                            [ORDER] = "order",
+                                                            [SURFACE_CAMERA] = "camera",
+                                                            [SURFACE_PICTURES] = "pictures"};
+static const char *const texture_names[TEXTURE_UNIFORMS] = {
+    [TEXTURE_LENS] = "view_lens", [LOOK] = "look", [TEXTURE_CAMERA] = "camera", [TEXTURE_PICTURES] = "pictures"};
+static const char *const surface_samplers[] = {"ranges"}, *const texture_samplers[] = {"surface", "colors", "depths"};
+
+// Opens the program for so many pictures where it is not open yet.
+static enum status fit_program(struct surround_renderer *r, struct gpu_program **program, bool surface, int pictures)
+{
+    char word[32];
+    const struct gpu_program_source text = {
+        .name = surface ? "surround_surface" : "surround_texture",
+        .vertex = shader_find(surface ? "surround_surface.vert" : "fullscreen.vert"),
+        .fragment = shader_find(surface ? "surround_surface.frag" : "surround_texture.frag"),
+        .uniforms = surface ? surface_names : texture_names,
+        .uniform_count = surface ? SURFACE_UNIFORMS : TEXTURE_UNIFORMS,
+        .samplers = surface ? surface_samplers : texture_samplers,
+        .sampler_count = surface ? COUNT_OF(surface_samplers) : COUNT_OF(texture_samplers),
+        .word = word};
+    snprintf(word, sizeof word, "PICTURES %d", pictures);
+    return *program ? OK : gpu_program_open(program, r->gpu, &text);
+}
+
 static enum status fit_surface_program(struct surround_renderer *r, int pictures)
 {
-    static const char *const names[SURFACE_UNIFORMS] = {[VIEW_FROM_PICTURE] = "view_from_picture",
-                                                        [SURFACE_LENS] = "view_lens",
-                                                        [VIEW_RANGE] = "view_range",
-                                                        [ORDER] = "order",
-                                                        [SURFACE_CAMERA] = "camera",
-                                                        [SURFACE_PICTURES] = "pictures"};
-    static const char *const samplers[] = {"ranges"};
-    char word[32];
-    const struct gpu_program_source text = {.name = "surround_surface",
-                                            .vertex = shader_find("surround_surface.vert"),
-                                            .fragment = shader_find("surround_surface.frag"),
-                                            .uniforms = names,
-                                            .uniform_count = SURFACE_UNIFORMS,
-                                            .samplers = samplers,
-                                            .sampler_count = 1,
-                                            .word = word};
-    snprintf(word, sizeof word, "PICTURES %d", pictures);
-    return r->surface_programs[pictures] ? OK : gpu_program_open(&r->surface_programs[pictures], r->gpu, &text);
+    return fit_program(r, &r->surface_programs[pictures], true, pictures);
 }
 
 static enum status fit_texture_program(struct surround_renderer *r, int pictures)
 {
-    static const char *const names[TEXTURE_UNIFORMS] = {
-        [TEXTURE_LENS] = "view_lens", [LOOK] = "look", [TEXTURE_CAMERA] = "camera", [TEXTURE_PICTURES] = "pictures"};
-    static const char *const samplers[] = {"surface", "colors", "depths"};
-    char word[32];
-    const struct gpu_program_source text = {.name = "surround_texture",
-                                            .vertex = shader_find("fullscreen.vert"),
-                                            .fragment = shader_find("surround_texture.frag"),
-                                            .uniforms = names,
-                                            .uniform_count = TEXTURE_UNIFORMS,
-                                            .samplers = samplers,
-                                            .sampler_count = 3,
-                                            .word = word};
-    snprintf(word, sizeof word, "PICTURES %d", pictures);
-    return r->texture_programs[pictures] ? OK : gpu_program_open(&r->texture_programs[pictures], r->gpu, &text);
+    return fit_program(r, &r->texture_programs[pictures], false, pictures);
 }
 
 enum status surround_renderer_open(struct surround_renderer **out, struct gpu *gpu)
