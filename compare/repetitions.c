@@ -16,7 +16,8 @@ enum {
 static const double IDLE = 0.5, STAY = 0.02, QUIET = 0.08;
 // A cycle explains the rest of the movement below this price, else the movement does not repeat itself.
 static const double MOST_PRICE = 0.45;
-// A repetition's mean price, as a share of idling, is at most this above the median repetition's.
+// A repetition's mean price, as a share of idling, is at most this above the median repetition's. Chosen on 39 files of
+// KIMORE counted by eye: what is a repetition is at most 0.27 above it, what is none 0.355 and more.
 static const double MOST_UNLIKE = 0.33;
 // A part does not repeat itself with the others if more of its variance is left from cycle to cycle than this, and than
 // so many times what is left of the best part's.
@@ -171,7 +172,7 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// What resembles the cycle far less than the other repetitions do is none: somebody who gets ready or walks off.
+// What resembles the cycle far less than the other repetitions do is none: getting ready, walking off.
 static enum status drop_outliers(const struct model *m, const struct trace *t, struct repetition_list *l)
 {
     double *price = malloc(2 * (size_t)(l->count ? l->count : 1) * sizeof *price);

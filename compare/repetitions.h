@@ -10,7 +10,7 @@
 // tried, and halves of those lags, because one cycle alone is no such lag where the pace changes; the piece whose
 // repetitions explain the rest of the movement at the least price is taken, a shorter one where it does as well. Parts
 // that do not repeat themselves from cycle to cycle while others do (legs that a tracker loses) are left out, and so is
-// what resembles the cycle far less than the other repetitions (somebody who walks off). Searched in 7.5 Hz, in the two
+// what resembles the cycle far less than the other repetitions (walking off). Searched in 7.5 Hz, in the two
 // minutes that move most. Pure.
 #pragma once
 #include "compare/alignment.h"

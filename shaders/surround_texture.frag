@@ -12,11 +12,11 @@ uniform sampler2DArray colors;
 uniform sampler2DArray depths; // inverse distances; negative: not known
 
 uniform vec4 view_lens; // fx, fy, cx, cy
-// 1: what nobody has seen is hatched, else black; radians of the view's pixel; radians that half the resolution costs;
+// 1: what no picture has seen is hatched, else black; radians of the view's pixel; radians that half the resolution costs;
 // nearest z drawn.
 uniform vec4 look;
 
-out vec4 color; // alpha 0: nobody has seen what is there
+out vec4 color; // alpha 0: no picture has seen what is there
 
 #include "surround_picture.glsl"
 #include "surround_depth.glsl"

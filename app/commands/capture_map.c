@@ -48,9 +48,8 @@ static const struct argp_option options[] = {
      "they are; --tags lists new ones",
      0},
     {"objects", KEY_OBJECTS, "OBJECTS.json", 0,
-     "also look for these things in the sweep's sharp pictures: names, reference pictures, sizes, URLs; what an "
-     "earlier "
-     "sweep found and is no longer where it was is marked as gone",
+     "also look for these things in the sweep's sharp pictures: names, reference pictures, sizes, URLs; what is no "
+     "longer where an earlier sweep found it is marked as gone",
      0},
     {"knowledge", KEY_KNOWLEDGE, "URL", 0, "with --objects: ask this knowledge base what is known of each", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",

@@ -123,7 +123,7 @@ static enum status expect_recorded(struct search_run *r, bool known[THINGS_MOST]
     return status;
 }
 
-// Things that nobody has looked for yet, in the views of the place as it was before the sweep.
+// Things that were not looked for yet, in the views of the place as it was before the sweep.
 static enum status search_before(struct search_run *r, const struct place *before, struct thing_map *out)
 {
     struct thing_search *search;

@@ -1,4 +1,4 @@
-// Asks a knowledge base for what is newer of a recorded thing: its text and, where that came anew or there is none yet,
+// Asks a knowledge base for what is newer of a recorded thing: its text and, where that is new or there is none yet,
 // picture and model. Blocks as http_get does.
 #pragma once
 #include "capture/objects/thing_knowledge.h"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// So many nearest pictures are asked, and so many must agree; levels that a channel may differ by.
+// Chosen by hand. So many nearest pictures are asked, and so many must agree; levels that a channel may differ by.
 enum { ASKED = 5, AGREEING = 3, ALIKE = 40 };
 // A gain is measured over points within this, from so many; the histogram's bins of a ratio, each 1 / PER_ONE.
 #define NEAR_M 10.0f
@@ -92,7 +92,7 @@ static int ask(const double world[3], const struct surround_picture *pictures, i
 // The colour that the most others are like, and of those the one least apart from all.
 static void choose(const struct seen_color *list, int count, uint8_t rgb[4])
 {
-    int most = AGREEING - 1, least = 1 << 30;
+    int most = AGREEING, least = 1 << 30;
     memset(rgb, 0, 4);
     for (int i = 0; i < count; i++) {
         int agree = 0, apart = 0;
@@ -102,8 +102,6 @@ static void choose(const struct seen_color *list, int count, uint8_t rgb[4])
                 apart += abs((int)list[i].rgb[c] - (int)list[k].rgb[c]);
         }
         if (agree < most || (agree == most && apart >= least))
-            continue;
-        if (agree < AGREEING)
             continue;
         most = agree;
         least = apart;

@@ -1,7 +1,7 @@
 // Colours of world points, by which a picture's view of a point is told from one of what stands before it: a point that
 // lies behind a window, or between the leaves of a tree, has from elsewhere another colour than the picture has there
-// (photo-consistency; Seitz and Dyer 1999). Whoever measured a point stood near it and saw it, and so did the pictures
-// nearest to it: the colour that most of them have there is the point's. Pure but for memory.
+// (photo-consistency; Seitz and Dyer 1999). The scanner that measured a point stood near it and saw it, and so did the
+// pictures nearest to it: the colour that most of them have there is the point's. Pure but for memory.
 #pragma once
 #include "reenact/surround/depth/dense_depth.h"
 

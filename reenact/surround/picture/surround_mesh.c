@@ -82,7 +82,7 @@ static void mark_cut(struct maker *m)
 // The diagonals of squares of one size form a lattice of diamonds.
 static bool falls(int x, int y, int size) { return (x / size + y / size) % 2 == 0; }
 
-// From small triangles to large, so that whoever has a vertex of a small one has those of the large ones it is in.
+// From small triangles to large, so that a vertex of a small one entails those of the large ones that it is in.
 static void measure(struct maker *m)
 {
     for (int s = 2; s <= BLOCK; s *= 2) {

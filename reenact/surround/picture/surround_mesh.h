@@ -33,8 +33,8 @@ float surround_mesh_tolerance(const struct surround_picture *p);
 MUST_CHECK enum status surround_mesh_make(struct surround_mesh *m, const struct surround_picture *p, float tolerance);
 void surround_mesh_free(struct surround_mesh *m); // what was zeroed, too
 
-// The same, kept with the picture in place of the one that is there; by whoever has time for it, so that drawing need
-// not make it. ERR_MEMORY: it has none.
+// The same, kept with the picture in place of the one that is there; on a thread that has time for it, so that drawing
+// need not make it. ERR_MEMORY: it has none.
 MUST_CHECK enum status surround_picture_make_mesh(struct surround_picture *p);
 // To be called when the depth changes.
 void surround_picture_free_mesh(struct surround_picture *p);
