@@ -214,8 +214,8 @@ static void take_news(struct studio *s, int64_t now_ns)
         studio_take_finishing(state, now_ns);
     if (s->shown.takes_ready != s->takes_ready) {
         s->takes_ready = s->shown.takes_ready;
-        studio_take_ready(state, now_ns);
-        if (state->page == STUDIO_LIVE)
+        studio_take_ready(state, s->shown.take_frames, now_ns);
+        if (state->page == STUDIO_LIVE && s->shown.take_frames > 0)
             say_kept(s, now_ns);
     }
     if (s->shown.doing == STUDIO_DOING_MAP)

@@ -361,12 +361,14 @@ static enum status run_take(struct studio_session *s)
     pthread_mutex_unlock(&s->lock);
     if (!*name)
         return OK;
-    atomic_store(&s->end_take, false);
-    atomic_store(&s->paused, false);
     the_session = s;
     s->taking = true;
     s->take_frames = 0;
     coach_start(&s->coach, source_calibration(s->source));
+    pthread_mutex_lock(&s->lock);
+    s->shown.counters.frames = 0; // the last take's
+    s->shown.counters.take_s = 0;
+    pthread_mutex_unlock(&s->lock);
     set_doing(s, STUDIO_DOING_TAKE, NULL);
     status = record(s, name, &result);
     s->taking = false;
@@ -501,8 +503,11 @@ enum status studio_session_open(struct studio_session **out, const struct studio
     return OK;
 }
 
+// What is asked for from here on is meant for this take, even before the session's thread has begun it.
 void studio_session_begin(struct studio_session *s, const char *take)
 {
+    atomic_store(&s->end_take, false);
+    atomic_store(&s->paused, false);
     pthread_mutex_lock(&s->lock);
     snprintf(s->wanted_take, sizeof s->wanted_take, "%s", take);
     pthread_mutex_unlock(&s->lock);

@@ -223,11 +223,16 @@ void studio_take_finishing(struct studio_state *s, int64_t now_ns)
     s->changed = true;
 }
 
-void studio_take_ready(struct studio_state *s, int64_t now_ns)
+void studio_take_ready(struct studio_state *s, int64_t frames, int64_t now_ns)
 {
     if (s->page != STUDIO_RECORDING && s->page != STUDIO_FINISHING)
         return;
     s->paused = false;
+    if (frames == 0) { // stopped before the sensor gave a picture
+        go(s, STUDIO_LIVE, now_ns);
+        studio_say(s, "nothing was filmed", now_ns);
+        return;
+    }
     go(s, STUDIO_REVIEW, now_ns);
     if (s->in_a_row)
         leave_review(s, STUDIO_KEEP, now_ns);

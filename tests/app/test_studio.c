@@ -57,7 +57,7 @@ static void test_from_sensor_to_kept(void **state)
     studio_do(&s, STUDIO_START, 0);
     EXPECT_INT(s.page, STUDIO_FINISHING);
     EXPECT_TRUE(next_command(&s, STUDIO_END_TAKE) && next_command(&s, STUDIO_TONE_END));
-    studio_take_ready(&s, 0);
+    studio_take_ready(&s, 60, 0);
     EXPECT_INT(s.page, STUDIO_REVIEW);
     studio_do(&s, STUDIO_PLAY, 0);
     EXPECT_TRUE(s.page == STUDIO_PLAYBACK && next_command(&s, STUDIO_OPEN_PLAYBACK));

@@ -47,14 +47,15 @@ const struct bench_page *bench_report_to(struct bench *b)
 
 void bench_picture(struct bench *b, const char *caption, const uint8_t *rgb, int width, int height)
 {
-    struct bench_result *r = &b->result;
-    if (!b->inputs->brief || r->shot_count == BENCH_PICTURES)
+    // A stage has the one table or the other.
+    struct bench_shots *shots = b->plain.columns ? &b->plain.shots : &b->result.shots;
+    if (!b->inputs->brief || shots->count == BENCH_PICTURES)
         return;
-    struct bench_shot *shot = &r->shots[r->shot_count];
+    struct bench_shot *shot = &shots->at[shots->count];
     *shot = (struct bench_shot){.width = width, .height = height};
     snprintf(shot->caption, sizeof shot->caption, "%s", caption);
     if (jpeg_encode(rgb, width, height, 85, &shot->jpeg, &shot->bytes) == OK)
-        r->shot_count++;
+        shots->count++;
 }
 
 // ------------------------------------------------------------- running
@@ -358,7 +359,7 @@ static enum status run_stage(const struct bench_arguments *a, const struct bench
     if (status < 0)
         fprintf(stderr, "reenact-bench: %s: %s\n", stage->name, status_message());
     bench_result_free(&b.result);
-    free(b.plain.rows);
+    bench_plain_free(&b.plain);
     return status;
 }
 
@@ -386,6 +387,8 @@ static enum status run_section(const struct bench_arguments *a, const struct ben
             bench_add_json(stages, &b.result);
         *result = b.result;
         whole->count++;
+    } else {
+        bench_plain_free(&b.plain);
     }
     return status;
 }
@@ -421,7 +424,7 @@ static int run_page(struct bench_arguments *a, struct json *stages)
     for (int i = 0; i < SECTIONS; i++)
         bench_result_free(&results[i]);
     for (int i = 0; i < whole.plain_count; i++)
-        free(whole.plain[i].rows);
+        bench_plain_free(&whole.plain[i]);
     return status != OK;
 }
 

@@ -102,6 +102,7 @@ struct bench_page;
 const struct bench_page *bench_report_to(struct bench *b);
 
 // A picture for the page: RGB, width * height. At most BENCH_PICTURES a stage; copied. Nothing where no page is made.
+// A plain table's columns come first.
 enum { BENCH_PICTURES = 4 };
 void bench_picture(struct bench *b, const char *caption, const uint8_t *rgb, int width, int height);
 

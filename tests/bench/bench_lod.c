@@ -17,7 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { VIEWS = 6, DRAWN = 5, LEVELS = 5 };
+enum { VIEWS = 6, DRAWN = 5, LEVELS = 5, PICTURED_M = 3 };
 static const double ABOVE_M = 0.4;   // the viewer's height above the waist
 static const double AROUND_M = 0.35; // of the person about the joints, at most
 static const double SAME_PLACE_M =
@@ -29,10 +29,11 @@ static const struct {
     enum detail detail;
     bool unknown;    // the person's shape
     double error_px; // allowed
+    bool pictured;   // on the page
 } plans[LEVELS] = {
-    {"paper", "#c60", DETAIL_PAPER, false, 1},       {"rounded cylinders", "#383", DETAIL_FULL, true, 1},
-    {"full", "#06c", DETAIL_FULL, false, 1},         {"auto, 1 px", "#000", DETAIL_AUTO, false, 1},
-    {"auto, 20 px", "#a0a", DETAIL_AUTO, false, 20},
+    {"paper", "#c60", DETAIL_PAPER, false, 1, true},       {"rounded cylinders", "#383", DETAIL_FULL, true, 1, false},
+    {"full", "#06c", DETAIL_FULL, false, 1, true},         {"auto, 1 px", "#000", DETAIL_AUTO, false, 1, false},
+    {"auto, 20 px", "#a0a", DETAIL_AUTO, false, 20, true},
 };
 
 struct level {
@@ -52,6 +53,7 @@ struct lod_bench {
     uint8_t *rgb, *rgba, *seen; // the true image; the drawn person; BACKGROUND ... of each pixel
     double length;              // of the true silhouette
     int views;                  // at each distance
+    struct bench *bench;        // for pictures of one view; NULL: of this view none
 };
 
 // ------------------------------------------------------------- the truth
@@ -143,6 +145,64 @@ static void judge(const struct lod_bench *s, struct level *l)
     }
 }
 
+// ------------------------------------------------------------- pictures
+
+enum { MARGIN = 12 }; // pixels around the person
+static const uint8_t PAPER[3] = {245, 245, 245}, TOO_MUCH[3] = {220, 40, 40}, TOO_LITTLE[3] = {40, 90, 220};
+
+struct box {
+    int x0, y0, x1, y1; // first and last
+};
+
+static struct box box_of_person(const struct lod_bench *s)
+{
+    const int width = s->data.lens.width, height = s->data.lens.height;
+    struct box b = {width, height, 0, 0};
+    for (int i = 0; i < width * height; i++)
+        if (s->seen[i] == PERSON) {
+            const int x = i % width, y = i / width;
+            b = (struct box){x < b.x0 ? x : b.x0, y < b.y0 ? y : b.y0, x > b.x1 ? x : b.x1, y > b.y1 ? y : b.y1};
+        }
+    return (struct box){b.x0 > MARGIN ? b.x0 - MARGIN : 0, b.y0 > MARGIN ? b.y0 - MARGIN : 0,
+                        b.x1 + MARGIN < width ? b.x1 + MARGIN : width - 1,
+                        b.y1 + MARGIN < height ? b.y1 + MARGIN : height - 1};
+}
+
+// The person as drawn, or as it is; what is drawn beside the person and what is missing of it is marked.
+static void show_person(const struct lod_bench *s, const char *caption, bool truth)
+{
+    const struct box b = box_of_person(s);
+    const int width = b.x1 - b.x0 + 1, height = b.y1 - b.y0 + 1;
+    uint8_t *rgb = width > 0 && height > 0 ? malloc(3 * (size_t)width * (size_t)height) : NULL;
+    for (int i = 0; rgb && i < width * height; i++) {
+        const int at = (b.y0 + i / width) * s->data.lens.width + b.x0 + i % width;
+        const bool there = s->seen[at] == PERSON, drawn = s->rgba[4 * at + 3] >= 128 && s->seen[at] != HIDDEN;
+        const uint8_t *from = truth            ? there ? s->rgb + 3 * at : PAPER
+                              : there != drawn ? there ? TOO_LITTLE : TOO_MUCH
+                              : there          ? s->rgba + 4 * at
+                                               : PAPER;
+        memcpy(rgb + 3 * i, from, 3);
+    }
+    if (rgb)
+        bench_picture(s->bench, caption, rgb, width, height);
+    free(rgb);
+}
+
+static void show_level(const struct lod_bench *s, int level)
+{
+    char caption[128];
+    if (!s->bench || !plans[level].pictured)
+        return;
+    if (level == 0) {
+        snprintf(caption, sizeof caption, "the truth, from %d m", PICTURED_M);
+        show_person(s, caption, true);
+    }
+    snprintf(caption, sizeof caption, "%s; red is drawn beside the person, blue is missing", plans[level].name);
+    show_person(s, caption, false);
+}
+
+// ------------------------------------------------------------- measuring
+
 static enum status draw_view(struct lod_bench *s, const struct renderer_view *view, int number)
 {
     double ms[LEVELS][DRAWN];
@@ -161,6 +221,7 @@ static enum status draw_view(struct lod_bench *s, const struct renderer_view *vi
         l->predicted += result.error_px;
         l->plain += result.level == DETAIL_PAPER;
         judge(s, l);
+        show_level(s, i % LEVELS);
     }
     for (int i = 0; i < LEVELS && status == OK; i++)
         s->level[i].ms[number] = bench_percentile(ms[i], DRAWN, 0.5);
@@ -255,8 +316,10 @@ static enum status run(struct bench *b)
     s.views = brief ? 3 : VIEWS;
     enum status status = open_lod_bench(&s, brief);
     for (int d = 0; d < LOD_PLOT_DISTANCES && status == OK; d += brief ? 2 : 1) {
-        for (int v = 0; v < s.views && status == OK; v++)
+        for (int v = 0; v < s.views && status == OK; v++) {
+            s.bench = d + 1 == PICTURED_M && v == 1 ? b : NULL;
             status = measure_view(&s, d + 1, v);
+        }
         if (status == OK)
             status = sum_up(b, &s, d, lines);
     }

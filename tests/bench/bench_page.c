@@ -187,13 +187,13 @@ static void put_base64(FILE *f, const uint8_t *bytes, size_t count)
     }
 }
 
-static void put_shots(FILE *f, const struct bench_result *r)
+static void put_shots(FILE *f, const struct bench_shots *shots)
 {
-    if (!r->shot_count)
+    if (!shots->count)
         return;
     fputs("<div class=\"shots\">", f);
-    for (int i = 0; i < r->shot_count; i++) {
-        const struct bench_shot *s = &r->shots[i];
+    for (int i = 0; i < shots->count; i++) {
+        const struct bench_shot *s = &shots->at[i];
         fprintf(f, "<figure><img width=\"%d\" height=\"%d\" alt=\"", s->width, s->height);
         bench_put_text(f, s->caption);
         fputs("\" src=\"data:image/jpeg;base64,", f);
@@ -223,7 +223,7 @@ static void put_stage(FILE *f, const struct bench_result *r, const struct bench_
             r->items, r->rounds, r->stage->name);
     bench_put_plot(f, r, section);
     put_table(f, r);
-    put_shots(f, r);
+    put_shots(f, &r->shots);
     fputs("</section>\n", f);
 }
 
@@ -242,6 +242,7 @@ void bench_put_plain_table(FILE *f, const struct bench_plain *p)
         fputs("</tr>\n", f);
     }
     fputs("</table></div>\n", f);
+    put_shots(f, &p->shots);
 }
 
 // A stage without a baseline: its table.

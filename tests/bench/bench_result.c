@@ -21,12 +21,24 @@ bool bench_row_unsteady(const struct bench_row *row)
     return a > 0 && b > 0 && fabs(log(a / b)) > log(1 + BENCH_UNSTEADY);
 }
 
+static void free_shots(struct bench_shots *s)
+{
+    for (int i = 0; i < s->count; i++)
+        free(s->at[i].jpeg);
+}
+
 void bench_result_free(struct bench_result *r)
 {
-    for (int i = 0; i < r->shot_count; i++)
-        free(r->shots[i].jpeg);
+    free_shots(&r->shots);
     free(r->rows);
     *r = (struct bench_result){0};
+}
+
+void bench_plain_free(struct bench_plain *p)
+{
+    free_shots(&p->shots);
+    free(p->rows);
+    *p = (struct bench_plain){0};
 }
 
 // ------------------------------------------------------------- the table

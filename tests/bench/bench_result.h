@@ -23,13 +23,17 @@ struct bench_shot { // a picture
     int width, height;
 };
 
+struct bench_shots {
+    struct bench_shot at[BENCH_PICTURES];
+    int count;
+};
+
 struct bench_result {
     const struct bench_stage *stage;
     int items, rounds;
     size_t count;
     struct bench_row *rows;
-    struct bench_shot shots[BENCH_PICTURES];
-    int shot_count;
+    struct bench_shots shots;
     double took_s; // of the whole stage, its preparations included
 };
 void bench_result_free(struct bench_result *r);
@@ -49,7 +53,9 @@ struct bench_plain {
     const char *column[BENCH_COLUMNS];
     size_t columns, count;
     struct bench_plain_row *rows;
+    struct bench_shots shots;
 };
+void bench_plain_free(struct bench_plain *p);
 
 void bench_print_plain(const struct bench_plain *p);
 void bench_add_plain_json(struct json *stages, const struct bench_plain *p);
