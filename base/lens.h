@@ -41,6 +41,9 @@ struct calibration {
 
 bool lens_is_ideal(const struct lens *lens); // no distortion
 
+// Of an image; 0 without a lens.
+static inline size_t lens_pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
+
 // Both project each point to the same pixel; readout_s and focal_sigma are not compared.
 bool lens_equal(const struct lens *a, const struct lens *b);
 

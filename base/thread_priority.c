@@ -13,3 +13,12 @@ void thread_lower_priority(void)
     pthread_setschedparam(pthread_self(), SCHED_OTHER, &none); // a real-time thread's nice value has no effect
     setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + NICE_STEP);
 }
+
+void thread_wake_without_preempting(void)
+{
+    const struct sched_param none = {0};
+    struct sched_param now;
+    int policy;
+    if (pthread_getschedparam(pthread_self(), &policy, &now) == 0 && policy == SCHED_OTHER)
+        pthread_setschedparam(pthread_self(), SCHED_BATCH, &none);
+}

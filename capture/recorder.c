@@ -4,6 +4,7 @@
 #include "capture/segmentation/background_depth.h"
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
+#include "capture/recorder_item.h"
 #include "capture/sensor_pose.h"
 #include "capture/take_frames.h"
 #include "capture/take_smoothing.h"
@@ -13,6 +14,7 @@
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "base/queue.h"
+#include "base/thread_priority.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -34,19 +36,6 @@ enum { FILM_AT_RISK_NS = 900000000 };
 enum { LOOK_EVERY = 3, LOOK_WAITING_MAX = 15, WAITING_LOOKED = 4 };
 
 static const int JPEG_QUALITY = 92; // for sensors that deliver raw images. Chosen by hand
-
-// One frame on its way through the threads. Owns copies of its images.
-struct item {
-    int64_t time_ns;
-    uint8_t *color, *jpeg, *mask;
-    uint16_t *depth;
-    size_t jpeg_bytes;
-    struct pose world_from_camera;
-    bool located, has_skeleton, body_changed, has_points, after_pause;
-    struct body_points points;
-    struct skeleton skeleton;
-    struct body body;
-};
 
 struct recorder {
     const struct calibration *calibration;
@@ -83,57 +72,12 @@ struct recorder {
     struct failure look_failure, process_failure, write_failure;
 };
 
-static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
-
-static void item_free(struct item *item)
-{
-    if (!item)
-        return;
-    free(item->color);
-    free(item->jpeg);
-    free(item->mask);
-    free(item->depth);
-    free(item);
-}
-
-static void *copy_bytes(const void *bytes, size_t count)
-{
-    void *to = malloc(count);
-    return to ? memcpy(to, bytes, count) : NULL;
-}
-
-// NULL: out of memory.
-static struct item *item_from_frame(const struct frame *frame, const struct calibration *calibration)
-{
-    struct item *item = calloc(1, sizeof *item);
-    if (!item)
-        return NULL;
-    item->time_ns = frame->time_ns;
-    item->world_from_camera = POSE_IDENTITY;
-    bool whole = true;
-    if (frame->color)
-        whole &= (item->color = copy_bytes(frame->color, 3 * pixels(&calibration->color))) != NULL;
-    if (frame->jpeg) {
-        whole &= (item->jpeg = copy_bytes(frame->jpeg, frame->jpeg_bytes)) != NULL;
-        item->jpeg_bytes = frame->jpeg_bytes;
-    }
-    if (frame->depth) {
-        whole &= (item->depth = copy_bytes(frame->depth, sizeof *frame->depth * pixels(&calibration->depth))) != NULL;
-        whole &= (item->mask = calloc(pixels(&calibration->depth), 1)) != NULL;
-    }
-    if (!whole) {
-        item_free(item);
-        return NULL;
-    }
-    return item;
-}
-
 // ------------------------------------------------------------- looking for body points
 
 // The points of image k belong to frame k and travel with it, so that the same images give the same joints. A recorded
 // source waits for them. A live one's frames queue up meanwhile, and only where the network does not keep up with the
 // sensor are images left out.
-static enum status look_at(struct recorder *r, struct item *item)
+static enum status look_at(struct recorder *r, struct recorder_item *item)
 {
     const bool due = r->seen++ % LOOK_EVERY == 0 && !(r->live && queue_count(r->to_look) > LOOK_WAITING_MAX);
     if (!due || !item->color)
@@ -145,15 +89,17 @@ static enum status look_at(struct recorder *r, struct item *item)
     return status < 0 ? status : OK;
 }
 
+// Like the other workers it must not take the processor from the sensor's thread while that hands over a frame.
 static void *look_at_all(void *context)
 {
     struct recorder *r = context;
+    thread_wake_without_preempting();
     enum status status = OK;
-    struct item *item;
+    struct recorder_item *item;
     while (status == OK && (item = queue_take(r->to_look))) {
         status = look_at(r, item);
         if (status != OK || !queue_put(r->to_process, item)) {
-            item_free(item);
+            recorder_item_free(item);
             break;
         }
     }
@@ -180,7 +126,7 @@ static enum status set_background_and_floor(struct recorder *r, struct pose worl
     return OK;
 }
 
-static enum status locate_item(struct recorder *r, struct item *item)
+static enum status locate_item(struct recorder *r, struct recorder_item *item)
 {
     if (!r->sensor_pose)
         return OK;
@@ -203,7 +149,7 @@ static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const s
     return OK;
 }
 
-static enum status track_item(struct recorder *r, struct item *item)
+static enum status track_item(struct recorder *r, struct recorder_item *item)
 {
     enum status status = NOTHING;
     if (item->after_pause) // the person may stand elsewhere by now
@@ -225,7 +171,7 @@ static enum status track_item(struct recorder *r, struct item *item)
     return OK;
 }
 
-static void show_item(const struct recorder *r, const struct item *item)
+static void show_item(const struct recorder *r, const struct recorder_item *item)
 {
     if (!r->options->on_seen)
         return;
@@ -242,7 +188,7 @@ static void show_item(const struct recorder *r, const struct item *item)
 }
 
 // Takes ownership of the item. located_before: sensor_pose has already seen it, as it has the first frames.
-static enum status process_item(struct recorder *r, struct item *item, bool located_before)
+static enum status process_item(struct recorder *r, struct recorder_item *item, bool located_before)
 {
     int64_t begun = clock_now_ns();
     enum status status = OK;
@@ -262,14 +208,14 @@ static enum status process_item(struct recorder *r, struct item *item, bool loca
     r->slowest_ms = fmax(r->slowest_ms, ms);
     r->frames_processed++;
     if (status != OK || !queue_put(r->to_write, item))
-        item_free(item);
+        recorder_item_free(item);
     return status;
 }
 
 // The first frames are held back until the sensor's pose has been averaged over all of them.
 static enum status process_first(struct recorder *r)
 {
-    struct item *held[SENSOR_POSE_WARM_UP];
+    struct recorder_item *held[SENSOR_POSE_WARM_UP];
     int count = 0;
     enum status status = OK;
     while (count < SENSOR_POSE_WARM_UP && status == OK && (held[count] = queue_take(r->to_process))) {
@@ -281,7 +227,7 @@ static enum status process_first(struct recorder *r)
         if (status == OK)
             status = process_item(r, held[i], true);
         else
-            item_free(held[i]);
+            recorder_item_free(held[i]);
     }
     return status;
 }
@@ -289,8 +235,9 @@ static enum status process_first(struct recorder *r)
 static void *process_all(void *context)
 {
     struct recorder *r = context;
+    thread_wake_without_preempting();
     enum status status = process_first(r);
-    struct item *item;
+    struct recorder_item *item;
     while (status == OK && (item = queue_take(r->to_process)))
         status = process_item(r, item, false);
     failure_keep(&r->process_failure, status);
@@ -301,7 +248,7 @@ static void *process_all(void *context)
 
 // ------------------------------------------------------------- writing
 
-static enum status write_item(struct recorder *r, const struct item *item)
+static enum status write_item(struct recorder *r, const struct recorder_item *item)
 {
     struct take_frame frame = {
         .time_ns = item->time_ns,
@@ -327,11 +274,12 @@ static enum status write_item(struct recorder *r, const struct item *item)
 static void *write_all(void *context)
 {
     struct recorder *r = context;
+    thread_wake_without_preempting();
     enum status status = OK;
-    struct item *item;
+    struct recorder_item *item;
     while (status == OK && (item = queue_take(r->to_write))) {
         status = write_item(r, item);
-        item_free(item);
+        recorder_item_free(item);
     }
     failure_keep(&r->write_failure, status);
     queue_stop(r->to_write);
@@ -344,7 +292,8 @@ static void *write_all(void *context)
 // Frames that a queue of up to `most` may hold.
 static int waiting_frames(const struct calibration *c, int most)
 {
-    const size_t bytes = 4 * pixels(&c->color) + 3 * pixels(&c->depth) + 1; // with the JPEG, at most a byte a pixel
+    const size_t bytes =
+        4 * lens_pixels(&c->color) + 3 * lens_pixels(&c->depth) + 1; // with the JPEG, at most a byte a pixel
     const size_t fit = WAITING_BYTES_MAX / bytes;
     return fit < WAITING_LEAST ? WAITING_LEAST : fit < (size_t)most ? (int)fit : most;
 }
@@ -395,7 +344,7 @@ static enum status hand_over(struct recorder *r, const struct frame *frame, bool
                              struct recorder_result *result)
 {
     const int64_t begun_ns = clock_now_ns();
-    struct item *item = item_from_frame(frame, r->calibration);
+    struct recorder_item *item = recorder_item_from_frame(frame, r->calibration);
     if (!item)
         return fail(ERR_MEMORY, "no memory for another frame");
     item->after_pause = after_pause;
@@ -405,7 +354,7 @@ static enum status hand_over(struct recorder *r, const struct frame *frame, bool
         result->handover_ms = fmax(result->handover_ms, (double)(clock_now_ns() - begun_ns) * 1e-6);
     if (taken)
         return OK;
-    item_free(item);
+    recorder_item_free(item);
     result->dropped += r->live;
     return r->live ? OK : NOTHING;
 }
@@ -436,12 +385,12 @@ static enum status read_all(struct recorder *r, struct source *source, const str
 
 static void drain(struct queue *queue)
 {
-    struct item *item;
+    struct recorder_item *item;
     if (!queue)
         return;
     queue_stop(queue);
     while ((item = queue_take(queue)))
-        item_free(item);
+        recorder_item_free(item);
 }
 
 static void recorder_free(struct recorder *r)
@@ -492,7 +441,7 @@ static enum status recorder_prepare(struct recorder *r, const struct recorder_op
             queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
         status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
-    if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
+    if (status == OK && !(r->background = malloc(sizeof *r->background * lens_pixels(&r->calibration->depth))))
         status = fail(ERR_MEMORY, "no memory for the background");
     return status;
 }

@@ -49,8 +49,6 @@ struct live_keeper {
     char failure[200]; // of writing this attempt; "": none
 };
 
-static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
-
 static void item_free(struct keeper_item *item)
 {
     free(item->color);
@@ -307,13 +305,13 @@ void live_keeper_add(struct live_keeper *k, const struct keeper_frame *f)
         count_left_out(k);
         return;
     }
-    const size_t depth_pixels = pixels(&k->calibration.depth);
+    const size_t depth_pixels = lens_pixels(&k->calibration.depth);
     struct keeper_item *item = calloc(1, sizeof *item);
     if (!item)
         return;
     item->kind = ITEM_FRAME;
     item->jpeg = copy(f->jpeg, f->jpeg_bytes);
-    item->color = f->jpeg ? NULL : copy(f->color, 3 * pixels(&k->calibration.color));
+    item->color = f->jpeg ? NULL : copy(f->color, 3 * lens_pixels(&k->calibration.color));
     item->depth = copy(f->depth, sizeof *f->depth * depth_pixels);
     item->mask = f->skeleton ? copy(f->mask, depth_pixels) : NULL;
     item->frame = (struct take_frame){.time_ns = f->time_ns,

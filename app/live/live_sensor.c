@@ -108,13 +108,11 @@ static void release(struct live_sensor *s, struct sensor_slot *slot)
     pthread_mutex_unlock(&s->lock);
 }
 
-static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
-
 static enum status fill(struct sensor_slot *slot, const struct frame *frame, const struct calibration *c)
 {
-    const size_t color = pixels(&c->color), depth = pixels(&c->depth);
+    const size_t color = lens_pixels(&c->color), depth = lens_pixels(&c->depth);
     struct live_frame *f = &slot->frame;
-    if (color != pixels(&f->calibration.color) || depth != pixels(&f->calibration.depth) || !slot->depth) {
+    if (color != lens_pixels(&f->calibration.color) || depth != lens_pixels(&f->calibration.depth) || !slot->depth) {
         free(slot->rgb);
         free(slot->depth);
         free(slot->mask);

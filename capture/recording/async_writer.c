@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/condition.h"
+#include "base/thread_priority.h"
 
 #include <pthread.h>
 #include <stdlib.h>
@@ -187,6 +188,7 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
 static void *run_writer(void *argument)
 {
     struct async_writer *s = argument;
+    thread_wake_without_preempting();
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         int64_t since = s->batch.since_ns;
@@ -207,6 +209,7 @@ static void *run_writer(void *argument)
 static void *run_checkpointer(void *argument)
 {
     struct async_writer *s = argument;
+    thread_wake_without_preempting();
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         if (!s->unsynced || s->first_error.status != OK) {

@@ -1,4 +1,4 @@
-// thread_lower_priority: affects the calling thread and those that it starts, and no other.
+// Thread priorities affect the calling thread and those that it starts, and no other.
 #include "tests/support/test.h"
 
 #include "base/thread_priority.h"
@@ -69,9 +69,28 @@ static void test_real_time_policy_is_dropped(void **state)
     pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
 }
 
+static void *wake_quietly(void *policy)
+{
+    thread_wake_without_preempting();
+    *(int *)policy = policy_of_this_thread();
+    return NULL;
+}
+
+static void test_wakes_without_preempting(void **state)
+{
+    (void)state;
+    pthread_t thread;
+    int policy;
+    assert_int_equal(pthread_create(&thread, NULL, wake_quietly, &policy), 0);
+    pthread_join(thread, NULL);
+    EXPECT_INT(policy, SCHED_BATCH);
+    EXPECT_INT(policy_of_this_thread(), SCHED_OTHER);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_lowers_only_calling_thread_and_children),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_wakes_without_preempting),
+                                       cmocka_unit_test(test_lowers_only_calling_thread_and_children),
                                        cmocka_unit_test(test_real_time_policy_is_dropped)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
