@@ -150,7 +150,7 @@ static void test_the_plan_of_a_sweep(void **state)
     static struct sweep_plan final;
     struct map_advice advice;
     sweep_plan_of_place(&place, &final);
-    map_advise(&place, &report, 0, &advice);
+    map_advise(&place, &report, &(struct sweep_trouble){0}, &advice);
     const double final_m = plan_error(&final, &s, &placed);
     printf("the map: %s; tags at most %.1f mm off, %.0f %% recognisable, %d bare\n", advice.summary, final_m * 1e3,
            100 * sweep_plan_recognisable(&final), final.bare_count);
