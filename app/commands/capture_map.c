@@ -109,7 +109,7 @@ static void note_progress(struct mapper *mapper, char *out, size_t capacity)
 // Feeds the mapper until the source ends; pictures: kept where things are looked for. NOTHING: stopped before the end
 // of a source that has one.
 static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
-                               struct sweep_pictures *pictures, int64_t *damaged)
+                               struct sweep_pictures *pictures, struct sweep_trouble *trouble)
 {
     struct progress_bar bar;
     struct frame frame;
@@ -129,9 +129,14 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
             break;
         }
         if (status == ERR_INPUT) { // one damaged image; the next call continues after it
-            ++*damaged;
+            trouble->damaged++;
             status = OK;
             continue;
+        }
+        if (status == ERR_DEVICE && any) { // what was swept until then is a map, too
+            snprintf(trouble->cut, sizeof trouble->cut, "%s", status_message());
+            status = OK;
+            break;
         }
         if (status != OK)
             break;
@@ -286,7 +291,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     struct mapper_report report = {0};
     struct mapper_options wanted = mapper_default_options();
     const char *file = a->into ? a->into : a->out;
-    int64_t damaged = 0;
+    struct sweep_trouble trouble = {0};
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
     wanted.prior = a->into ? &before : NULL;
@@ -300,7 +305,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (status == OK) {
         command_catch_signals();
         sweep_pictures_start(&pictures, source_calibration(source));
-        status = feed_mapper(source, mapper, a, &pictures, &damaged);
+        status = feed_mapper(source, mapper, a, &pictures, &trouble);
     }
     bool live = source && source_is_live(source);
     if (status == OK && !live)
@@ -319,10 +324,10 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         status = objects_in_sweep(&things, &sweep, &found);
     if (status == OK) {
         struct map_advice advice;
-        map_advise(&place, &report, damaged, &advice);
+        map_advise(&place, &report, &trouble, &advice);
         warn(program, &advice);
         if (a->json)
-            print_json(file, &before, &place, &report, damaged);
+            print_json(file, &before, &place, &report, trouble.damaged);
         else
             print_text(file, &before, &place, &report);
         if (a->objects && !a->json)
@@ -336,7 +341,9 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         fprintf(stderr, "%s: stopped; %s\n", program, a->into ? "the file stays as it was" : "no file was made");
         return 1;
     }
-    return status == OK ? 0 : command_failed(program);
+    if (status != OK)
+        return command_failed(program);
+    return *trouble.cut ? 1 : 0; // said among the warnings
 }
 
 int capture_map(int argc, char **argv)

@@ -399,6 +399,34 @@ static void show_sweep(void *self, const struct frame *frame, const struct sweep
 
 static void show_finishing(void *self) { set_doing(self, STUDIO_DOING_MAP, NULL); }
 
+// Where the room is kept, the sensor is looked for in it from here on.
+static enum status decide_room(struct studio_session *s)
+{
+    const int decision = atomic_exchange(&s->room_decision, ROOM_UNDECIDED);
+    enum status status = OK;
+    if (decision == ROOM_KEEP && s->room.place.tag_count + s->room.place.point_count > 0) {
+        status = studio_room_keep(&s->room, s->file);
+        place_free(&s->place);
+        s->has_place = false;
+        if (status == OK)
+            status = read_place(s);
+        if (status == OK)
+            status = open_sensor_pose(s);
+    }
+    studio_room_free(&s->room);
+    return status;
+}
+
+// A sensor that failed during the sweep is opened again once what was swept until then is kept or dropped.
+static enum status after_cut(struct studio_session *s)
+{
+    static const int64_t LOOK_NS = 20000000;
+    while (!atomic_load(&s->stop) && atomic_load(&s->room_decision) == ROOM_UNDECIDED)
+        clock_sleep_until_ns(clock_now_ns() + LOOK_NS);
+    enum status status = decide_room(s);
+    return status == OK && !atomic_load(&s->stop) ? rewind_source(s) : status;
+}
+
 // A sweep that gives no map is an answer, not the session's failure.
 static enum status run_sweep(struct studio_session *s)
 {
@@ -431,25 +459,7 @@ static enum status run_sweep(struct studio_session *s)
     tracker_reset(s->tracker);
     coach_start(&s->coach, source_calibration(s->source));
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
-    return OK;
-}
-
-// Where the room is kept, the sensor is looked for in it from here on.
-static enum status decide_room(struct studio_session *s)
-{
-    const int decision = atomic_exchange(&s->room_decision, ROOM_UNDECIDED);
-    enum status status = OK;
-    if (decision == ROOM_KEEP && s->room.place.tag_count + s->room.place.point_count > 0) {
-        status = studio_room_keep(&s->room, s->file);
-        place_free(&s->place);
-        s->has_place = false;
-        if (status == OK)
-            status = read_place(s);
-        if (status == OK)
-            status = open_sensor_pose(s);
-    }
-    studio_room_free(&s->room);
-    return status;
+    return s->room.cut ? after_cut(s) : OK;
 }
 
 // What was asked for while the preview ran.

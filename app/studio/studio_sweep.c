@@ -22,10 +22,10 @@ bool studio_find_tags(const char *file, char *out, size_t capacity)
     return file_exists(out);
 }
 
-// Until the source or the sweep ends.
-static enum status feed(const struct studio_sweep_wish *wish, struct mapper *mapper, int64_t *damaged)
+// Until the source or the sweep ends. A sensor that fails ends it, too, with what there is by then.
+static enum status feed(const struct studio_sweep_wish *wish, struct mapper *mapper, struct sweep_trouble *trouble)
 {
-    for (;;) {
+    for (bool any = false;; any = true) {
         struct frame frame;
         if (atomic_load(wish->end) == STUDIO_SWEEP_DROP)
             return NOTHING;
@@ -35,8 +35,12 @@ static enum status feed(const struct studio_sweep_wish *wish, struct mapper *map
         if (status == NOTHING)
             return OK;
         if (status == ERR_INPUT) {
-            ++*damaged;
+            trouble->damaged++;
             continue;
+        }
+        if (status == ERR_DEVICE && any) {
+            snprintf(trouble->cut, sizeof trouble->cut, "%s", status_message());
+            return OK;
         }
         if (status == OK)
             status = mapper_add(mapper, &frame);
@@ -52,7 +56,7 @@ enum status studio_sweep_run(const struct studio_sweep_wish *wish, struct studio
     struct mapper_tag *tags = NULL;
     struct mapper_report report;
     int32_t count = 0;
-    int64_t damaged = 0;
+    struct sweep_trouble trouble = {0};
     struct mapper_options options = mapper_default_options();
     options.prior = wish->prior;
     options.plan = true;
@@ -61,13 +65,16 @@ enum status studio_sweep_run(const struct studio_sweep_wish *wish, struct studio
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(wish->source), tags, count, &options);
     if (status == OK)
-        status = feed(wish, mapper, &damaged);
+        status = feed(wish, mapper, &trouble);
     if (status == OK) {
         wish->finishing(wish->self);
         status = mapper_finish(mapper, &out->place, &report);
+        if (status == ERR_INPUT && *trouble.cut) // too little of the room: then the sensor is what to mend
+            status = fail(ERR_DEVICE, "%s", trouble.cut);
     }
     if (status == OK) {
-        map_advise(&out->place, &report, damaged, &out->advice);
+        out->cut = *trouble.cut;
+        map_advise(&out->place, &report, &trouble, &out->advice);
         sweep_plan_of_place(&out->place, &out->plan);
         for (int32_t i = 0; i < count; i++) // those that are not in the place, too
             sweep_plan_set_tag(&out->plan, tags[i].id, false, NULL, 0);

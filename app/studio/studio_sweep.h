@@ -20,11 +20,13 @@ struct studio_room {
     struct place place;
     struct sweep_plan plan; // of the finished place
     struct map_advice advice;
+    bool cut; // the sensor failed; the map is of what was swept until then
 };
 void studio_room_free(struct studio_room *room); // zeroed is fine
 
 // OK: *out is filled, the caller frees it. NOTHING: the sweep was dropped. ERR_INPUT: no map can be made, with the
-// reason. ERR_DEVICE: the sensor failed. Else as mapper_finish. *out is zeroed unless OK.
+// reason. ERR_DEVICE: the sensor failed before enough for a map was swept. Else as mapper_finish. *out is zeroed unless
+// OK.
 MUST_CHECK enum status studio_sweep_run(const struct studio_sweep_wish *wish, struct studio_room *out);
 
 // Into the file, which is made where it does not exist; its takes stay.

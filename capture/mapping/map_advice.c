@@ -85,11 +85,14 @@ static void summarise(const struct place *place, struct map_advice *out)
                  out->worst_tag_m * 1e3);
 }
 
-void map_advise(const struct place *place, const struct mapper_report *r, int64_t damaged, struct map_advice *out)
+void map_advise(const struct place *place, const struct mapper_report *r, const struct sweep_trouble *trouble,
+                struct map_advice *out)
 {
     *out = (struct map_advice){.worst_tag = -1};
     const struct place_tag *seldom = rarely_observed(place);
     summarise(place, out);
+    if (*trouble->cut)
+        say(out, "%s: the map is of what was swept until then", trouble->cut);
     if (!place->point_count)
         say(out, "there are no landmarks, so a camera is found only where it sees a tag; film "
                  "what can be recognised from two places");
@@ -104,6 +107,6 @@ void map_advise(const struct place *place, const struct mapper_report *r, int64_
             "the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
             "more slowly, with more of what was seen before in sight",
             r->lost_from_s, r->lost_to_s);
-    if (damaged)
-        say(out, "%lld damaged pictures were left out", (long long)damaged);
+    if (trouble->damaged)
+        say(out, "%lld damaged pictures were left out", (long long)trouble->damaged);
 }

@@ -12,4 +12,11 @@ struct map_advice {
     char line[MAP_ADVICE_LINES][340]; // what is wrong and what to do; none: nothing is
 };
 
-void map_advise(const struct place *place, const struct mapper_report *report, int64_t damaged, struct map_advice *out);
+// What the sweep's source did; zeroed: nothing went wrong.
+struct sweep_trouble {
+    int64_t damaged; // pictures that were left out
+    char cut[200];   // why the sensor failed before the sweep was over: "the … was unplugged"; "": it did not
+};
+
+void map_advise(const struct place *place, const struct mapper_report *report, const struct sweep_trouble *trouble,
+                struct map_advice *out);

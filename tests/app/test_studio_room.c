@@ -184,11 +184,15 @@ static void room_and_take(struct stage *g, int frames)
     studio_close(&g->studio);
 }
 
+static struct scratch swept; // what test_room_and_take leaves: the room's film in "away", and its tags
+
 static void test_room_and_take(void **state)
 {
     (void)state;
     static struct stage g;
     room_and_take(&g, 24);
+    swept = g.scratch;
+    g.scratch = scratch_make();
     stage_close(&g);
 }
 
@@ -310,6 +314,47 @@ static void test_a_live_sensor(void **state)
     stage_close(&g);
 }
 
+// Unplugged while it sweeps: what was swept until then is a map, which can be kept; then the sensor is opened again.
+static void test_a_sweep_cut_off(void **state)
+{
+    (void)state;
+    static struct stage g = {.skipped_ns = 0};
+    struct recording *recording;
+    struct place place;
+    g.scratch = swept;
+    EXPECT_TRUE(!remove(scratch_file(&swept, "film.reenact")));
+    fake("", scratch_file(&swept, "away"));
+    fake("FPS", "4");
+    fake("AT_END", "loop");
+    fake("UNPLUG_AFTER", "16");
+    open_stage(&g, "openni");
+    wait_page(&g, STUDIO_LIVE, 1);
+    stage_press(&g, 'm');
+    wait_page(&g, STUDIO_ROOM_REVIEW, 1);
+    const struct studio_room_view *room = &g.studio.shown.room;
+    printf("%d tags; %s; %s%s\n", room->plan.tags_seen, room->advice.summary,
+           room->advice.count ? room->advice.line[0] : "", room->failure);
+    EXPECT_TRUE(!*room->failure && room->advice.count > 0);
+    EXPECT_TRUE(strstr(room->advice.line[0], "unplugged: the map is of what was swept until then") != NULL);
+    EXPECT_AT_LEAST(room->plan.tags_seen, 3);
+    stage_save(&g, "room-cut");
+    fake("UNPLUG_AFTER", "-1");
+    stage_press(&g, 'k');
+    const int64_t until = clock_now_ns() + 60 * SECOND;
+    while ((!g.studio.shown.has_place || g.studio.state.page != STUDIO_LIVE) && clock_now_ns() < until)
+        stage_draw(&g);
+    EXPECT_TRUE(g.studio.shown.has_place && g.studio.state.page == STUDIO_LIVE);
+    const int64_t seen = g.studio.shown.number; // the sensor goes on
+    wait_page(&g, STUDIO_LIVE, seen + 2);
+    EXPECT_STATUS(recording_open(&recording, g.studio.options.file), OK);
+    EXPECT_STATUS(recording_read_place(recording, &place), OK);
+    EXPECT_AT_LEAST(place.tag_count, 3);
+    place_free(&place);
+    recording_free(&recording);
+    studio_close(&g.studio);
+    stage_close(&g);
+}
+
 // ---------------------------------------------------------------- cutting off the ends
 
 static void test_trim_while_it_plays(void **state)
@@ -362,10 +407,11 @@ int main(int argc, char **argv)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_room_states),    cmocka_unit_test(test_pause_row_and_trim_states),
-        cmocka_unit_test(test_no_map_is_said), cmocka_unit_test(test_trim_while_it_plays),
+        cmocka_unit_test(test_room_states),     cmocka_unit_test(test_pause_row_and_trim_states),
+        cmocka_unit_test(test_no_map_is_said),  cmocka_unit_test(test_trim_while_it_plays),
         cmocka_unit_test(test_room_and_take),
         cmocka_unit_test(test_a_live_sensor), // last: the fake sensor's library leaves cJSON with functions of its own
+        cmocka_unit_test(test_a_sweep_cut_off),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

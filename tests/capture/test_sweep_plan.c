@@ -14,7 +14,7 @@
 #include <string.h>
 
 static int sweep_frames = 40;
-static double sweep_s = 5;
+static double sweep_s = 5, walk_s = 3;
 
 struct sweep {
     struct world *world;
@@ -150,7 +150,7 @@ static void test_the_plan_of_a_sweep(void **state)
     static struct sweep_plan final;
     struct map_advice advice;
     sweep_plan_of_place(&place, &final);
-    map_advise(&place, &report, 0, &advice);
+    map_advise(&place, &report, &(struct sweep_trouble){0}, &advice);
     const double final_m = plan_error(&final, &s, &placed);
     printf("the map: %s; tags at most %.1f mm off, %.0f %% recognisable, %d bare\n", advice.summary, final_m * 1e3,
            100 * sweep_plan_recognisable(&final), final.bare_count);
@@ -160,6 +160,53 @@ static void test_the_plan_of_a_sweep(void **state)
     mapper_close(&m);
     mapper_close(&plain);
     sweep_close(&s);
+}
+
+// Cells of which something was seen.
+static int filled(const struct sweep_plan *p)
+{
+    int count = 0;
+    for (int row = 0; row < SWEEP_CELLS; row++)
+        for (int column = 0; column < SWEEP_CELLS; column++)
+            count += p->cell[row][column].floor + p->cell[row][column].solid > 0;
+    return count;
+}
+
+// The same walk at a sensor's rate, and at what a slow machine comes to.
+static void test_the_plan_at_two_rates(void **state)
+{
+    (void)state;
+    static const double rates_hz[] = {15, 6};
+    int cells[2] = {0, 0};
+    for (size_t r = 0; r < COUNT_OF(rates_hz); r++) {
+        struct sweep s;
+        struct mapper *m;
+        struct mapper_options options = mapper_default_options();
+        int placed, slower = 0, lost = 0;
+        options.plan = true;
+        sweep_open(&s);
+        EXPECT_STATUS(mapper_open(&m, &s.calibration, s.tags, s.tag_count, &options), OK);
+        for (int i = 0; i < walk_s * rates_hz[r]; i++) {
+            shoot(&s, i / rates_hz[r], (uint64_t)i + 1);
+            add(&s, m, i / rates_hz[r]);
+            slower += mapper_plan(m)->hint == SWEEP_SLOWER;
+            lost += mapper_plan(m)->hint == SWEEP_LOST;
+        }
+        const struct sweep_plan *p = mapper_plan(m);
+        const double error_m = plan_error(p, &s, &placed);
+        cells[r] = filled(p);
+        printf("%2.0f Hz: %d of %d images located, %d of %d tags seen are placed, at most %.0f mm off; %d cells seen; "
+               "'slower' at %d, 'lost' at %d\n",
+               rates_hz[r], p->frames_located, p->frames, placed, p->tags_seen, error_m * 1e3, cells[r], slower, lost);
+        EXPECT_AT_LEAST(p->frames_located, 0.9 * p->frames);
+        EXPECT_AT_LEAST(p->tags_seen, 5);
+        EXPECT_AT_LEAST(placed, 0.8 * p->tags_seen);
+        EXPECT_AT_MOST(error_m, 0.25);
+        EXPECT_INT(lost, 0);
+        mapper_close(&m);
+        sweep_close(&s);
+    }
+    EXPECT_AT_LEAST(cells[1], 0.8 * cells[0]);
 }
 
 // What is said when the sweep goes wrong.
@@ -226,9 +273,10 @@ int main(int argc, char **argv)
 {
     if (argc > 1) {
         sweep_frames = atoi(argv[1]);
-        sweep_s = WORLD_SWEEP_S;
+        sweep_s = walk_s = WORLD_SWEEP_S;
     }
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_bare_places), cmocka_unit_test(test_hints),
-                                       cmocka_unit_test(test_the_plan_of_a_sweep)};
+                                       cmocka_unit_test(test_the_plan_of_a_sweep),
+                                       cmocka_unit_test(test_the_plan_at_two_rates)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

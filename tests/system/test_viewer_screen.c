@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "platform/file.h"
+#include "tests/support/display.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 
@@ -22,61 +23,11 @@ enum { ORIENTATIONS = 1 };
 #else
 enum { ORIENTATIONS = 2 };
 #endif
-static const int ACCENT[3] = {45, 212, 191}; // of the play button, dark theme
+static const uint32_t ACCENT = 0x2dd4bf; // of the play button, dark theme
 
 static struct rehearsal rehearsal;
-static pid_t xvfb, weston, watcher; // 0: not running
-static uint8_t rgb[WIDTH * HEIGHT * 3];
-
-// Xvfb keeps its frame buffer in a file, xwd format.
-static bool read_display(void)
-{
-    uint8_t *bytes;
-    size_t count;
-    if (file_read(scratch_file(&rehearsal.scratch, "Xvfb_screen0"), &bytes, &count) != OK)
-        return false;
-    uint32_t head[25];
-    bool whole = count > sizeof head;
-    for (size_t i = 0; i < COUNT_OF(head) && whole; i++)
-        head[i] = (uint32_t)bytes[4 * i] << 24 | (uint32_t)bytes[4 * i + 1] << 16 | (uint32_t)bytes[4 * i + 2] << 8 |
-                  bytes[4 * i + 3];
-    size_t start = whole ? head[0] + 12 * (size_t)head[19] : 0, row = whole ? head[12] : 0;
-    whole = whole && head[4] == WIDTH && head[5] == HEIGHT && count >= start + row * HEIGHT;
-    for (size_t y = 0; y < HEIGHT && whole; y++)
-        for (size_t x = 0; x < WIDTH; x++)
-            for (size_t c = 0; c < 3; c++)
-                rgb[3 * (y * WIDTH + x) + c] = bytes[start + y * row + 4 * x + 2 - c];
-    free(bytes);
-    return whole;
-}
-
-// How many pixels of the accent colour are within a box.
-static int find_accent(int left, int top, int right, int bottom)
-{
-    int count = 0;
-    for (int y = top; y < bottom; y++)
-        for (int x = left; x < right; x++) {
-            const uint8_t *p = rgb + 3 * (y * WIDTH + x);
-            count += abs(p[0] - ACCENT[0]) < 6 && abs(p[1] - ACCENT[1]) < 6 && abs(p[2] - ACCENT[2]) < 6;
-        }
-    return count;
-}
-
-// Number of distinct colours in the middle of the screen: tells an image from a plain background.
-static int colorfulness(void)
-{
-    static bool seen[4096];
-    int count = 0;
-    memset(seen, 0, sizeof seen);
-    for (int y = 200; y < 600; y++)
-        for (int x = 300; x < 980; x++) {
-            const uint8_t *p = rgb + 3 * (y * WIDTH + x);
-            int which = (p[0] >> 4) << 8 | (p[1] >> 4) << 4 | p[2] >> 4;
-            count += !seen[which];
-            seen[which] = true;
-        }
-    return count;
-}
+static struct display display;
+static pid_t weston, watcher; // 0: not running
 
 // Waits until the play button is there, at the bottom or, upside down, at the top, and an image with it.
 static void expect_screen(bool upside_down)
@@ -85,11 +36,11 @@ static void expect_screen(bool upside_down)
     int accent = 0, other = 0, colors = 0;
     for (int i = 0; i < 1200 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
-        if (!read_display())
+        if (!display_read(&display))
             continue;
-        accent = find_accent(580, top, 700, top + 100);
-        other = find_accent(580, HEIGHT - 120 - top, 700, HEIGHT - 20 - top);
-        colors = colorfulness();
+        accent = display_count(&display, ACCENT, 580, top, 700, top + 100);
+        other = display_count(&display, ACCENT, 580, HEIGHT - 120 - top, 700, HEIGHT - 20 - top);
+        colors = display_colors(&display, 300, 200, 980, 600);
     }
     print_message("%d pixels of the play button, %d where it is not, %d colours\n", accent, other, colors);
     EXPECT_AT_LEAST(accent, 1500);
@@ -230,7 +181,7 @@ static int find_robot(int half)
     int count = 0;
     for (int y = 0; y < HEIGHT; y++)
         for (int x = half * WIDTH / 2; x < (half + 1) * WIDTH / 2; x++) {
-            const uint8_t *p = rgb + 3 * (y * WIDTH + x);
+            const uint8_t *p = display.rgb + 3 * (y * WIDTH + x);
             count += p[0] < 120 && p[1] > 120 && p[1] < 200 && p[2] > 220;
         }
     return count;
@@ -246,7 +197,7 @@ static void test_driving_with_the_map_beside(void **state)
     watcher = process_start(arguments);
     for (int i = 0; i < 600 * PROCESS_PATIENCE && (left < 300 || right < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
-        if (!read_display())
+        if (!display_read(&display))
             continue;
         left = find_robot(0);
         right = find_robot(1);
@@ -260,21 +211,10 @@ static void test_driving_with_the_map_beside(void **state)
 static int set_up(void **state)
 {
     (void)state;
-    static char folder[300], display[16];
     // Drivers and the desktop bus, loaded and unloaded by SDL, leak; leaks of this program are checked in test_screens.
     setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     rehearsal = rehearsal_make();
-    snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
-    // A display number of its own.
-    snprintf(display, sizeof display, ":%d", 1000 + (int)getpid() % 50000);
-    const char *const arguments[] = {
-        "/usr/bin/Xvfb", display,     "-screen", "0",        "1280x800x24", "-fbdir",
-        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // no reset when the last window closes
-    xvfb = process_start(arguments);
-    setenv("DISPLAY", display, 1);
-    for (int i = 0; i < 100 && !read_display(); i++)
-        clock_sleep_until_ns(clock_now_ns() + 100000000);
-    return read_display() ? 0 : -1;
+    return display_open(&display, rehearsal.scratch.path, WIDTH, HEIGHT) ? 0 : -1;
 }
 
 static int tear_down(void **state)
@@ -282,7 +222,7 @@ static int tear_down(void **state)
     (void)state;
     end(&watcher);
     end(&weston);
-    end(&xvfb);
+    display_close(&display);
     rehearsal_end(&rehearsal);
     return 0;
 }

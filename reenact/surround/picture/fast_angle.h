@@ -8,9 +8,7 @@ static inline float fast_atan2(float y, float x)
 {
     const float ax = fabsf(x), ay = fabsf(y);
     const float most = ax > ay ? ax : ay, least = ax > ay ? ay : ax;
-    if (most <= 0)
-        return 0;
-    const float t = least / most, s = t * t;
+    const float t = least / (most > 0 ? most : 1), s = t * t;
     // Odd polynomial of least largest error on 0..1
     float a = ((((-0.01172120f * s + 0.05265332f) * s - 0.11643287f) * s + 0.19354346f) * s - 0.33262347f) * s;
     a = (a + 0.99997726f) * t;

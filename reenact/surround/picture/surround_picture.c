@@ -88,16 +88,19 @@ void surround_picture_ray(const struct surround_picture *p, int u, int v, float 
     ray[2] = scale;
 }
 
-bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out)
+float surround_picture_distance(const struct surround_picture *p, const double world[3], float camera[3])
 {
     const struct vec3 *t = &p->world_from_camera.translation;
     const double d[3] = {world[0] - t->x, world[1] - t->y, world[2] - t->z};
-    float c[3];
     for (int i = 0; i < 3; i++)
-        c[i] = (float)(p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2]);
-    const float flat2 = c[0] * c[0] + c[2] * c[2];
-    out->distance = sqrtf(flat2 + c[1] * c[1]);
+        camera[i] = (float)(p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2]);
+    return sqrtf(camera[0] * camera[0] + camera[2] * camera[2] + camera[1] * camera[1]);
+}
+
+bool surround_picture_find(const struct surround_picture *p, const float c[3], struct picture_point *out)
+{
     if (p->panorama) {
+        const float flat2 = c[0] * c[0] + c[2] * c[2];
         const float w = (float)p->width, h = (float)p->height;
         out->u = (fast_atan2(c[0], c[2]) * (float)(1 / (2 * PI)) + 0.5f) * w - 0.5f;
         out->v = fast_atan2(sqrtf(flat2), -c[1]) * (float)(1 / PI) * h - 0.5f;
@@ -110,6 +113,13 @@ bool surround_picture_project(const struct surround_picture *p, const double wor
     out->u = (float)(p->lens.fx * (double)(c[0] / c[2]) + p->lens.cx);
     out->v = (float)(p->lens.fy * (double)(c[1] / c[2]) + p->lens.cy);
     return out->u > -0.5f && out->v > -0.5f && out->u < (float)p->width - 0.5f && out->v < (float)p->height - 0.5f;
+}
+
+bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out)
+{
+    float camera[3];
+    out->distance = surround_picture_distance(p, world, camera);
+    return surround_picture_find(p, camera, out);
 }
 
 static void catmull_rom(float t, float weight[4])

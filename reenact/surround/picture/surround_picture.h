@@ -57,6 +57,10 @@ struct picture_point {
 // Where a world point lies in the picture. False: behind a perspective picture or outside it. Panoramas wrap: u is in
 // [-0.5, width - 0.5).
 bool surround_picture_project(const struct surround_picture *p, const double world[3], struct picture_point *out);
+// Its two steps, for who may do without the second: the point in camera axes and, returned, its distance; then u and v
+// of a point in camera axes, with out->distance given.
+float surround_picture_distance(const struct surround_picture *p, const double world[3], float camera[3]);
+bool surround_picture_find(const struct surround_picture *p, const float camera[3], struct picture_point *out);
 
 // The colour at (u, v), by Catmull-Rom interpolation, times the gain.
 void surround_picture_sample(const struct surround_picture *p, float u, float v, float rgb[3]);

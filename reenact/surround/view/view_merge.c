@@ -38,20 +38,40 @@ struct candidate {
     int layer;
 };
 
+enum { MOST_ASKED = 8 };  // the nearest pictures are asked what they see of a candidate
+#define CONTRADICTS 0.03f // what is farther behind it than this share is another surface
+
+// picture_sight's SIGHT_THROUGH; the middle pixel mostly decides.
+static bool looks_through(const struct surround_picture *p, const struct picture_point *at)
+{
+    const int u = (int)floorf(at->u + 0.5f), v = (int)floorf(at->v + 0.5f);
+    if (u >= 0 && u < p->width && v >= 0 && v < p->height) {
+        const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)u];
+        if (inverse >= 0 && inverse >= 1 / at->distance * (1 - CONTRADICTS) - 1e-4f)
+            return false;
+    }
+    return picture_sight(p, at, CONTRADICTS) == SIGHT_THROUGH;
+}
+
 // Error of a candidate by equation 1: the mean, weighted by 1 / angle, of how far behind it the pictures see that look
 // through it, as a share of its distance; those that are hidden from it say nothing.
 static double error_of(const struct surround_view *view, const struct surround_picture *const *pictures, int count,
                        int pixel, float inverse_z)
 {
     double world[3], sum = 0, weights = 0;
+    struct picture_point seen[MOST_ASKED];
+    bool inside[MOST_ASKED], through = false;
     surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, inverse_z, world);
+    for (int i = 0; i < count; i++) {
+        inside[i] = surround_picture_project(pictures[i], world, &seen[i]);
+        through |= inside[i] && looks_through(pictures[i], &seen[i]);
+    }
+    if (!through) // as in most pixels, whatever the weights
+        return 0;
     const struct vec3 at = v3(world[0], world[1], world[2]);
     const struct vec3 to_view = v3_unit(v3_sub(view->world_from_view.translation, at));
     for (int i = 0; i < count; i++) {
-        struct picture_point seen;
-        if (!surround_picture_project(pictures[i], world, &seen))
-            continue;
-        const enum sight sight = picture_sight(pictures[i], &seen, 0.03f);
+        const enum sight sight = inside[i] ? picture_sight(pictures[i], &seen[i], CONTRADICTS) : SIGHT_UNKNOWN;
         if (sight == SIGHT_HIDDEN || sight == SIGHT_UNKNOWN)
             continue;
         const struct vec3 to_picture = v3_unit(v3_sub(pictures[i]->world_from_camera.translation, at));
@@ -59,7 +79,7 @@ static double error_of(const struct surround_view *view, const struct surround_p
         weights += 1 / sine;
         sum += (sight == SIGHT_THROUGH) / sine;
     }
-    return weights > 0 ? sum / weights : 0;
+    return sum / weights;
 }
 
 // Sorted from the nearest; returns how many.
@@ -118,8 +138,9 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
         for (int from = 0, end; from < n && least > 0.4; from = end) {
             end = surface_end(list, n, from, how->apart);
             const struct candidate mean = surface_mean(list, from, end);
-            const double error =
-                how->depth_test ? error_of(view, pictures, count < 8 ? count : 8, (int)i, mean.inverse_z) : 0;
+            const double error = how->depth_test ? error_of(view, pictures, count < MOST_ASKED ? count : MOST_ASKED,
+                                                            (int)i, mean.inverse_z)
+                                                 : 0;
             if (error < least) {
                 least = error;
                 best = mean;

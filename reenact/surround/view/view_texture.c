@@ -19,20 +19,67 @@ struct texture {
     float pixel_angle; // of the view, radians
 };
 
-// Angle between the view's and the picture's ray, and resolution short of the view's, in radians.
-static float cost_of(const struct texture *t, const struct surround_picture *p, const double world[3], float distance)
+// A point of the surface with the way from it to the view.
+struct shaded {
+    double world[3];
+    float to_view[3], distance2; // metres, squared
+    float pixel_m;               // size of the view's pixel there
+};
+
+static struct shaded shaded_point(const struct texture *t, int x, int y, float inverse_z)
 {
-    const struct vec3 *v = &t->view->world_from_view.translation, *c = &p->world_from_camera.translation;
-    const float a[3] = {(float)(v->x - world[0]), (float)(v->y - world[1]), (float)(v->z - world[2])};
-    const float b[3] = {(float)(c->x - world[0]), (float)(c->y - world[1]), (float)(c->z - world[2])};
-    const float cross[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-    const float along = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    struct shaded s;
+    const struct vec3 *v = &t->view->world_from_view.translation;
+    surround_view_point(t->view, x, y, inverse_z, s.world);
+    s.to_view[0] = (float)(v->x - s.world[0]);
+    s.to_view[1] = (float)(v->y - s.world[1]);
+    s.to_view[2] = (float)(v->z - s.world[2]);
+    s.distance2 = s.to_view[0] * s.to_view[0] + s.to_view[1] * s.to_view[1] + s.to_view[2] * s.to_view[2];
+    s.pixel_m = t->pixel_angle * sqrtf(s.distance2) + 1e-9f;
+    return s;
+}
+
+static float angle_of_pixel(const struct surround_picture *p)
+{
+    return p->panorama ? 6.2831853f / (float)p->width : (float)(1 / p->lens.fx);
+}
+
+// a x b and, returned, a . b of the ways to the view and to the picture. *length2: b's.
+static float compare_ways(const struct shaded *s, const struct surround_picture *p, float cross[3], float *length2)
+{
+    const struct vec3 *c = &p->world_from_camera.translation;
+    const float *a = s->to_view;
+    const float b[3] = {(float)(c->x - s->world[0]), (float)(c->y - s->world[1]), (float)(c->z - s->world[2])};
+    cross[0] = a[1] * b[2] - a[2] * b[1];
+    cross[1] = a[2] * b[0] - a[0] * b[2];
+    cross[2] = a[0] * b[1] - a[1] * b[0];
+    *length2 = b[0] * b[0] + b[1] * b[1] + b[2] * b[2];
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Angle between the view's and the picture's ray, and resolution short of the view's, in radians.
+static float cost_of(const struct texture *t, const struct surround_picture *p, const struct shaded *s, float distance)
+{
+    float cross[3], length2;
+    const float along = compare_ways(s, p, cross, &length2);
     const float angle = fast_atan2(sqrtf(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]), along);
-    const float own = p->panorama ? 6.2831853f / (float)p->width : (float)(1 / p->lens.fx);
-    const float view_distance = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
     // Size of the picture's pixel at the point over that of the view's
-    const float coarse = own * distance / (t->pixel_angle * view_distance + 1e-9f);
+    const float coarse = angle_of_pixel(p) * distance / s->pixel_m;
     return angle + (float)t->how->resolution_cost * (coarse > 0.5f ? coarse - 0.5f : 0);
+}
+
+// Whether cost_of surely is `limit` or more, from bounds that cost less: an angle is larger than its sine. The slack is
+// for rounding and for fast_atan2's error of 1e-5.
+static bool costs_more(const struct texture *t, const struct surround_picture *p, const struct shaded *s, float limit)
+{
+    float cross[3], length2;
+    const float along = compare_ways(s, p, cross, &length2);
+    const float coarse = angle_of_pixel(p) * sqrtf(length2) / s->pixel_m * 0.9999f;
+    const float left = limit + 1e-4f - (float)t->how->resolution_cost * (coarse > 0.5f ? coarse - 0.5f : 0);
+    if (left <= 0 || (along < 0 && left < 1.5f))
+        return true;
+    return cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2] >
+           left * left * s->distance2 * length2 * 1.0001f;
 }
 
 struct choice {
@@ -81,16 +128,15 @@ static int tile_pictures(const struct texture *t, int x0, int y0, int out[])
     for (int k = 0; k < 5; k++) {
         const float inverse_z = t->view->inverse_z[(size_t)at[k][1] * (size_t)w + (size_t)at[k][0]];
         struct choice list[TILE_PICTURES];
-        double world[3];
         int n = 0;
         if (inverse_z < 0)
             continue;
-        surround_view_point(t->view, at[k][0], at[k][1], inverse_z, world);
+        const struct shaded s = shaded_point(t, at[k][0], at[k][1], inverse_z);
         for (int i = 0; i < t->count; i++) {
             struct choice one = {.picture = i};
-            if (!surround_picture_project(t->pictures[i], world, &one.at))
+            if (!surround_picture_project(t->pictures[i], s.world, &one.at))
                 continue;
-            one.cost = cost_of(t, t->pictures[i], world, one.at.distance);
+            one.cost = cost_of(t, t->pictures[i], &s, one.at.distance);
             if (picture_sight(t->pictures[i], &one.at, 0.05f) != SIGHT_SEEN)
                 one.cost += 10;
             insert(list, &n, TILE_PICTURES, &one);
@@ -128,27 +174,33 @@ static void shade(const struct texture *t, int x, int y, const int *pictures, in
     struct surround_view *view = t->view;
     const size_t i = (size_t)y * (size_t)view->lens.width + (size_t)x;
     struct choice list[MOST_BLENDED + 1];
-    double world[3];
+    const int most = t->how->texture_pictures + 1;
     int n = 0;
     view->source[i] = view->inverse_z[i] < 0 ? SOURCE_UNSEEN : SOURCE_SEEN;
     if (view->inverse_z[i] < 0)
         return;
-    surround_view_point(view, x, y, view->inverse_z[i], world);
+    const struct shaded s = shaded_point(t, x, y, view->inverse_z[i]);
     for (int k = -1; k < count; k++) {
         struct choice one = {.picture = k < 0 ? view->first[i] : pictures[k]};
         if (k >= 0 && one.picture == view->first[i])
             continue;
         const struct surround_picture *p = t->pictures[one.picture];
-        if (!surround_picture_project(p, world, &one.at))
+        if (n == most && costs_more(t, p, &s, list[most - 1].cost))
             continue;
-        one.cost = cost_of(t, p, world, one.at.distance);
+        float camera[3];
+        one.at.distance = surround_picture_distance(p, s.world, camera);
+        one.cost = cost_of(t, p, &s, one.at.distance);
+        if (n == most && list[most - 1].cost <= one.cost) // what follows only adds to the cost
+            continue;
+        if (!surround_picture_find(p, camera, &one.at))
+            continue;
         const float seen = share_seen(p, &one.at, 0.04f);
         if (seen < 0.5f) // by what made the geometry, as a last resort
             one.cost += k < 0 ? 100 : COST_HIDDEN;
         else
             one.cost += 0.3f * (1 - seen);
         if (one.cost < COST_HIDDEN)
-            insert(list, &n, t->how->texture_pictures + 1, &one);
+            insert(list, &n, most, &one);
     }
     while (n > 1 && list[n - 1].cost >= 100)
         n--;

@@ -34,18 +34,34 @@ static struct vertex project(const struct warp *w, const float ray[3], float inv
     return out;
 }
 
+// libm's fminf is a call.
+static float least(float a, float b) { return a < b ? a : b; }
+static float most(float a, float b) { return a > b ? a : b; }
+
+// The pixels from `low` to `high` that are within the view; none: *first > *last.
+static void span(float low, float high, int size, int *first, int *last)
+{
+    if (!(high >= 0 && low <= (float)(size - 1))) {
+        *first = 0;
+        *last = -1;
+        return;
+    }
+    *last = high < (float)(size - 1) ? (int)high : size - 1;
+    *first = low > 0 ? (int)low : 0;
+    *first += low > (float)*first;
+}
+
 static void triangle(const struct warp *w, const struct vertex *a, const struct vertex *b, const struct vertex *c)
 {
-    const int width = w->view->lens.width, height = w->view->lens.height;
+    const int width = w->view->lens.width;
     const float area = (b->x - a->x) * (c->y - a->y) - (b->y - a->y) * (c->x - a->x);
     if (!(area > 1e-8f)) // its back, or nothing
         return;
-    const float left = fminf(a->x, fminf(b->x, c->x)), right = fmaxf(a->x, fmaxf(b->x, c->x));
-    const float top = fminf(a->y, fminf(b->y, c->y)), bottom = fmaxf(a->y, fmaxf(b->y, c->y));
-    if (!(right >= 0 && bottom >= 0 && left <= (float)(width - 1) && top <= (float)(height - 1)))
+    int x0, x1, y0, y1;
+    span(least(a->x, least(b->x, c->x)), most(a->x, most(b->x, c->x)), width, &x0, &x1);
+    span(least(a->y, least(b->y, c->y)), most(a->y, most(b->y, c->y)), w->view->lens.height, &y0, &y1);
+    if (x0 > x1 || y0 > y1)
         return;
-    const int x0 = left > 0 ? (int)ceilf(left) : 0, x1 = right < (float)(width - 1) ? (int)right : width - 1;
-    const int y0 = top > 0 ? (int)ceilf(top) : 0, y1 = bottom < (float)(height - 1) ? (int)bottom : height - 1;
     const float scale = 1 / area, slack = -1e-4f * area; // neighbours share their edge's pixels
     const float bx = (c->y - a->y) * scale, by = -(c->x - a->x) * scale;
     const float cx = -(b->y - a->y) * scale, cy = (b->x - a->x) * scale;
@@ -64,6 +80,15 @@ static void triangle(const struct warp *w, const struct vertex *a, const struct 
 static void quad(const struct warp *w, const struct vertex v[4])
 {
     if (!v[0].ahead || !v[1].ahead || !v[2].ahead || !v[3].ahead)
+        return;
+    int first, last;
+    span(least(least(v[0].x, v[1].x), least(v[2].x, v[3].x)), most(most(v[0].x, v[1].x), most(v[2].x, v[3].x)),
+         w->view->lens.width, &first, &last);
+    if (first > last) // between two columns of pixels
+        return;
+    span(least(least(v[0].y, v[1].y), least(v[2].y, v[3].y)), most(most(v[0].y, v[1].y), most(v[2].y, v[3].y)),
+         w->view->lens.height, &first, &last);
+    if (first > last)
         return;
     triangle(w, &v[0], &v[1], &v[2]);
     triangle(w, &v[1], &v[3], &v[2]);
@@ -88,6 +113,7 @@ static void quarters(const struct warp *w, const float rays[4][3], const float i
     }
 }
 
+// A cell that is not one surface.
 static void cell(const struct warp *w, int u, int v)
 {
     const struct surround_picture *p = w->p;
@@ -102,30 +128,49 @@ static void cell(const struct warp *w, int u, int v)
         return;
     for (int k = 0; k < 4; k++)
         surround_picture_ray(p, columns[k], v + (k >> 1), rays[k]);
-    if (!(p->joined[(size_t)v * (size_t)p->width + (size_t)u] & JOINED_DIAGONAL)) {
-        quarters(w, (const float(*)[3])rays, inverse);
-        return;
-    }
-    struct vertex vertices[4];
-    for (int k = 0; k < 4; k++)
-        vertices[k] = project(w, rays[k], inverse[k]);
-    quad(w, vertices);
+    quarters(w, (const float(*)[3])rays, inverse);
+}
+
+// The pixels of a block with its last column and row, each projected once; then cell by cell. A cell that is joined is
+// known.
+static void block(const struct warp *w, int u0, int v0, int u1, int v1)
+{
+    const struct surround_picture *p = w->p;
+    struct vertex vertices[BLOCK + 1][BLOCK + 1];
+    for (int v = v0; v <= v1; v++)
+        for (int u = u0; u <= u1; u++) {
+            const int column = u < p->width ? u : 0;
+            const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)column];
+            float ray[3];
+            if (inverse < 0)
+                continue;
+            surround_picture_ray(p, column, v, ray);
+            vertices[v - v0][u - u0] = project(w, ray, inverse);
+        }
+    for (int v = v0; v < v1; v++)
+        for (int u = u0; u < u1; u++) {
+            const struct vertex *above = &vertices[v - v0][u - u0], *below = &vertices[v - v0 + 1][u - u0];
+            if (p->joined[(size_t)v * (size_t)p->width + (size_t)u] & JOINED_DIAGONAL)
+                quad(w, (struct vertex[4]){above[0], above[1], below[0], below[1]});
+            else
+                cell(w, u, v);
+        }
 }
 
 // Whether a block of pixels may be in sight: not all of its corners, nearest and farthest, beyond one edge of the view.
 static bool may_be_seen(const struct warp *w, int u0, int v0, int u1, int v1)
 {
     const struct surround_picture *p = w->p;
-    float least = 1e9f, most = -1;
+    float farthest = 1e9f, nearest = -1;
     for (int v = v0; v <= v1; v++)
         for (int u = u0; u <= u1; u++) {
-            const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)(u % p->width)];
+            const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)(u < p->width ? u : 0)];
             if (inverse < 0)
                 continue;
-            least = inverse < least ? inverse : least;
-            most = inverse > most ? inverse : most;
+            farthest = least(inverse, farthest);
+            nearest = most(inverse, nearest);
         }
-    if (most < 0)
+    if (nearest < 0)
         return false;
     int outside[5] = {0};
     const float margin = 0.1f; // the block bulges between its corners
@@ -136,7 +181,7 @@ static bool may_be_seen(const struct warp *w, int u0, int v0, int u1, int v1)
         surround_picture_ray(p, (k & 1 ? u1 : u0) % p->width, k & 2 ? v1 : v0, ray);
         for (int i = 0; i < 3; i++)
             q[i] = w->turn[i][0] * ray[0] + w->turn[i][1] * ray[1] + w->turn[i][2] * ray[2] +
-                   (k & 4 ? most : least) * w->shift[i];
+                   (k & 4 ? nearest : farthest) * w->shift[i];
         outside[0] += q[2] < -margin;
         outside[1] += q[0] < x0 * q[2] - margin * (q[2] < 0);
         outside[2] += q[0] > x1 * q[2] + margin * (q[2] < 0);
@@ -180,8 +225,6 @@ void view_warp(const struct surround_view *view, const struct surround_picture *
             const int u1 = u0 + BLOCK < columns ? u0 + BLOCK : columns;
             if (!may_be_seen(&w, u0, v0, u1, v1))
                 continue;
-            for (int v = v0; v < v1; v++)
-                for (int u = u0; u < u1; u++)
-                    cell(&w, u, v);
+            block(&w, u0, v0, u1, v1);
         }
 }
