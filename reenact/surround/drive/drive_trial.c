@@ -5,42 +5,54 @@
 #include <stdlib.h>
 #include <string.h>
 
-// All chosen by hand. CLEAR_M: from the body's middle to what stands there: half its diagonal and 3 cm, so that it may
-// turn on the spot. HITS: pixels that make an obstacle. OBSTACLE_M: what is higher above the floor is no floor.
-#define CELL_M     0.05
-#define LOW_X      -2.0
-#define LOW_Y      -2.0
-#define CLEAR_M    0.42
-#define CREEP_M    0.2
-#define REACHED_M  0.15
-#define OBSTACLE_M 0.12
-#define SPEED      0.3
-#define TURN_RATE  0.5
-#define TURN_RAD   0.05 // smaller errors of heading are no reason for a command
-#define TICK_S     0.1
-// The map's viewpoint: from above, a little from behind.
+// All chosen by hand. BODY_M: from the body's middle to its sides, and 4 cm; nothing may stand nearer. WIDE_M: so far
+// from things the driver is at ease, a step nearer costs up to NEAR_COST more. HITS: pixels that make an obstacle.
+// SPECK: so few cells within 10 cm are pixels at silhouettes that hang in the air. OBSTACLE_M: what is higher above the
+// floor is no floor.
+#define CELL_M          0.05
+#define LOW_X           -2.0
+#define LOW_Y           -2.0
+#define BODY_M          0.29
+#define DIAGONAL_M      0.42 // half of the body's, and 3 cm
+#define MARGIN_M        0.03
+#define FARTHEST_BACK_M 0.8 // that is gone to turn where there is room
+#define WIDE_M          0.55
+#define NEAR_COST       8.0
+#define CREEP_M         0.2
+#define REACHED_M       0.15
+#define OBSTACLE_M      0.12
+#define SPEED           0.3
+#define TURN_RATE       0.5
+#define TURN_RAD        0.05 // smaller errors of heading are no reason for a command
+#define TICK_S          0.1
+// The map's viewpoint: from above, a little from behind. The picture's second: tilted down, to the floor before the
+// body.
 #define MAP_ELEVATION  1.4
 #define MAP_DISTANCE_M 5.0
-#define UNSEEN_COST    10.0 // of a step over unseen floor against one over seen floor
-#define DOUBTED_COST   5.0
-// Obstacles farther away than this are doubted: drawn depth there may be continued from what stands before it. Where
-// that leaves no way, or one that is DETOUR times as costly, only nearer ones are believed.
-static const double trust_m[] = {2, 1, 0.6};
-#define DETOUR 1.5
-enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, VOTES = 3, MOST_COMMANDS = 200 };
+#define TILT_RAD       0.6
+#define UNSEEN_COST    6.0  // of a step over unseen floor against one over seen floor
+#define STRAIGHT_COST  1.25 // of the straight way against the best one, for which it is taken
+// A look from nearer overrides those from farther away, and one from about as near (SAME_LOOK) counts as much as all of
+// them. What was never looked at from within TRUSTED_M is doubted: there pictures continue what they have seen.
+#define LOOK         0.5
+#define SAME_LOOK_M  0.3
+#define TRUSTED_M    2.0
+#define DOUBTED_COST 5.0
+enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, SPECK = 2, MOST_COMMANDS = 120 };
 
 struct driver {
     struct simulated_rover *rover;
     enum trial_view view;
-    int8_t votes[CELLS];   // pictures that showed an obstacle there, less those that showed floor; at most VOTES
-    bool floor[CELLS];     // the floor was seen
-    bool forbidden[CELLS]; // for the body's middle
-    bool doubted[CELLS];   // by what stands far away
-    uint8_t newest[CELLS]; // hits of the newest picture
+    float occupied[CELLS]; // -1 floor … 1 something stands there; 0: not seen, or undecided
+    float looked_m[CELLS]; // from how near it was looked at; 0: never
+    float near_m[CELLS];   // to what stands nearest, at most WIDE_M
+    bool doubted[CELLS];   // something that is doubted stands nearer than BODY_M
+    uint8_t hits[CELLS];   // of what stands there, in the newest look
     bool shown[CELLS];     // it shows something there
     double cost[CELLS];    // of the way from there to the goal
     int heap[CELLS], place[CELLS], heap_count;
     double goal[2];
+    struct vec3 at; // the body, as it is believed to be
 };
 
 static int cell_of(double x, double y)
@@ -49,64 +61,105 @@ static int cell_of(double x, double y)
     return column >= 0 && column < COLUMNS && row >= 0 && row < ROWS ? row * COLUMNS + column : -1;
 }
 
+static struct vec3 middle_of(int cell)
+{
+    return v3(LOW_X + (cell % COLUMNS + 0.5) * CELL_M, LOW_Y + (cell / COLUMNS + 0.5) * CELL_M, 0);
+}
+
+static double apart(struct vec3 a, struct vec3 b) { return portable_hypot(a.x - b.x, a.y - b.y); }
+
 // ---------------------------------------------------------------- what the driver knows
 
-static enum status look(struct driver *d, struct pose body)
+static enum status look_from(struct driver *d, struct pose eye)
 {
-    const double *size = d->rover->how.size_m;
-    const struct pose eye = d->view == TRIAL_MAP ? operator_orbit(body, 0, MAP_ELEVATION, MAP_DISTANCE_M)
-                                                 : operator_viewpoint(VIEWPOINT_FIRST, body, size);
     const enum status status = simulated_rover_draw(d->rover, eye);
     const struct surround_view *v = &d->rover->surroundings.view;
-    memset(d->newest, 0, sizeof d->newest);
-    memset(d->shown, 0, sizeof d->shown);
-    for (int y = 0; y < v->lens.height && status == OK; y++)
-        for (int x = 0; x < v->lens.width; x++) {
+    for (int y = 0; y < v->lens.height; y++)
+        for (int x = 0; x < v->lens.width && status == OK; x++) {
             const size_t i = (size_t)y * (size_t)v->lens.width + (size_t)x;
             double world[3];
             if (v->source[i] == SOURCE_UNSEEN || !(v->inverse_z[i] > 0))
                 continue;
             surround_view_point(v, x, y, v->inverse_z[i], world);
-            const int cell = world[2] < size[2] ? cell_of(world[0], world[1]) : -1;
+            const int cell = world[2] < d->rover->how.size_m[2] ? cell_of(world[0], world[1]) : -1;
             if (cell < 0)
                 continue;
             d->shown[cell] = true;
-            if (world[2] > OBSTACLE_M)
-                d->newest[cell] += d->newest[cell] < HITS;
-            else
-                d->floor[cell] = true;
-        }
-    for (int i = 0; i < CELLS && status == OK; i++)
-        if (d->shown[i]) {
-            const int votes = d->votes[i] + (d->newest[i] >= HITS ? 1 : -1);
-            d->votes[i] = (int8_t)(votes > VOTES ? VOTES : votes < -VOTES ? -VOTES : votes);
+            d->hits[cell] += world[2] > OBSTACLE_M && d->hits[cell] < HITS;
         }
     return status;
 }
 
-// Marks the cells about an obstacle.
-static void mark_about(bool *cells, int obstacle)
+static void take_look(struct driver *d, int cell)
 {
-    const int reach = (int)(CLEAR_M / CELL_M), side = 2 * reach + 1;
+    const float now = (float)apart(middle_of(cell), d->at), before = d->looked_m[cell];
+    if ((double)now < BODY_M) {
+        d->occupied[cell] = -1; // it stands there
+        d->looked_m[cell] = now;
+    }
+    if ((double)now < BODY_M || !d->shown[cell] || (before > 0 && (double)now > (double)before + SAME_LOOK_M))
+        return;
+    const float verdict = d->hits[cell] >= HITS ? 1 : -1;
+    const bool nearer = !(before > 0) || (double)now < (double)before - SAME_LOOK_M;
+    d->occupied[cell] = nearer ? verdict : d->occupied[cell] + (float)LOOK * (verdict - d->occupied[cell]);
+    d->looked_m[cell] = before > 0 ? fminf(now, before) : now;
+}
+
+// The picture, ahead and tilted down; with the map, that, too.
+static enum status look(struct driver *d, struct pose body)
+{
+    const struct pose ahead = operator_viewpoint(VIEWPOINT_FIRST, body, d->rover->how.size_m);
+    const struct pose down = {quat_multiply(ahead.rotation, quat_from_rotation_vector(v3(-TILT_RAD, 0, 0))),
+                              ahead.translation};
+    memset(d->hits, 0, sizeof d->hits);
+    memset(d->shown, 0, sizeof d->shown);
+    d->at = body.translation;
+    enum status status = look_from(d, down);
+    if (status == OK)
+        status = look_from(d, ahead);
+    if (status == OK && d->view == TRIAL_MAP)
+        status = look_from(d, operator_orbit(body, 0, MAP_ELEVATION, MAP_DISTANCE_M));
+    for (int i = 0; i < CELLS && status == OK; i++)
+        take_look(d, i);
+    return status;
+}
+
+// How near the cells about an obstacle are to it.
+static void measure_about(struct driver *d, int obstacle)
+{
+    const bool trusted = (double)d->looked_m[obstacle] < TRUSTED_M;
+    const int reach = (int)((trusted ? WIDE_M : BODY_M) / CELL_M), side = 2 * reach + 1;
     for (int k = 0; k < side * side; k++) {
         const int dx = k % side - reach, dy = k / side - reach;
         const int column = obstacle % COLUMNS + dx, row = obstacle / COLUMNS + dy;
-        if (column >= 0 && column < COLUMNS && row >= 0 && row < ROWS &&
-            (dx * dx + dy * dy) * CELL_M * CELL_M < CLEAR_M * CLEAR_M)
-            cells[row * COLUMNS + column] = true;
+        if (column < 0 || column >= COLUMNS || row < 0 || row >= ROWS)
+            continue;
+        float *near = &d->near_m[row * COLUMNS + column];
+        if (trusted)
+            *near = fminf(*near, (float)(CELL_M * portable_hypot(dx, dy)));
+        else
+            d->doubted[row * COLUMNS + column] = true;
     }
 }
 
-static void mark_forbidden(struct driver *d, struct vec3 body, double trusted_m)
+static bool is_speck(const struct driver *d, int cell)
 {
-    memset(d->forbidden, 0, sizeof d->forbidden);
-    memset(d->doubted, 0, sizeof d->doubted);
-    for (int i = 0; i < CELLS; i++) {
-        const double x = LOW_X + (i % COLUMNS + 0.5) * CELL_M - body.x,
-                     y = LOW_Y + (i / COLUMNS + 0.5) * CELL_M - body.y;
-        if (d->votes[i] > 0)
-            mark_about(portable_hypot(x, y) < trusted_m ? d->forbidden : d->doubted, i);
+    int count = 0;
+    for (int k = 0; k < 25; k++) {
+        const int column = cell % COLUMNS + k % 5 - 2, row = cell / COLUMNS + k / 5 - 2;
+        count += column >= 0 && column < COLUMNS && row >= 0 && row < ROWS && d->occupied[row * COLUMNS + column] > 0;
     }
+    return count <= SPECK;
+}
+
+static void measure(struct driver *d)
+{
+    memset(d->doubted, 0, sizeof d->doubted);
+    for (int i = 0; i < CELLS; i++)
+        d->near_m[i] = (float)WIDE_M;
+    for (int i = 0; i < CELLS; i++)
+        if (d->occupied[i] > 0 && !is_speck(d, i))
+            measure_about(d, i);
 }
 
 // ---------------------------------------------------------------- the way (Dijkstra 1959, from the goal)
@@ -149,10 +202,19 @@ static int neighbour(int cell, int direction)
     return column >= 0 && column < COLUMNS && row >= 0 && row < ROWS ? row * COLUMNS + column : -1;
 }
 
+// Of a metre there; 0: the body cannot be there. Where it stands already it can.
+static double cost_at(const struct driver *d, int cell)
+{
+    const double near = (double)d->near_m[cell], short_of = fmax(0, WIDE_M - near) / (WIDE_M - BODY_M);
+    if (near < BODY_M && apart(middle_of(cell), d->at) > BODY_M)
+        return 0;
+    return (1 + NEAR_COST * short_of) * (d->occupied[cell] < 0 ? 1 : UNSEEN_COST) *
+           (d->doubted[cell] ? DOUBTED_COST : 1);
+}
+
 static double step_cost(const struct driver *d, int to, int direction)
 {
-    return (direction < 4 ? 1 : 1.41421356) * CELL_M * (d->floor[to] ? 1 : UNSEEN_COST) *
-           (d->doubted[to] ? DOUBTED_COST : 1);
+    return (direction < 4 ? 1 : 1.41421356) * CELL_M * cost_at(d, to);
 }
 
 static void find_ways(struct driver *d)
@@ -171,7 +233,7 @@ static void find_ways(struct driver *d)
             return;
         for (int k = 0; k < 8; k++) {
             const int to = neighbour(cell, k);
-            if (to < 0 || d->forbidden[to] || !(d->cost[cell] + step_cost(d, to, k) < d->cost[to]))
+            if (to < 0 || !(cost_at(d, to) > 0) || !(d->cost[cell] + step_cost(d, to, k) < d->cost[to]))
                 continue;
             d->cost[to] = d->cost[cell] + step_cost(d, to, k);
             rise(d, d->place[to]);
@@ -179,31 +241,48 @@ static void find_ways(struct driver *d)
     }
 }
 
-// Whether the body can go straight to a cell; *seen: how far over floor that was seen, metres. What is forbidden around
-// the beginning, where the body stands, is no hindrance.
-static bool straight_to(const struct driver *d, struct vec3 from, int cell, double *seen)
+// Whether the floor under the body's middle and sides was seen, on a way to which `across` is normal.
+static bool floor_seen(const struct driver *d, struct vec3 at, struct vec3 across)
 {
-    const double x = LOW_X + (cell % COLUMNS + 0.5) * CELL_M - from.x,
-                 y = LOW_Y + (cell / COLUMNS + 0.5) * CELL_M - from.y;
-    const double length = portable_hypot(x, y);
-    bool begun = false, still_seen = true;
-    *seen = 0;
-    for (double s = 0; s < length; s += CELL_M / 2) {
-        const int at = cell_of(from.x + x * s / length, from.y + y * s / length);
-        begun |= at >= 0 && !d->forbidden[at];
-        if (at < 0 || (begun && (d->forbidden[at] || d->doubted[at])))
-            return false;
-        still_seen &= d->floor[at] || s < CLEAR_M; // it stands there
-        *seen = still_seen ? s : *seen;
+    bool seen = true;
+    for (int side = -1; side <= 1; side++) {
+        const struct vec3 p = v3_add(at, v3_scale(across, side * (BODY_M - CELL_M)));
+        const int cell = cell_of(p.x, p.y);
+        seen &= cell >= 0 && d->occupied[cell] < 0;
     }
-    return true;
+    return seen;
 }
 
-// The farthest cell of the best way that can be gone to straight; -1: there is no way.
-static int next_corner(const struct driver *d, struct vec3 from, double *seen)
+// Whether the straight way to a cell is about as good as the best; *seen: how far there and beyond over floor that
+// was seen, metres, at most by DIAGONAL_M beyond.
+static bool straight_to(const struct driver *d, int cell, double *seen)
 {
-    int at = cell_of(from.x, from.y), best = -1;
-    for (int n = 0; at >= 0 && n < CELLS && d->cost[at] > 0; n++) {
+    const struct vec3 to = middle_of(cell);
+    const double length = apart(to, d->at), step = CELL_M / 2;
+    const struct vec3 across = v3_scale(v3(d->at.y - to.y, to.x - d->at.x, 0), 1 / length);
+    bool still_seen = true;
+    double cost = 0;
+    *seen = 0;
+    for (double s = 0; s < length + DIAGONAL_M; s += step) {
+        const struct vec3 p = v3_add(d->at, v3_scale(v3_sub(to, d->at), s / length));
+        const int at = cell_of(p.x, p.y);
+        const double here = at < 0 ? 0 : cost_at(d, at);
+        if (s < length && !(here > 0))
+            return false;
+        cost += s < length ? here * step : 0;
+        still_seen &= floor_seen(d, p, across);
+        *seen = still_seen ? s : *seen;
+    }
+    return cost <= STRAIGHT_COST * (d->cost[cell_of(d->at.x, d->at.y)] - d->cost[cell]) + CREEP_M;
+}
+
+// The farthest cell of the best way that can be gone to straight and, if there is such, has room to turn; -1: there is
+// no way.
+static int next_corner(const struct driver *d, double *seen)
+{
+    int at = cell_of(d->at.x, d->at.y), best = -1;
+    bool roomy = false;
+    for (int n = 0; at >= 0 && n < CELLS && d->cost[at] > 0 && d->cost[at] < 1e9; n++) {
         int lowest = -1;
         double reach;
         for (int k = 0; k < 8; k++) {
@@ -214,11 +293,11 @@ static int next_corner(const struct driver *d, struct vec3 from, double *seen)
         if (lowest < 0)
             break;
         at = lowest;
-        if (straight_to(d, from, at, &reach)) {
+        const bool room = (double)d->near_m[at] >= DIAGONAL_M || !(d->cost[at] > 0);
+        if ((room || !roomy) && straight_to(d, at, &reach)) {
             best = at;
             *seen = reach;
-        } else if (best >= 0) {
-            break;
+            roomy = room;
         }
     }
     return best;
@@ -236,31 +315,67 @@ static enum status carry_out(struct driver *d, struct drive_command command, dou
     return status;
 }
 
+// Whether what stands there lets the body turn so far; what is shown inside it already cannot be there.
+static bool may_turn(const struct driver *d, struct pose body, double angle)
+{
+    const double *size = d->rover->how.size_m;
+    const int steps = 1 + (int)(fabs(angle) / 0.1);
+    for (int i = 0; i < CELLS; i++) {
+        if (!(d->occupied[i] > 0) || apart(middle_of(i), body.translation) > DIAGONAL_M || is_speck(d, i))
+            continue;
+        const struct vec3 at = pose_apply(pose_inverse(body), middle_of(i));
+        for (int k = 0; k <= steps; k++) {
+            const struct vec3 then = quat_rotate(quat_from_rotation_vector(v3(0, 0, -angle * k / steps)), at);
+            const bool inside = fabs(then.x) < size[0] / 2 + MARGIN_M && fabs(then.y) < size[1] / 2 + MARGIN_M;
+            if (inside && k == 0)
+                break;
+            if (inside)
+                return false;
+        }
+    }
+    return true;
+}
+
+static double bearing_of(struct pose body, int cell)
+{
+    const struct vec3 local = pose_apply(pose_inverse(body), middle_of(cell));
+    return portable_atan2(local.y, local.x);
+}
+
+// The shortest way straight back or ahead to where the body may turn towards the cell; 0: there is none.
+static double way_to_turn(const struct driver *d, struct pose body, int cell)
+{
+    for (double way = CELL_M; way <= FARTHEST_BACK_M; way += CELL_M)
+        for (int sign = -1; sign <= 1; sign += 2) {
+            const struct pose there = robot_motion_after(body, (struct drive_command){sign * way, 0}, 1);
+            const int at = cell_of(there.translation.x, there.translation.y);
+            if (at >= 0 && d->occupied[at] < 0 && (double)d->near_m[at] > BODY_M &&
+                may_turn(d, there, bearing_of(there, cell)))
+                return sign * way;
+        }
+    return 0;
+}
+
 // Turns towards the next corner, if need be, and drives straight as far as the floor was seen. NOTHING: no way.
 static enum status go_on(struct driver *d, struct pose body, struct trial_result *out)
 {
     double seen = 0;
-    int corner = -1;
-    const int here = cell_of(body.translation.x, body.translation.y);
-    double least = 0;
-    for (size_t n = 0; n <= COUNT_OF(trust_m) && corner < 0; n++) { // the least trust first, to know the shortest way
-        mark_forbidden(d, body.translation, trust_m[n ? n - 1 : COUNT_OF(trust_m) - 1]);
-        find_ways(d);
-        const double cost = here < 0 ? 0 : d->cost[here];
-        if (n && (cost <= DETOUR * least || n == COUNT_OF(trust_m)))
-            corner = next_corner(d, body.translation, &seen);
-        least = n ? least : cost;
-    }
+    measure(d);
+    find_ways(d);
+    const int corner = next_corner(d, &seen);
     if (corner < 0)
         return NOTHING;
-    const struct vec3 at = v3(LOW_X + (corner % COLUMNS + 0.5) * CELL_M, LOW_Y + (corner / COLUMNS + 0.5) * CELL_M, 0);
-    const struct vec3 local = pose_apply(pose_inverse(body), at);
-    const double bearing = portable_atan2(local.y, local.x), distance = portable_hypot(local.x, local.y);
+    const double bearing = bearing_of(body, corner), distance = apart(middle_of(corner), d->at);
+    if (fabs(bearing) > TURN_RAD && !may_turn(d, body, bearing)) {
+        const double way = way_to_turn(d, body, corner);
+        if (way != 0)
+            return carry_out(d, (struct drive_command){way > 0 ? SPEED : -SPEED, 0}, fabs(way) / SPEED, out);
+    }
     enum status status = OK;
     if (fabs(bearing) > TURN_RAD)
         status = carry_out(d, (struct drive_command){0, bearing > 0 ? TURN_RATE : -TURN_RATE},
                            fabs(bearing) / TURN_RATE, out);
-    const double length = fmin(distance, fmax(seen - CLEAR_M, CREEP_M));
+    const double length = fmin(distance, fmax(seen - DIAGONAL_M, CREEP_M));
     return status == OK ? carry_out(d, (struct drive_command){SPEED, 0}, length / SPEED, out) : status;
 }
 
