@@ -15,6 +15,9 @@ extern "C" {
 #include <ros/ros.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
+#include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <cmath>
 #include <cstring>
@@ -46,6 +49,8 @@ struct ros_robot {
     ros::NodeHandle node;
     std::vector<ros::Subscriber> subscribers;
     ros::Publisher commands;
+    tf2::BufferCore places;
+    std::string body = "base_link";          // odometry says if it is another
     const struct ros_receiver *to = nullptr; // while polling
     std::vector<uint8_t> rgb;
     std::vector<uint16_t> depth;
@@ -65,10 +70,37 @@ struct ros_robot {
         const boost::function<void(const nav_msgs::OdometryConstPtr &)> on_odometry =
             [this](const nav_msgs::OdometryConstPtr &m) { take_odometry(*m); };
         subscribers.push_back(node.subscribe<nav_msgs::Odometry>("odom", 100, on_odometry));
+        for (const bool is_static : {false, true}) {
+            const boost::function<void(const tf2_msgs::TFMessageConstPtr &)> on_places =
+                [this, is_static](const tf2_msgs::TFMessageConstPtr &m) { take_places(*m, is_static); };
+            subscribers.push_back(
+                node.subscribe<tf2_msgs::TFMessage>(is_static ? "/tf_static" : "/tf", 100, on_places));
+        }
         commands = node.advertise<geometry_msgs::Twist>("cmd_vel", 1);
     }
 
     void refuse() { refused++; }
+
+    void take_places(const tf2_msgs::TFMessage &m, bool is_static)
+    {
+        for (const auto &place : m.transforms)
+            if (!places.setTransform(place, "reenact", is_static)) // not finite, no rotation, or older than ten seconds
+                refuse();
+    }
+
+    // What tf knows of the place of an image's camera.
+    void place(const std_msgs::Header &header, struct ros_image *out) const
+    {
+        try {
+            const bool then = places.canTransform(body, header.frame_id, header.stamp);
+            const auto t = places.lookupTransform(body, header.frame_id, then ? header.stamp : ros::Time(0)).transform;
+            out->body_from_camera = {quat_unit({t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w}),
+                                     {t.translation.x, t.translation.y, t.translation.z}};
+            out->placed = true;
+        } catch (const tf2::TransformException &) { // it is not known, or the image names no frame
+            out->placed = false;
+        }
+    }
 
     // Bytes of a pixel of an encoding that is understood; 0: none.
     static size_t pixel_bytes(const sensor_msgs::Image &m, bool depth)
@@ -90,8 +122,12 @@ struct ros_robot {
         if (!to || !bytes || !image_size_is_usable(m.width, m.height) || m.step < width * bytes ||
             m.data.size() < (height - 1) * m.step + width * bytes)
             return refuse();
-        struct ros_image out = {
-            topic, time_of(m.header.stamp), static_cast<int>(width), static_cast<int>(height), nullptr, nullptr};
+        struct ros_image out = {};
+        out.topic = topic;
+        out.time_ns = time_of(m.header.stamp);
+        out.width = static_cast<int>(width);
+        out.height = static_cast<int>(height);
+        place(m.header, &out);
         if (is_depth) {
             depth.resize(width * height);
             for (size_t v = 0; v < height; v++)
@@ -114,7 +150,10 @@ struct ros_robot {
 
     void take_jpeg(const sensor_msgs::CompressedImage &m)
     {
-        struct ros_image out = {ROS_PANORAMA, time_of(m.header.stamp), 0, 0, nullptr, nullptr};
+        struct ros_image out = {};
+        out.topic = ROS_PANORAMA;
+        out.time_ns = time_of(m.header.stamp);
+        place(m.header, &out);
         if (!to || jpeg_size(m.data.data(), m.data.size(), &out.width, &out.height) != OK)
             return refuse();
         rgb.resize(static_cast<size_t>(out.width) * static_cast<size_t>(out.height) * 3);
@@ -132,6 +171,8 @@ struct ros_robot {
         const struct pose pose = {{q.x / length, q.y / length, q.z / length, q.w / length}, {p.x, p.y, p.z}};
         if (!to || !(std::fabs(length - 1) < 0.01) || !v3_finite(pose.translation))
             return refuse();
+        if (!m.child_frame_id.empty())
+            body = m.child_frame_id;
         to->odometry(to->self, time_of(m.header.stamp), &pose);
     }
 };
@@ -233,7 +274,7 @@ enum status ros_robot_open(struct ros_robot **out, const char *, const char *con
 {
     *out = nullptr;
     return fail(ERR_INPUT, "this program was built without ROS: install libroscpp-dev, libsensor-msgs-dev, "
-                           "libnav-msgs-dev and libgeometry-msgs-dev, and build again");
+                           "libnav-msgs-dev, libgeometry-msgs-dev and libtf2-dev, and build again");
 }
 
 void ros_robot_close(struct ros_robot **r) { *r = nullptr; }

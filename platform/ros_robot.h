@@ -1,9 +1,10 @@
-// A robot's topics on a ROS master (Debian's libroscpp): its colour and depth images and its odometry in, its commands
-// out. An optional part of the build: without the library ros_robot_open says so.
+// A robot's topics on a ROS master (Debian's libroscpp, libtf2): its colour and depth images, its odometry and where
+// its cameras are in, its commands out. An optional part of the build: without the libraries ros_robot_open says so.
 //
 //   in   panorama, panorama/compressed                     sensor_msgs/Image, CompressedImage (JPEG)
 //        depth_front, depth_left, depth_back, depth_right  sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m)
-//        odom                                              nav_msgs/Odometry
+//        odom                                              nav_msgs/Odometry; its child_frame_id is the body
+//        /tf, /tf_static                                   tf2_msgs/TFMessage: from the body to the images' frame_id
 //   out  cmd_vel                                           geometry_msgs/Twist: linear.x m/s, angular.z rad/s
 //
 // Of images that wait only the newest of a topic is kept. One in a process at a time, and after ros_robot_close none
@@ -18,6 +19,10 @@ struct ros_image {
     enum ros_topic topic;
     int64_t time_ns; // of the exposure, by the robot's clock
     int width, height;
+    // By tf at that time, or the newest where it knows of that time nothing yet: optical frames (x right, y down, z
+    // ahead; the panorama's column in the middle looks along z), as REP 103 has them.
+    bool placed;
+    struct pose body_from_camera;
     // Rows without padding, for the time of the call only. One of them is NULL.
     const uint8_t *rgb;
     const uint16_t *depth; // millimetres, 0 = no reading

@@ -90,6 +90,12 @@ void surroundings_close(struct surroundings *s)
     *s = (struct surroundings){0};
 }
 
+void surroundings_place_panorama(struct surroundings *s, struct pose body_from_panorama)
+{
+    assert(!s->any_taken);
+    s->body_from_panorama = s->photo.body_from_picture = body_from_panorama;
+}
+
 static enum status read_depth(const struct surroundings *s, int capture, struct depth_points *points)
 {
     enum status status = OK;

@@ -65,6 +65,8 @@ MUST_CHECK enum status surroundings_open_live(struct surroundings *s, enum surro
                                               const struct lens *view, struct pose body_from_panorama,
                                               const struct surroundings_options *how);
 void surroundings_close(struct surroundings *s); // what was zeroed, too
+// Where a robot's panoramas are taken from, where that was not known when it was opened; before the first capture.
+void surroundings_place_panorama(struct surroundings *s, struct pose body_from_panorama);
 
 // From now on a robot's captures are aligned and given depth on threads of their own (capture_thread.h):
 // surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.

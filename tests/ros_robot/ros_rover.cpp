@@ -1,6 +1,7 @@
 // A robot for tests, on a ROS master: the simulated rover's world behind libroscpp. It publishes panorama, depth_front
 // … depth_right, and odom (with wheels that report 1 % too much), obeys cmd_vel, and stops without a command for half a
-// second.
+// second. Where the panorama's and the front depth camera are is said by tf alone: on a mast, the latter by messages
+// that come again and again, as of a head that turns.
 //
 //   ros-rover CALIBRATION.json TRUTH.txt        writes its calibration first; then, 20 times a second, a line
 //                                               "seconds x y heading speed touched" of what is true
@@ -15,6 +16,7 @@ extern "C" {
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <cmath>
 #include <cstdio>
@@ -27,6 +29,24 @@ namespace
 constexpr int CAMERAS = 4, PANORAMA_HEIGHT = 128;
 const char *const names[CAMERAS] = {"front", "left", "back", "right"};
 
+const struct pose body_from_mast = {{0, 0, 0.6, 0.8}, {-0.1, 0.05, 0.4}};
+
+geometry_msgs::TransformStamped transform(const char *parent, const char *child, struct pose parent_from_child)
+{
+    geometry_msgs::TransformStamped out;
+    out.header.stamp = ros::Time::now();
+    out.header.frame_id = parent;
+    out.child_frame_id = child;
+    out.transform.translation.x = parent_from_child.translation.x;
+    out.transform.translation.y = parent_from_child.translation.y;
+    out.transform.translation.z = parent_from_child.translation.z;
+    out.transform.rotation.x = parent_from_child.rotation.x;
+    out.transform.rotation.y = parent_from_child.rotation.y;
+    out.transform.rotation.z = parent_from_child.rotation.z;
+    out.transform.rotation.w = parent_from_child.rotation.w;
+    return out;
+}
+
 struct robot {
     struct rover_options how = rover_default_options();
     struct box_world world;
@@ -35,7 +55,7 @@ struct robot {
     struct drive_command heard = {}, carried = {};
     bool touched = false;
     uint32_t images = 0;
-    ros::Publisher panorama, odom, depth[CAMERAS];
+    ros::Publisher panorama, odom, depth[CAMERAS], places, rigid_places;
 
     robot() : how(rover_default_options())
     {
@@ -72,6 +92,7 @@ struct robot {
     {
         nav_msgs::Odometry m;
         m.header.stamp = ros::Time::now();
+        m.child_frame_id = "chassis";
         m.pose.pose.position.x = odometry.translation.x;
         m.pose.pose.position.y = odometry.translation.y;
         m.pose.pose.orientation.z = odometry.rotation.z;
@@ -79,10 +100,27 @@ struct robot {
         odom.publish(m);
     }
 
+    void publish_rigid_places()
+    {
+        tf2_msgs::TFMessage m;
+        m.transforms.push_back(transform("chassis", "mast", body_from_mast));
+        m.transforms.push_back(transform("mast", "head", pose_multiply(pose_inverse(body_from_mast), rover_head())));
+        rigid_places.publish(m);
+    }
+
+    void publish_places()
+    {
+        tf2_msgs::TFMessage m;
+        m.transforms.push_back(
+            transform("mast", "eye_front", pose_multiply(pose_inverse(body_from_mast), rover_depth_camera(0))));
+        places.publish(m);
+    }
+
     void publish_images()
     {
         sensor_msgs::Image m;
         m.header.stamp = ros::Time::now();
+        m.header.frame_id = "head";
         m.height = PANORAMA_HEIGHT;
         m.width = 2 * PANORAMA_HEIGHT;
         m.encoding = "rgb8";
@@ -99,6 +137,7 @@ struct robot {
             m.height = static_cast<uint32_t>(lens.height);
             m.width = static_cast<uint32_t>(lens.width);
             m.encoding = "16UC1";
+            m.header.frame_id = std::string("eye_") + names[c]; // tf knows the first
             m.step = m.width * 2;
             const uint8_t *bytes = reinterpret_cast<const uint8_t *>(mm.data());
             m.data.assign(bytes, bytes + m.step * m.height);
@@ -144,14 +183,14 @@ bool write_calibration(const struct rover_options &how, const char *path)
     fprintf(to, "{\"body\": {\"length_m\": %.3f, \"width_m\": %.3f, \"height_m\": %.3f},\n", how.size_m[0],
             how.size_m[1], how.size_m[2]);
     fprintf(to, "\"panorama\": {\"projection\": \"equirectangular\"");
-    add_motion(to, rover_head());
     fprintf(to, "},\n\"view\": {");
     add_lens(to, how.view);
     fprintf(to, "},\n\"depth\": {");
     for (int c = 0; c < CAMERAS; c++) {
         fprintf(to, "%s\"%s\": {", c ? ",\n" : "", names[c]);
         add_lens(to, rover_depth_lens(&how));
-        add_motion(to, rover_depth_camera(c));
+        if (c)
+            add_motion(to, rover_depth_camera(c));
         fprintf(to, "}");
     }
     fprintf(to, "}}\n");
@@ -172,11 +211,15 @@ int main(int argc, char **argv)
     r.odom = node.advertise<nav_msgs::Odometry>("odom", 100);
     for (int c = 0; c < CAMERAS; c++)
         r.depth[c] = node.advertise<sensor_msgs::Image>(std::string("depth_") + names[c], 1);
+    r.places = node.advertise<tf2_msgs::TFMessage>("/tf", 100);
+    r.rigid_places = node.advertise<tf2_msgs::TFMessage>("/tf_static", 1, true);
+    r.publish_rigid_places();
     ros::Rate rate(20);
     for (int i = 0; ros::ok(); i++) {
         ros::spinOnce();
         r.drive(0.05);
         r.publish_odometry();
+        r.publish_places();
         if (i % 4 == 0)
             r.publish_images();
         if (!r.write_truth(argv[2]))

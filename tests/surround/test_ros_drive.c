@@ -166,6 +166,24 @@ static void expect_picture(struct robot *r)
     EXPECT_INT(ros_robot_refused(r->session.ros.link), 0);
 }
 
+// By tf, over a mast, and by the calibration.
+static void expect_places(const struct robot *r)
+{
+    const struct {
+        enum ros_topic topic;
+        struct pose is;
+    } cameras[] = {{ROS_PANORAMA, rover_head()},
+                   {ROS_DEPTH_FRONT, rover_depth_camera(0)},
+                   {ROS_DEPTH_LEFT, rover_depth_camera(1)}};
+    for (size_t i = 0; i < COUNT_OF(cameras); i++) {
+        const struct pose at = r->session.ros.newest[cameras[i].topic].body_from_camera;
+        EXPECT_NEAR(v3_distance(at.translation, cameras[i].is.translation), 0, 1e-6);
+        EXPECT_NEAR(pose_angle(at, cameras[i].is), 0, 1e-6);
+    }
+    const struct pose panorama = r->session.ros.surroundings.body_from_panorama;
+    EXPECT_NEAR(v3_distance(panorama.translation, rover_head().translation), 0, 1e-6);
+}
+
 // Nothing comes from the robot any more: that is said, and it is stopped until the hand has been off the stick.
 static void expect_link_watched(struct robot *r)
 {
@@ -198,6 +216,7 @@ static void test_a_ros_robot_is_driven(void **state)
     drive_to(&r, 0.7);
     expect_pose(&r);
     expect_picture(&r);
+    expect_places(&r);
     step(&r, 0);
     wait_until_moving(&r, 0.05, true);
     wait_until_moving(&r, -10, false); // no command: the robot's own watchdog

@@ -3,8 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define TOGETHER_NS 150000000  // a depth image this near to a panorama is of its instant, but for the odometry between
-#define SILENT_NS   1000000000 // a depth camera without an image for so long is not waited for
+#define TOGETHER_NS 150000000   // a depth image this near to a panorama is of its instant, but for the odometry between
+#define SILENT_NS   1000000000  // a depth camera without an image for so long is not waited for
+#define UNPLACED_NS 10000000000 // so long tf is waited for
 enum { DEPTH_STEP = 2 };
 
 enum status ros_rover_open(struct ros_rover *r, const char *master, const char *const *remap, const char *calibration,
@@ -44,6 +45,29 @@ static bool expected_size(const struct ros_rover *r, enum ros_topic topic, int s
     return lens->width > 0;
 }
 
+// Where an image was taken; false: nothing says it (yet).
+static bool place_image(struct ros_rover *r, const struct ros_image *image, struct pose *out)
+{
+    static const char *const names[ROS_IMAGE_TOPICS] = {"panorama", "depth_front", "depth_left", "depth_back",
+                                                        "depth_right"};
+    const bool is_panorama = image->topic == ROS_PANORAMA;
+    const struct depth_camera *camera = &r->rig.depth_cameras[is_panorama ? 0 : image->topic - ROS_DEPTH_FRONT];
+    const bool calibrated = is_panorama ? r->rig.panorama_placed : camera->placed;
+    *out = image->body_from_camera;
+    if (calibrated)
+        *out = is_panorama ? r->rig.body_from_panorama : camera->body_from_camera;
+    if (calibrated || image->placed)
+        return true;
+    if (!r->unplaced_ns)
+        r->unplaced_ns = r->now_ns;
+    if (r->now_ns - r->unplaced_ns > UNPLACED_NS)
+        failure_keep(&r->failure, fail(ERR_INPUT,
+                                       "nothing says where the camera of %s is: the calibration has no "
+                                       "body_from_camera for it, and tf does not know its images' frame_id",
+                                       names[image->topic]));
+    return false;
+}
+
 static void on_image(void *self, const struct ros_image *image)
 {
     struct ros_rover *r = self;
@@ -60,6 +84,9 @@ static void on_image(void *self, const struct ros_image *image)
                           image->rgb ? "colour" : "depth", image->width, image->height));
         return;
     }
+    struct pose body_from_camera;
+    if (!place_image(r, image, &body_from_camera))
+        return;
     void *copy = malloc(bytes);
     if (!copy) {
         failure_keep(&r->failure, fail(ERR_MEMORY, "out of memory"));
@@ -69,6 +96,7 @@ static void on_image(void *self, const struct ros_image *image)
     free(r->newest[image->topic].pixels);
     r->newest[image->topic].pixels = copy;
     r->newest[image->topic].time_ns = image->time_ns;
+    r->newest[image->topic].body_from_camera = body_from_camera;
     if (image->topic == ROS_PANORAMA) { // equirectangular images bring their size
         r->panorama_width = image->width;
         r->panorama_height = image->height;
@@ -133,7 +161,7 @@ static enum status capture(struct ros_rover *r)
             continue;
         const struct pose moved = pose_multiply(pose_inverse(odometry), odometry_at(r, time_ns));
         status = depth_points_add(&points, r->newest[topic].pixels, &camera->lens,
-                                  pose_multiply(moved, camera->body_from_camera), DEPTH_STEP);
+                                  pose_multiply(moved, r->newest[topic].body_from_camera), DEPTH_STEP);
     }
     if (status == OK && perspective)
         status = surround_image_undistort(rgb, &ideal);
@@ -144,6 +172,8 @@ static enum status capture(struct ros_rover *r)
     }
     if (status == OK) {
         picture.time_ns = at;
+        if (!r->surroundings.any_taken)
+            surroundings_place_panorama(&r->surroundings, r->newest[ROS_PANORAMA].body_from_camera);
         status = surroundings_take(&r->surroundings, &picture, &points, odometry);
         r->captured_ns = at;
     }

@@ -35,11 +35,12 @@ static enum status read_lens(const struct json *from, const char *path, struct l
     return lens_check(out, path);
 }
 
-// A matrix 4 x 4 of a rigid motion; absent: the identity.
-static enum status read_motion(const struct json *from, const char *path, struct pose *out)
+// A matrix 4 x 4 of a rigid motion; absent: the identity, and not *placed.
+static enum status read_motion(const struct json *from, const char *path, struct pose *out, bool *placed)
 {
     *out = POSE_IDENTITY;
     const struct json *rows = json_member(from, "body_from_camera");
+    *placed = rows != NULL;
     if (!rows)
         return OK;
     double m[3][3], t[3];
@@ -67,7 +68,7 @@ static enum status read_calibration(struct surround_set *set, const struct json 
     if (status == OK && strcmp(projection, "equirectangular"))
         status = read_lens(panorama, path, &set->panorama_lens);
     if (status == OK)
-        status = read_motion(panorama, path, &set->body_from_panorama);
+        status = read_motion(panorama, path, &set->body_from_panorama, &set->panorama_placed);
     const double usual[3] = {0.6, 0.5, 1.2};
     const char *const names[3] = {"length_m", "width_m", "height_m"};
     for (int i = 0; i < 3; i++) {
@@ -82,7 +83,7 @@ static enum status read_calibration(struct surround_set *set, const struct json 
             continue;
         status = read_lens(one, path, &set->depth_cameras[c].lens);
         if (status == OK)
-            status = read_motion(one, path, &set->depth_cameras[c].body_from_camera);
+            status = read_motion(one, path, &set->depth_cameras[c].body_from_camera, &set->depth_cameras[c].placed);
     }
     return status;
 }

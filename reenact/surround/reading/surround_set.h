@@ -19,6 +19,7 @@ enum { SURROUND_DEPTH_CAMERAS = 4 };
 
 struct depth_camera {
     struct lens lens; // width 0: there is none
+    bool placed;      // the file says where it is
     struct pose body_from_camera;
 };
 
@@ -33,6 +34,7 @@ struct surround_set {
     bool robot, filmed;              // else a vehicle
     struct lens view, panorama_lens; // panorama_lens.width 0: equirectangular
     double body_size_m[3];           // robot: length, width, height
+    bool panorama_placed;            // likewise
     struct pose body_from_panorama;
     struct depth_camera depth_cameras[SURROUND_DEPTH_CAMERAS];
     struct capture *captures;
@@ -48,7 +50,8 @@ struct surround_set {
 MUST_CHECK enum status surround_set_read(struct surround_set *out, const char *folder);
 void surround_set_free(struct surround_set *set); // what was zeroed, too
 
-// A robot's calibration.json alone: lenses, places of the cameras, the body's size. Statuses as above.
+// A robot's calibration.json alone: lenses, places of the cameras, the body's size. Statuses as above. Without
+// `body_from_camera` a camera is at the body's origin, looking up, and not `placed`.
 MUST_CHECK enum status surround_rig_read(struct surround_set *out, const char *path);
 
 // A capture's picture without pose or depth. A damaged file is ERR_CORRUPT or ERR_INPUT.
