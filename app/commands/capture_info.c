@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/take_summary.h"
+#include "capture/recording/recorded_things.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -30,6 +31,17 @@ static void print_place(const struct place *p)
         printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d observations\n", t->id, t->side_m * 1e3,
                at.x, at.y, at.z, t->rms_px, t->observations);
     }
+}
+
+static double sigma_m(const struct recorded_thing *t) { return sqrt(covariance3_trace(&t->covariance)); }
+
+static void print_thing(const struct recorded_thing *t)
+{
+    const struct vec3 at = t->world_from_thing.translation;
+    printf("thing '%s': at %.3f %.3f %.3f m", t->name, at.x, at.y, at.z);
+    if (sigma_m(t) > 0)
+        printf(", to %.1f mm", sigma_m(t) * 1e3);
+    printf("%s\n", t->gone ? ", gone" : "");
 }
 
 static void print_sizes(const struct take_sizes *sizes, double duration_s)
@@ -105,6 +117,16 @@ static void add_place(struct json *root, const struct place *p)
     }
 }
 
+static void add_thing(struct json *things, const struct recorded_thing *t)
+{
+    struct json *thing = json_add_object(things, NULL);
+    json_add_string(thing, "name", t->name);
+    add_point(thing, "position_m", t->world_from_thing.translation);
+    json_add_number(thing, "sigma_m", sigma_m(t));
+    json_add_number(thing, "sightings", t->sightings);
+    json_add_bool(thing, "gone", t->gone);
+}
+
 static void add_take(struct json *takes, const struct take_summary *s, const struct take_sizes *sizes)
 {
     struct json *take = json_add_object(takes, NULL);
@@ -159,6 +181,27 @@ static enum status report_take(struct recording *r, const char *name, struct jso
     return status;
 }
 
+// Prints text, or fills `root` where it is not NULL. Things that cannot be read get a warning.
+static enum status report_things(struct recording *r, struct json *root)
+{
+    struct recorded_thing *things;
+    int count;
+    const enum status status = recording_read_things(r, &things, &count);
+    if (status == ERR_CORRUPT)
+        fprintf(stderr, "reenact-capture info: warning: %s\n", status_message());
+    else if (status != OK)
+        return status;
+    struct json *list = root ? json_add_array(root, "things") : NULL;
+    for (int i = 0; i < count; i++) {
+        if (root)
+            add_thing(list, &things[i]);
+        else
+            print_thing(&things[i]);
+    }
+    recorded_things_free(&things, count);
+    return OK;
+}
+
 // Prints text, or fills `root` where it is not NULL.
 static enum status report(struct recording *r, const char *path, struct json *root)
 {
@@ -188,10 +231,10 @@ static enum status report(struct recording *r, const char *path, struct json *ro
     } else if (!root) {
         printf("no place\n");
     }
+    status = report_things(r, root);
     struct json *takes = root ? json_add_array(root, "takes") : NULL;
     if (!root && !recording_take_count(r))
         printf("no take\n");
-    status = OK;
     for (int i = 0; i < recording_take_count(r) && status == OK; i++)
         status = report_take(r, recording_take_name(r, i), takes);
     return status;

@@ -42,6 +42,8 @@ struct film {
     uint16_t *depth;
     char *rgb_list, *depth_list;
     int count;
+    const struct film_board *boards;
+    int board_count;
 };
 
 static void film_open(struct film *f, const char *name, double scale, int frames)
@@ -58,6 +60,25 @@ static void film_open(struct film *f, const char *name, double scale, int frames
     write_calibration(f->scratch, name, &f->calibration);
 }
 
+// Where the board is nearer than what the picture shows.
+static void put_board(struct film *f, const struct film_board *b, struct pose world_from_camera)
+{
+    const struct lens *l = &f->calibration.color;
+    const struct pose board_from_camera = pose_multiply(pose_inverse(b->world_from_board), world_from_camera);
+    for (int i = 0; i < l->width * l->height; i++) {
+        const struct vec3 ray = lens_ray(l, (struct pixel){i % l->width, i / l->width}); // its z is 1
+        const struct vec3 along = quat_rotate(board_from_camera.rotation, ray);
+        const double z = -board_from_camera.translation.z / along.z;
+        const struct vec3 at = v3_add(board_from_camera.translation, v3_scale(along, z));
+        const double u = at.x / b->width_m + 0.5, v = at.y / b->height_m + 0.5;
+        if (!(along.z > 0 && z > 0.1 && u >= 0 && u < 1 && v >= 0 && v < 1) || (f->depth[i] && 1e3 * z > f->depth[i]))
+            continue;
+        const int x = (int)(u * b->front->width), y = (int)(v * b->front->height);
+        memcpy(f->color + 3 * (size_t)i, b->front->rgb + 3 * ((size_t)y * (size_t)b->front->width + (size_t)x), 3);
+        f->depth[i] = (uint16_t)(1e3 * z + 0.5);
+    }
+}
+
 static void film_shoot(struct film *f, struct pose camera, double time_s, bool actor)
 {
     char path[300];
@@ -67,6 +88,8 @@ static void film_shoot(struct film *f, struct pose camera, double time_s, bool a
     const struct calibration *c = &f->calibration;
     const struct world_shot shot = {c->color, camera, time_s, actor};
     check(world_render(f->world, &shot, &(struct world_image){.color = f->color, .depth = f->depth}));
+    for (int k = 0; k < f->board_count; k++)
+        put_board(f, &f->boards[k], camera);
     check(world_depth_noise(&c->depth, f->depth, (uint64_t)i + 1, f->depth));
     check(jpeg_encode(f->color, c->color.width, c->color.height, 92, &bytes, &count));
     snprintf(path, sizeof path, "%s/rgb/%04d.jpg", f->name, i);
@@ -113,23 +136,35 @@ void film_sensor_at(const struct world *w, const struct scratch *scratch, const 
     film_close(&f);
 }
 
+static void sweep(struct film *f, const char *name, double scale, int frames, const char *tags)
+{
+    char list[1024] = "{\"family\": \"tag36h11\", \"side_m\": {";
+    int32_t count;
+    const struct place_tag *tag = world_tags(f->world, &count);
+    film_open(f, name, scale, frames);
+    for (int i = 0; i < frames; i++) {
+        const double time_s = (double)WORLD_SWEEP_S * i / frames;
+        film_shoot(f, world_sweep_pose(f->world, time_s), time_s, false);
+    }
+    film_close(f);
+    for (int32_t i = 0; tags && i < count; i++)
+        sprintf(list + strlen(list), "%s\"%d\": %g", i ? ", " : "", (int)tag[i].id, tag[i].side_m);
+    if (tags)
+        scratch_text(f->scratch, tags, strcat(list, "}}"));
+}
+
 void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames,
                 const char *tags)
 {
     struct film f = {.world = w, .scratch = scratch};
-    char list[1024] = "{\"family\": \"tag36h11\", \"side_m\": {";
-    int32_t count;
-    const struct place_tag *tag = world_tags(w, &count);
-    film_open(&f, name, scale, frames);
-    for (int i = 0; i < frames; i++) {
-        const double time_s = (double)WORLD_SWEEP_S * i / frames;
-        film_shoot(&f, world_sweep_pose(w, time_s), time_s, false);
-    }
-    film_close(&f);
-    for (int32_t i = 0; tags && i < count; i++)
-        sprintf(list + strlen(list), "%s\"%d\": %g", i ? ", " : "", (int)tag[i].id, tag[i].side_m);
-    if (tags)
-        scratch_text(scratch, tags, strcat(list, "}}"));
+    sweep(&f, name, scale, frames, tags);
+}
+
+void film_sweep_of_boards(const struct world *w, const struct film_boards *boards, const struct scratch *scratch,
+                          const char *name, int frames, const char *tags)
+{
+    struct film f = {.world = w, .scratch = scratch, .boards = boards->boards, .board_count = boards->count};
+    sweep(&f, name, 1, frames, tags);
 }
 
 struct place film_true_place(const struct world *w, double scale)

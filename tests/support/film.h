@@ -1,6 +1,7 @@
 // Films the small world into folders and places, for tests of whole stages. Errors abort.
 #pragma once
 #include "capture/recording/place.h"
+#include "platform/image_file.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"
 
@@ -17,6 +18,23 @@ void film_sensor_at(const struct world *w, const struct scratch *scratch, const 
 // is written there, too.
 void film_sweep(const struct world *w, const struct scratch *scratch, const char *name, double scale, int frames,
                 const char *tags);
+
+// A flat thing with a painted front that stands in the room: its origin is the front's middle, x right, y down, z away
+// from who looks at it.
+struct film_board {
+    const struct image *front;
+    struct pose world_from_board;
+    double width_m, height_m;
+};
+
+struct film_boards {
+    const struct film_board *boards;
+    int count;
+};
+
+// film_sweep, 640 x 480, with boards in the room, which cast no shadow.
+void film_sweep_of_boards(const struct world *w, const struct film_boards *boards, const struct scratch *scratch,
+                          const char *name, int frames, const char *tags);
 
 // The world's tags as a place, as if mapped without error. The caller frees it with place_free.
 struct place film_true_place(const struct world *w, double scale);
