@@ -55,6 +55,7 @@ enum status viewer_room_open(struct viewer *v)
     if (!v->recording)
         return OK;
     enum status status = open_things(v);
+    r->driven = recording_read_drive(v->recording, &r->drive) == OK; // what is damaged of it is no error
     if (status == OK)
         status = solid_renderer_open(&r->renderer, v->gpu);
     if (status == OK && v->options.ask_knowledge && r->things.count) {
@@ -442,6 +443,8 @@ enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surf
     const struct layout l = layout_of(surface->width / px, surface->height / px, &v->state, &v->image);
     r->page = (struct room_page){
         .things = r->shown, .count = r->things.count, .tags = v->place.tags, .tag_count = v->place.tag_count};
+    if (r->driven)
+        r->page.drive = &r->drive;
     if (v->image.has_skeleton)
         r->page.actor = &v->image.skeleton;
     enum status status = draw_card(v, now_ns);

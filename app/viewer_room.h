@@ -6,6 +6,7 @@
 #include "app/place/room_views.h"
 #include "app/place/thing_solid.h"
 #include "app/ui/room_page.h"
+#include "capture/recording/recorded_drive.h"
 
 struct viewer;
 struct viewer_surface;
@@ -40,6 +41,8 @@ struct viewer_room {
     bool map_drawn;
     struct vec3 path[VIEWER_PATH_MOST];
     int path_count;
+    struct recorded_drive drive;
+    bool driven; // a robot was, in the place
 
     struct knowledge_asker *asker;
     int asked_thing; // whose card was open at the last update

@@ -4,6 +4,8 @@
 #include "app/commands/drive_window.h"
 #include "app/commands/place_input.h"
 #include "base/clock.h"
+#include "app/place/robot_place.h"
+#include "capture/recording/recorded_drive.h"
 #include "reenact/surround/drive/drive_trial.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -20,7 +22,7 @@ struct drive_arguments {
     const char *remap[MOST_REMAPS + 1];
     int remaps;
     int trials;
-    bool json, map;
+    bool json, map, keep;
     double seconds, every_s;
     struct drive_options how;
 };
@@ -36,6 +38,7 @@ enum {
     KEY_REMAP,
     KEY_CAMERA,
     KEY_MAP,
+    KEY_KEEP,
     KEY_JSON
 };
 
@@ -56,6 +59,8 @@ static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0,
      "the tablet's own camera, localised in FILE's place: its way moves and turns the viewpoint", 0},
     {"map", KEY_MAP, NULL, 0, "show the map with the path driven beside the picture from the start (M)", 0},
+    {"keep", KEY_KEEP, NULL, 0,
+     "the robot drives in FILE's place: keep there where it was driven, which reenact FILE shows in its map", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -74,6 +79,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_CALIBRATION: a->how.calibration = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_MAP: a->map = true; return 0;
+    case KEY_KEEP: a->keep = true; return 0;
     case KEY_REMAP:
         if (a->remaps == MOST_REMAPS)
             argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
@@ -84,6 +90,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_require(state, a->uri, "URI");
         if (a->camera)
             command_require(state, a->file, "FILE, in whose place the camera is,");
+        if (a->keep)
+            command_require(state, a->file, "FILE, in whose place the robot drives,");
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -236,6 +244,26 @@ static enum status write_pictures(const struct drive_arguments *a, struct drive_
     return status;
 }
 
+static enum status keep_drive(const struct drive_session *s, const struct place *place, const char *file)
+{
+    const struct surroundings *seen = drive_session_surroundings(s);
+    struct recorded_drive drive = {.path_count = s->path.count};
+    struct pose place_from_world;
+    enum status status = robot_place_find(seen->pictures, seen->taken, place, &place_from_world);
+    if (status == NOTHING)
+        return fail(ERR_INPUT,
+                    "the robot's pictures show too little of the place of %s; where it was driven is not kept", file);
+    if (status != OK)
+        return status;
+    _Static_assert((int)DRIVE_PATH_POINTS == (int)RECORDED_DRIVE_POINTS, "the whole path");
+    for (int i = 0; i < 3; i++)
+        drive.size_m[i] = drive_session_size(s)[i];
+    drive.world_from_body = pose_multiply(place_from_world, drive_session_pose(s));
+    for (int i = 0; i < drive.path_count; i++)
+        drive.path[i] = pose_apply(place_from_world, s->path.at[i]);
+    return recording_write_drive(file, &drive);
+}
+
 int reenact_drive(int argc, char **argv)
 {
     struct drive_arguments arguments = {.every_s = 1, .how = drive_default_options()};
@@ -260,14 +288,17 @@ int reenact_drive(int argc, char **argv)
     struct place place = {0};
     arguments.how.remap = arguments.remap;
     arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
-    enum status status = arguments.camera ? place_input_read(arguments.file, &place) : OK;
+    enum status status = arguments.camera || arguments.keep ? place_input_read(arguments.file, &place) : OK;
     if (status == NOTHING)
-        status = fail(ERR_INPUT, "%s holds no place to localise the camera in", arguments.file);
+        status = fail(ERR_INPUT, "%s holds no place to localise %s in", arguments.file,
+                      arguments.camera ? "the camera" : "the robot");
     if (status == OK)
         status = drive_session_open(&session, arguments.uri, &arguments.how);
     if (status == OK) {
         const struct drive_window_options window = {arguments.seconds, arguments.camera, &place, arguments.map};
         status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
+        if (status == OK && arguments.keep)
+            status = keep_drive(&session, &place, arguments.file);
         drive_session_close(&session);
     }
     place_free(&place);

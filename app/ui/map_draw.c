@@ -105,6 +105,25 @@ static void draw_path(const struct brush *b, const struct room_page *page)
     }
 }
 
+// A robot's way over the floor, and where it stands: the edges of its body, and a chevron on it at its front.
+static void draw_drive(const struct brush *b, const struct figure_view *v, const struct recorded_drive *d)
+{
+    const uint32_t color = b->theme->right;
+    const struct pose *at = &d->world_from_body;
+    const double half[3] = {d->size_m[0] / 2, d->size_m[1] / 2, d->size_m[2]};
+    struct vec3 corner[8];
+    for (int i = 1; i <= d->path_count; i++)
+        line(b, v, d->path[i - 1], i < d->path_count ? d->path[i] : at->translation, 2.5, faint(color, 0.8));
+    for (int i = 0; i < 8; i++)
+        corner[i] = pose_apply(*at, v3(i & 1 ? half[0] : -half[0], i & 2 ? half[1] : -half[1], i & 4 ? half[2] : 0));
+    for (int i = 0; i < 8; i++)
+        for (int axis = 1; axis <= 4; axis *= 2)
+            if (!(i & axis))
+                line(b, v, corner[i], corner[i | axis], 2, color);
+    for (int side = -1; side <= 1; side += 2)
+        line(b, v, pose_apply(*at, v3(half[0], 0, half[2])), pose_apply(*at, v3(0, side * half[1], half[2])), 3, color);
+}
+
 void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box)
 {
     const struct theme *t = b->theme;
@@ -124,6 +143,8 @@ void map_draw(const struct brush *b, const struct room_page *page, struct ui_box
         draw_ellipsoid(b, v, &page->things[i]);
     }
     draw_path(b, page);
+    if (page->drive)
+        draw_drive(b, v, page->drive);
     if (page->actor)
         figure_draw(b, v, &(struct figure){FIGURE_BODY, page->actor, NULL, false});
     if (page->viewer_known)

@@ -6,6 +6,7 @@
 #include "app/ui/label_layout.h"
 #include "app/ui/layout.h"
 #include "capture/recording/place.h"
+#include "capture/recording/recorded_drive.h"
 
 enum { ROOM_LABELS_MOST = 64 }; // things with a label; all are in the sheet
 
@@ -45,6 +46,7 @@ struct room_page {
     const struct skeleton *actor; // world axes; NULL: none
     const struct vec3 *path;      // where the tablet was, oldest first, world axes
     int path_count;
+    const struct recorded_drive *drive; // of a robot; NULL: none
     bool viewer_known;
     struct pose world_from_viewer; // of the tablet, else of the orbit
     struct lens viewer_lens;

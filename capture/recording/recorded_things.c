@@ -1,6 +1,7 @@
 #include "capture/recording/recorded_things.h"
 
 #include "capture/recording/little_endian.h"
+#include "capture/recording/recording_change.h"
 #include "capture/recording/recording_reader.h"
 
 #include <stdio.h>
@@ -243,38 +244,28 @@ static enum status insert_contents(struct database *db, const struct recorded_th
     return status;
 }
 
+struct things {
+    const struct recorded_thing *things;
+    int count;
+};
+
+static enum status insert(struct database *db, const void *what)
+{
+    const struct things *all = what;
+    const enum status status = insert_things(db, all->things, all->count);
+    return status == OK ? insert_contents(db, all->things, all->count) : status;
+}
+
+static const char thing_tables[] =
+    "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, note TEXT, "
+    "knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"
+    "CREATE TABLE IF NOT EXISTS thing_content(id INTEGER PRIMARY KEY, thing INTEGER, kind TEXT, bytes BLOB, "
+    "crc INTEGER);"
+    "DELETE FROM thing; DELETE FROM thing_content";
+
 enum status recording_write_things(const char *path, const struct recorded_thing *things, int count)
 {
-    struct database *db;
-    enum status status = check_things(things, count);
-    if (status != OK)
-        return status;
-    status = database_open(&db, path, DATABASE_WRITE);
-    if (status == OK)
-        status = recording_check_tables(db);
-    if (status == OK)
-        status = database_lock_writer(db);
-    const bool locked = status == OK;
-    if (status == OK)
-        status =
-            database_run(db, "BEGIN IMMEDIATE;"
-                             "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, "
-                             "note TEXT, knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"
-                             "CREATE TABLE IF NOT EXISTS thing_content(id INTEGER PRIMARY KEY, thing INTEGER, "
-                             "kind TEXT, bytes BLOB, crc INTEGER);"
-                             "DELETE FROM thing; DELETE FROM thing_content");
-    if (status == OK)
-        status = insert_things(db, things, count);
-    if (status == OK)
-        status = insert_contents(db, things, count);
-    if (status == OK)
-        status = database_run(db, "COMMIT");
-    struct failure first;
-    failure_keep(&first, status);
-    if (db && database_in_transaction(db) && database_run(db, "ROLLBACK") != OK)
-        status = first.status;
-    if (locked && status == OK)
-        status = database_close_wal(db);
-    database_close(&db);
-    return first.status == OK ? status : failure_restore(&first);
+    const struct things all = {things, count};
+    const enum status status = check_things(things, count);
+    return status != OK ? status : recording_change(path, thing_tables, insert, &all);
 }

@@ -1,5 +1,6 @@
 // Saves what can be read of a damaged recording into a new one.
 #include "capture/recording/frame_copier.h"
+#include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
 #include "capture/recording/recording_reader.h"
 
@@ -277,6 +278,20 @@ static enum status copy_things(const char *path, const char *to)
     return status;
 }
 
+// Likewise.
+static enum status copy_drive(const char *path, const char *to)
+{
+    struct recording *r;
+    struct recorded_drive drive;
+    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
+    if (status == OK)
+        status = recording_read_drive(r, &drive);
+    recording_free(&r);
+    if (status != OK)
+        return is_fatal(status) ? status : OK;
+    return recording_write_drive(to, &drive);
+}
+
 static enum status open_both(struct repair *v, const char *path, const char *to)
 {
     enum status status = database_open(&v->from, path, DATABASE_SALVAGE);
@@ -306,6 +321,8 @@ static enum status salvage(const char *path, const char *part, const char *to, s
     enum status status = copy_place(&v, path, part);
     if (status == OK)
         status = copy_things(path, part);
+    if (status == OK)
+        status = copy_drive(path, part);
     if (status == OK)
         status = open_both(&v, path, part);
     if (status == OK)

@@ -1,4 +1,5 @@
 // Verifies a recording: its structure, counts, checksums, images, order of times and ranges.
+#include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
 #include "capture/recording/recording_reader.h"
 
@@ -178,6 +179,8 @@ static void check_things(struct verification *v)
     int count;
     note(v, recording_read_things(v->r, &things, &count));
     recorded_things_free(&things, count);
+    struct recorded_drive drive;
+    note(v, recording_read_drive(v->r, &drive));
 }
 
 static enum status verify(struct recording *r, struct recording_report *out)

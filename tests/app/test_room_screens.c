@@ -210,6 +210,15 @@ static void test_the_map_is_beside_the_picture(void **state)
     print_message("%.2f of the map's middle is coloured\n", colored);
     EXPECT_AT_LEAST(colored, 0.1);
     EXPECT_TRUE(g.viewer.room.page.viewer_known && g.viewer.room.path_count >= 1);
+    // A robot that was driven there, and its way.
+    EXPECT_TRUE(g.viewer.room.driven && g.viewer.room.page.drive);
+    const int with = glass_count_color(&g, theme_of(true)->right, 8);
+    g.viewer.room.driven = false;
+    glass_draw(&g);
+    glass_read(&g);
+    const int without = glass_count_color(&g, theme_of(true)->right, 8);
+    print_message("the robot's colour: %d pixels with it, %d without\n", with, without);
+    EXPECT_AT_LEAST(with - without, 20); // lines, mostly blended
     // A finger and the wheel move the map's viewpoint and not the actor's.
     const struct orbit map = s->room.map_orbit, orbit = s->orbit;
     const double scale = glass_scale(&g);

@@ -1,5 +1,6 @@
 #include "tests/support/room_rehearsal.h"
 
+#include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
@@ -173,6 +174,21 @@ static void write_things(const struct rehearsal *r)
     free(things[0].image.bytes);
 }
 
+// Round the actor, and to the right at last.
+static void write_drive(const struct rehearsal *r)
+{
+    struct recorded_drive d = {.size_m = {0.6, 0.5, 1.2}, .path_count = 24};
+    for (int i = 0; i <= d.path_count; i++) {
+        const double angle = -2.4 + 0.1 * i;
+        const struct pose at = {quat_from_rotation_vector(v3(0, 0, angle + 1.5707963267948966)),
+                                v3(1.7 * cos(angle), 1.7 * sin(angle), 0)};
+        if (i < d.path_count)
+            d.path[i] = at.translation;
+        d.world_from_body = at;
+    }
+    check(recording_write_drive(r->file, &d));
+}
+
 struct rehearsal room_rehearsal_make(void)
 {
     struct rehearsal r = rehearsal_make();
@@ -187,6 +203,7 @@ struct rehearsal room_rehearsal_make(void)
     check(recording_put_place(writer, &place));
     check(recording_close(&writer));
     write_things(&r);
+    write_drive(&r);
     place_free(&place);
     world_close(&world);
     return r;

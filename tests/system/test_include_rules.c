@@ -58,8 +58,9 @@ static const struct rule rules[] = {
     {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
     {"app/view/", {"app/state/", RENDER}},
     {"app/place/",
-     {"app/state/", "capture/objects/", "reenact/surround/filmed/", "reenact/surround/gpu/", "reenact/surround/",
-      "reenact/surround/view/", "reenact/surround/picture/", "reenact/render/", "reenact/scene/", RECORDING}},
+     {"app/state/", "capture/objects/", "locate/", "reenact/surround/filmed/", "reenact/surround/gpu/",
+      "reenact/surround/", "reenact/surround/view/", "reenact/surround/picture/", "reenact/render/", "reenact/scene/",
+      RECORDING}},
     {"app/live/",
      {"app/camera/", "app/state/", "compare/", "capture/", "capture/tracking/", "capture/body/",
       "capture/segmentation/", "locate/", RECORDING}},
@@ -70,9 +71,9 @@ static const struct rule rules[] = {
      {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/",
       "capture/tracking/", "locate/", RENDER}},
     {"app/commands/",
-     {"app/studio/", "app/", "app/camera/", "compare/", "capture/", "capture/coaching/", "capture/objects/",
-      "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER, "reenact/surround/filmed/",
-      "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/", SURROUND}},
+     {"app/studio/", "app/", "app/place/", "app/camera/", "compare/", "capture/", "capture/coaching/",
+      "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER,
+      "reenact/surround/filmed/", "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/", SURROUND}},
     {"tests/", {0}}, // all of them
 };
 

@@ -69,6 +69,13 @@ static enum status open_ros(struct drive_session *s, const char *master)
     return surround_view_open(&s->ros.surroundings.view, &lens);
 }
 
+const struct surroundings *drive_session_surroundings(const struct drive_session *s)
+{
+    return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings
+           : s->kind == DRIVE_PLAYED  ? &s->played
+                                      : &s->ros.surroundings;
+}
+
 static struct surroundings *seen_by(struct drive_session *s)
 {
     return s->kind == DRIVE_SIMULATED ? &s->rover.surroundings
@@ -195,7 +202,7 @@ static struct drive_command command_of(const struct drive_session *s)
     return s->kind == DRIVE_SIMULATED ? s->rover.command : s->kind == DRIVE_ROS ? s->ros.command : played_command(s);
 }
 
-static const double *size_of(const struct drive_session *s)
+const double *drive_session_size(const struct drive_session *s)
 {
     return s->kind == DRIVE_SIMULATED ? s->rover.how.size_m
            : s->kind == DRIVE_ROS     ? s->ros.rig.body_size_m
@@ -204,7 +211,7 @@ static const double *size_of(const struct drive_session *s)
 
 struct pose drive_session_viewpoint(const struct drive_session *s)
 {
-    return operator_viewpoint(s->eye.viewpoint, POSE_IDENTITY, size_of(s));
+    return operator_viewpoint(s->eye.viewpoint, POSE_IDENTITY, drive_session_size(s));
 }
 
 const struct lens *drive_session_lens(const struct drive_session *s)
@@ -218,7 +225,7 @@ static struct pose eye_of(const struct drive_session *s, struct pose body)
 {
     return s->eye.head    ? pose_multiply(body, s->eye.body_from_eye)
            : s->eye.orbit ? operator_orbit(body, s->eye.azimuth, s->eye.elevation, s->eye.distance_m)
-                          : operator_viewpoint(s->eye.viewpoint, body, size_of(s));
+                          : operator_viewpoint(s->eye.viewpoint, body, drive_session_size(s));
 }
 
 static void fill_overlay(struct drive_session *s, struct pose body, struct operator_overlay *out)
@@ -228,7 +235,7 @@ static void fill_overlay(struct drive_session *s, struct pose body, struct opera
                                      .age_s = age_of_s(s, seen_by(s)),
                                      .link_lost = s->link_lost,
                                      .path = &s->path};
-    memcpy(out->size_m, size_of(s), sizeof out->size_m);
+    memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
     if (!s->eye.orbit && !s->eye.head && s->eye.viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
         out->size_m[0] = out->size_m[1] = out->size_m[2] = 0;
         out->command = (struct drive_command){0, 0};
@@ -240,7 +247,7 @@ enum status drive_session_prepare(struct drive_session *s, struct drive_scene *o
     struct surroundings *seen = seen_by(s);
     const struct pose body = drive_session_pose(s);
     *out = (struct drive_scene){.world_from_view = eye_of(s, body), .lens = seen->view.lens, .how = seen->how.view};
-    memcpy(out->size_m, size_of(s), sizeof out->size_m);
+    memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
     const enum status status = surroundings_prepare(seen, out->world_from_view, &out->pictures, &out->count);
     if (status == OK)
         fill_overlay(s, body, &out->overlay);
@@ -257,7 +264,7 @@ enum status drive_session_draw(struct drive_session *s, const struct surround_vi
     struct operator_overlay overlay;
     struct nearest_thing thing;
     fill_overlay(s, body, &overlay);
-    const bool near = nearest_in_view(&seen->view, body, size_of(s), 0.1, &thing) == OK;
+    const bool near = nearest_in_view(&seen->view, body, drive_session_size(s), 0.1, &thing) == OK;
     operator_overlay_draw(&seen->view, &overlay, near ? &thing : NULL);
     *view = &seen->view;
     return OK;

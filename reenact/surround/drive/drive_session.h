@@ -73,6 +73,11 @@ struct drive_scene {
 };
 MUST_CHECK enum status drive_session_prepare(struct drive_session *s, struct drive_scene *out);
 
+// Of the body: length, width, height.
+const double *drive_session_size(const struct drive_session *s);
+// What the robot has captured so far.
+const struct surroundings *drive_session_surroundings(const struct drive_session *s);
+
 // Draws the operator's picture with the overlay; *view lives as long as the session.
 MUST_CHECK enum status drive_session_draw(struct drive_session *s, const struct surround_view **view);
 
