@@ -174,12 +174,12 @@ static void write_things(const struct rehearsal *r)
     free(things[0].image.bytes);
 }
 
-// Round the actor, and to the right at last.
+// From the left round the actor, to before the rug.
 static void write_drive(const struct rehearsal *r)
 {
     struct recorded_drive d = {.size_m = {0.6, 0.5, 1.2}, .path_count = 24};
     for (int i = 0; i <= d.path_count; i++) {
-        const double angle = -2.4 + 0.1 * i;
+        const double angle = -3 + 0.0875 * i;
         const struct pose at = {quat_from_rotation_vector(v3(0, 0, angle + 1.5707963267948966)),
                                 v3(1.7 * cos(angle), 1.7 * sin(angle), 0)};
         if (i < d.path_count)
