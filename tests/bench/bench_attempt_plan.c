@@ -42,6 +42,7 @@ struct world_options attempt_world_options(const struct attempt_plan *plan, int 
     options.motion = plan->motion;
     options.spot = plan->actor[actor].spot;
     options.plain = true;
+    options.whole = true;
     return options;
 }
 

@@ -111,7 +111,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     w->edited = options->edit;
     w->edit = options->edit ? *options->edit : w->edit;
     w->physique = physique_of(&options->figure);
-    status = world_motion_open(&w->motion, options->motion, &w->physique);
+    status = world_motion_open(&w->motion, options->motion, &w->physique, options->whole);
     if (!status)
         status = check_edit(options->edit, w->motion);
     if (!status)
@@ -179,7 +179,7 @@ enum status world_preview_seconds(const struct world_options *options, double *s
     struct figure_motion *motion = NULL;
     const struct physique physique = physique_of(&options->figure);
     if (status == OK)
-        status = world_motion_open(&motion, options->motion, &physique);
+        status = world_motion_open(&motion, options->motion, &physique, options->whole);
     if (status == OK)
         status = check_edit(options->edit, motion);
     if (status == OK)
@@ -195,7 +195,7 @@ enum status world_preview_joints(const struct world_options *options, double sta
     struct figure_motion *motion = NULL;
     const struct physique physique = physique_of(&options->figure);
     if (status == OK)
-        status = world_motion_open(&motion, options->motion, &physique);
+        status = world_motion_open(&motion, options->motion, &physique, options->whole);
     if (status == OK)
         status = check_edit(options->edit, motion);
     for (int k = 0; k < count && status == OK; k++) {

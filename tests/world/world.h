@@ -61,6 +61,7 @@ struct world_options {
     // side), "raise-hand" (one hand above the head, then the other). Or the path of a BVH file, which must contain a
     // '/' or end in ".bvh"; of one that extends further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
+    bool whole; // of a BVH file all of it, however far it extends: the same for figures of any size
     // NULL: the motion as it is. Else what is performed instead of it (tests/world/edit.h), within its length; times
     // of the world are then those of the performance.
     const struct world_edit *edit;
