@@ -174,20 +174,12 @@ static void tags_text(const struct sweep_plan *p, char *out, size_t capacity)
 
 static void draw_hint(const struct brush *b, const struct sweep_plan *p, struct ui_box picture)
 {
-    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 84, picture.w - 32, 68};
     const bool warns = p->hint == SWEEP_SLOWER || p->hint == SWEEP_LOST;
-    ui_fill(b->ui, box, ROUND, b->theme->glass);
-    ui_border(b->ui, box, ROUND, 2, warns ? b->theme->warn : b->theme->hairline);
-    struct ui_box text = inner(box, 12);
-    icon_draw(b->ui,
-              warns                     ? ICON_WARNING
-              : p->hint == SWEEP_ENOUGH ? ICON_CHECK
-                                        : ICON_TAG,
-              middle(cut_left(&text, 36)), 30, warns ? b->theme->warn : b->theme->accent);
-    if (ui_text_width(b->ui, FACE_HEAD, p->text) <= text.w)
-        label(b, FACE_HEAD, text, b->theme->text, p->text);
-    else
-        ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){text.x, text.y + 1}, text.w, b->theme->text, p->text);
+    studio_hint_draw(b,
+                     warns                     ? ICON_WARNING
+                     : p->hint == SWEEP_ENOUGH ? ICON_CHECK
+                                               : ICON_TAG,
+                     warns, p->text, picture);
 }
 
 static void draw_sweep(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
@@ -198,13 +190,13 @@ static void draw_sweep(const struct brush *b, struct studio_state *s, const stru
     const bool upright = in.h > in.w;
     struct ui_box foot = cut_bottom(&in, 92);
     struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
-    studio_picture_draw(b, v->color, &v->shown->calibration.color, in, false);
-    draw_hint(b, p, in);
+    const struct ui_box at = studio_picture_draw(b, v->color, &v->shown->calibration.color, in, false);
+    draw_hint(b, p, (struct ui_box){at.x, in.y, at.w, in.h});
     draw_plan(b, v, plan);
     const bool on = s->page == STUDIO_ROOM;
     struct ui_box button = cut_right(&foot, 200);
     button = (struct ui_box){button.x, button.y + 12, button.w, 64};
-    if (text_button(b, "room-done", on ? "Done" : "Computing ...", BUTTON_MAIN, button))
+    if (text_button(b, "room-done", on ? "Done" : "Computing ...", on ? BUTTON_MAIN : BUTTON_ON, button))
         studio_do(s, STUDIO_START, now_ns);
     struct ui_box leave = cut_right(&foot, 130);
     leave = (struct ui_box){leave.x, leave.y + 12, leave.w, 64};

@@ -23,13 +23,30 @@ void studio_depth_colors(const uint16_t *depth, int width, int height, uint8_t *
 struct ui_box studio_picture_draw(const struct brush *b, const struct gpu_texture *image, const struct lens *lens,
                                   struct ui_box box, bool mirrored)
 {
-    ui_fill(b->ui, box, ROUND, 0x000000ff);
-    if (!image || lens->width <= 0)
+    if (!image || lens->width <= 0) {
+        ui_fill(b->ui, box, ROUND, b->theme->surface);
         return box;
+    }
     const double aspect = (double)lens->width / lens->height;
     const double w = fmin(box.w, box.h * aspect), h = w / aspect;
-    const struct ui_box at = {box.x + (box.w - w) / 2, box.y + (box.h - h) / 2, w, h};
+    const struct ui_box at = {box.x + (box.w - w) / 2, box.y, w, h};
     const struct ui_uv_rect as_mirror = {1, 0, 0, 1}, as_is = {0, 0, 1, 1};
     ui_image(b->ui, image, at, mirrored ? as_mirror : as_is, ROUND * 0.6, 0xffffffff);
     return at;
+}
+
+void studio_hint_draw(const struct brush *b, enum icon icon, bool warns, const char *text, struct ui_box picture)
+{
+    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 84, picture.w - 32, 68};
+    ui_fill(b->ui, box, ROUND, b->theme->glass);
+    ui_border(b->ui, box, ROUND, 2, warns ? b->theme->warn : b->theme->hairline);
+    struct ui_box line = inner(box, 12);
+    icon_draw(b->ui, icon, middle(cut_left(&line, 36)), 30, warns ? b->theme->warn : b->theme->accent);
+    if (ui_text_width(b->ui, FACE_HEAD, text) <= line.w) {
+        label(b, FACE_HEAD, line, b->theme->text, text);
+        return;
+    }
+    const enum face face = ui_text_height(b->ui, FACE_BODY, text, line.w) <= line.h + 8 ? FACE_BODY : FACE_SMALL;
+    const double h = ui_text_height(b->ui, face, text, line.w);
+    ui_text_lines(b->ui, face, (struct ui_point){line.x, line.y + (line.h - h) / 2}, line.w, b->theme->text, text);
 }

@@ -51,10 +51,13 @@ static void draw_counters(const struct brush *b, const struct studio_snapshot *s
     int used = c->frames_per_s > 0 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
                                    : snprintf(text, sizeof text, "measuring");
     used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
-    if (c->mb_per_s > 0)
+    if (c->mb_per_s >= 0.05)
         used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f MB/s", c->mb_per_s);
-    if (c->mb_per_s > 0 && c->minutes_left >= 0)
-        used += snprintf(text + used, sizeof text - (size_t)used, " · %.0f min left", c->minutes_left);
+    if (c->mb_per_s >= 0.05 && c->minutes_left >= 0) {
+        const bool hours = c->minutes_left >= 180;
+        used += snprintf(text + used, sizeof text - (size_t)used, hours ? " · %.0f h left" : " · %.0f min left",
+                         hours ? c->minutes_left / 60 : c->minutes_left);
+    }
     if (shown->distance_m > 0)
         snprintf(text + used, sizeof text - (size_t)used, " · %.1f m away", shown->distance_m);
     label(b, FACE_SMALL, box, c->dropped ? b->theme->warn : b->theme->quiet, text);
@@ -83,33 +86,24 @@ static void draw_place(const struct brush *b, const struct studio_snapshot *show
     label(b, FACE_SMALL, box, shown->located ? b->theme->text : b->theme->warn, text);
 }
 
-// What to do now, over the picture's lower edge: readable from four metres.
 static void draw_hint(const struct brush *b, const struct studio_snapshot *shown, struct ui_box picture)
 {
-    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 84, picture.w - 32, 68};
-    ui_fill(b->ui, box, ROUND, b->theme->glass);
-    ui_border(b->ui, box, ROUND, 2, shown->fault ? b->theme->warn : b->theme->hairline);
-    struct ui_box text = inner(box, 12);
-    icon_draw(b->ui,
-              shown->fault                                         ? ICON_WARNING
-              : shown->advice == ADVICE_ENOUGH && shown->share > 0 ? ICON_CHECK
-                                                                   : ICON_BONES,
-              middle(cut_left(&text, 36)), 30, shown->fault ? b->theme->warn : b->theme->accent);
-    if (ui_text_width(b->ui, FACE_HEAD, shown->text) <= text.w)
-        label(b, FACE_HEAD, text, b->theme->text, shown->text);
-    else
-        ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){text.x, text.y + 1}, text.w, b->theme->text, shown->text);
+    const enum icon icon = shown->fault                                         ? ICON_WARNING
+                           : shown->advice == ADVICE_ENOUGH && shown->share > 0 ? ICON_CHECK
+                                                                                : ICON_BONES;
+    studio_hint_draw(b, icon, shown->fault, shown->text, picture);
 }
 
 // ---------------------------------------------------------------- live, countdown, recording
 
 static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
 {
-    struct ui_box depth = upright ? cut_left(&box, box.w * 0.42) : cut_top(&box, box.w * 0.75);
+    struct ui_box depth = upright ? cut_left(&box, box.w * 0.5) : cut_top(&box, fmin(box.w * 0.75, box.h * 0.45));
     studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
     panel(b, box, false);
     struct ui_box in = inner(box, 12);
-    struct ui_box dial = upright ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
+    const bool flat = box.h < 0.65 * box.w;
+    struct ui_box dial = flat ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
     coverage_dial_draw(b, v->shown->share, v->shown->advice, dial);
     coverage_figure_draw(b, &v->shown->coverage, in);
 }
@@ -157,8 +151,8 @@ static void draw_live_foot(const struct brush *b, struct studio_state *s, const 
 {
     struct ui_box row = foot.w < NARROW ? cut_bottom(&foot, TARGET) : cut_right(&foot, BUTTONS_W);
     row = (struct ui_box){row.x, row.y + (row.h - TARGET) / 2, row.w, TARGET};
-    if (text_button(b, "studio-main", main_button(s), s->page == STUDIO_RECORDING ? BUTTON_ON : BUTTON_MAIN,
-                    cut_right(&row, 180)))
+    const bool waits = s->page == STUDIO_FINISHING || s->page == STUDIO_OPENING;
+    if (text_button(b, "studio-main", main_button(s), waits ? BUTTON_ON : BUTTON_MAIN, cut_right(&row, 180)))
         studio_do(s, STUDIO_START, now_ns);
     if (s->page == STUDIO_RECORDING) {
         if (text_button(b, "studio-pause", s->paused ? "Go on" : "Pause", s->paused ? BUTTON_ON : BUTTON_RAISED,
@@ -178,12 +172,22 @@ static void draw_live_foot(const struct brush *b, struct studio_state *s, const 
                                       : "Raise a hand above your head to start");
 }
 
+// What the picture leaves, in its own shape, and at least a third.
+static struct ui_box cut_side(const struct studio_view *v, struct ui_box *in, bool upright)
+{
+    const struct lens *lens = &v->shown->calibration.color;
+    const double aspect = lens->width > 0 ? (double)lens->width / lens->height : 4.0 / 3;
+    if (upright)
+        return cut_bottom(in, fmax(in->h - in->w / aspect - GAP, in->h * 0.36));
+    return cut_right(in, fmax(in->w - in->h * aspect - GAP, fmin(SIDE, in->w * 0.32)));
+}
+
 static void draw_live(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                       int64_t now_ns)
 {
     const bool upright = in.h > in.w;
     struct ui_box foot = cut_bottom(&in, in.w < NARROW ? FOOT + TARGET + GAP : FOOT);
-    struct ui_box side = upright ? cut_bottom(&in, fmin(in.h * 0.36, 300)) : cut_right(&in, fmin(SIDE, in.w * 0.32));
+    struct ui_box side = cut_side(v, &in, upright);
     const struct ui_box at = studio_picture_draw(b, v->color, &v->shown->calibration.color, in, true);
     if (v->shown->has_skeleton && v->color)
         draw_skeleton(b, v->shown, at);
@@ -204,7 +208,7 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
 static void draw_sensors(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                          int64_t now_ns)
 {
-    char name[32], text[400];
+    char name[32];
     if (!v->device_count)
         ui_text_lines(
             b->ui, FACE_BODY, (struct ui_point){in.x, in.y}, in.w, b->theme->text,
@@ -213,13 +217,17 @@ static void draw_sensors(const struct brush *b, struct studio_state *s, const st
     for (int i = 0; i < v->device_count; i++) {
         struct ui_box row = {in.x, in.y + i * (ROW + GAP), fmin(in.w, 640), ROW};
         snprintf(name, sizeof name, "sensor-%d", i);
-        snprintf(text, sizeof text, "%.120s · %.200s", v->devices[i].name, v->devices[i].uri);
-        if (text_button(b, name, text, BUTTON_RAISED, row))
+        if (text_button(b, name, "", BUTTON_RAISED, row))
             studio_choose_sensor(s, i, now_ns);
+        row = (struct ui_box){row.x + 28, row.y, row.w - 56, row.h};
+        const bool named = strcmp(v->devices[i].name, v->devices[i].uri) != 0;
+        if (named)
+            label(b, FACE_SMALL, cut_bottom(&row, 26), b->theme->quiet, v->devices[i].uri);
+        label(b, FACE_STRONG, row, b->theme->text, v->devices[i].name);
     }
     const struct ui_box again = {in.x, in.y + (v->device_count ? v->device_count * (ROW + GAP) + 16 : 120), 240,
                                  TARGET};
-    if (text_button(b, "studio-again", "Look again", BUTTON_PLAIN, again))
+    if (text_button(b, "studio-again", "Look again", BUTTON_RAISED, again))
         studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
 }
 
@@ -254,6 +262,16 @@ static void draw_name(const struct brush *b, const struct studio_state *s, struc
     }
 }
 
+static void draw_rename_buttons(const struct brush *b, struct studio_state *s, struct ui_box buttons, int64_t now_ns)
+{
+    struct ui_box row = cut_top(&buttons, TARGET);
+    if (text_button(b, "rename-done", "Done", BUTTON_MAIN, cut_left(&row, 150)))
+        studio_type(s, 13, now_ns);
+    if (text_button(b, "rename-leave", "Leave it", BUTTON_RAISED, cut_left(&row, 150)))
+        studio_do(s, STUDIO_BACK, now_ns);
+    label(b, FACE_SMALL, row, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");
+}
+
 static void draw_review(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                         int64_t now_ns)
 {
@@ -279,7 +297,7 @@ static void draw_review(const struct brush *b, struct studio_state *s, const str
     label(b, FACE_SMALL, cut_bottom(&figure, 24), b->theme->quiet, text);
     coverage_figure_draw(b, &v->shown->verdict_coverage, figure);
     if (s->page == STUDIO_RENAME) {
-        label(b, FACE_SMALL, buttons, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");
+        draw_rename_buttons(b, s, buttons, now_ns);
         return;
     }
     const int columns = upright ? 2 : (int)COUNT_OF(choices);
@@ -329,8 +347,8 @@ void studio_screen_draw(const struct brush *b, struct studio_state *s, const str
     label(b, FACE_HEAD, (struct ui_box){head.x, head.y, head.w, 30}, b->theme->text, title(s));
     if (*s->notice)
         snprintf(text, sizeof text, "%s", s->notice);
-    else if (s->kept == 1)
-        snprintf(text, sizeof text, "%.250s · one take kept", v->file);
+    else if (s->kept < 2)
+        snprintf(text, sizeof text, "%.250s · %s", v->file, s->kept ? "one take kept" : "no take kept yet");
     else
         snprintf(text, sizeof text, "%.250s · %d takes kept", v->file, s->kept);
     label(b, FACE_SMALL, (struct ui_box){head.x, head.y + 32, head.w, 24},

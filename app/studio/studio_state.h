@@ -96,7 +96,7 @@ void studio_type(struct studio_state *s, int key, int64_t now_ns); // page RENAM
 
 // ---- what happened
 void studio_sensor_ready(struct studio_state *s, int64_t now_ns);
-void studio_take_finishing(struct studio_state *s, int64_t now_ns);  // filming is over, smoothing goes on
+void studio_take_finishing(struct studio_state *s, int64_t now_ns);             // filming is over, smoothing goes on
 void studio_take_ready(struct studio_state *s, int64_t frames, int64_t now_ns); // written; 0: nothing to review
 void studio_sweep_finishing(struct studio_state *s, int64_t now_ns); // the sweep is over, the map is computed
 void studio_sweep_ready(struct studio_state *s, int64_t now_ns);     // its map can be reviewed

@@ -107,6 +107,29 @@ static void record_a_take(struct stage *g)
     EXPECT_INT(g->studio.state.page, STUDIO_RECORDING);
 }
 
+// Pages that pass too quickly, or not at all here.
+static void save_other_pages(struct stage *g)
+{
+    static const struct {
+        enum studio_page page;
+        const char *name;
+    } pages[] = {{STUDIO_OPENING, "opening"},
+                 {STUDIO_FINISHING, "finishing"},
+                 {STUDIO_SENSORS, "sensors"},
+                 {STUDIO_TROUBLE, "trouble"}};
+    struct studio *s = &g->studio;
+    studio_session_close(&s->session); // it would lead on to the next page
+    for (size_t i = 0; i < COUNT_OF(pages) && g->folder; i++) {
+        studio_fail(&s->state, "the depth sensor PrimeSense Xtion Pro Live was unplugged", clock_now_ns());
+        s->state.page = pages[i].page;
+        s->state.looked_ns = clock_now_ns() + 1000 * SECOND; // or it would look for the sensor
+        stage_save_all(g, pages[i].name);
+    }
+    s->state.page = STUDIO_SENSORS;
+    s->device_count = 0;
+    stage_save_all(g, "no-sensor");
+}
+
 static void film_takes(struct stage *g, const char *uri)
 {
     char file[300];
@@ -130,7 +153,7 @@ static void film_takes(struct stage *g, const char *uri)
     for (int i = 0; i < 10; i++)
         stage_draw(g);
     EXPECT_AT_LEAST(stage_colors(g), 20);
-    stage_save(g, "playback");
+    stage_save_all(g, "playback");
     g->studio.viewer.state.quit = true;
     stage_draw(g);
     stage_draw(g);
@@ -138,7 +161,7 @@ static void film_takes(struct stage *g, const char *uri)
     stage_press(g, 'n');
     for (const char *key = "\b\b\b\b\b\bfirst"; *key; key++)
         stage_press(g, *key);
-    stage_save(g, "rename");
+    stage_save_all(g, "rename");
     stage_press(g, WINDOW_KEY_ENTER);
     EXPECT_TRUE(!strcmp(g->studio.state.take, "first") && g->studio.state.page == STUDIO_REVIEW);
     stage_press(g, 'k');
@@ -155,6 +178,7 @@ static void film_takes(struct stage *g, const char *uri)
     stage_press(g, 'x');
     EXPECT_INT(g->studio.state.page, STUDIO_LIVE);
     EXPECT_INT(stage_takes_in(file), 1);
+    save_other_pages(g);
     studio_close(&g->studio);
 }
 

@@ -271,13 +271,20 @@ static void check_together(const struct bench_arguments *a, struct argp_state *s
 {
     const struct bench_inputs *in = &a->inputs;
     const bool dice = in->dice.films > 0;
+    const bool attempts = a->stage && !strcmp(a->stage, "attempts");
     const int skeleton = (in->motions || dice) + !!in->joints + !!in->sequences + in->bodies + !!in->empty.count;
     if (!!in->data + skeleton > 1)
         argp_error(state, "one of --data, --motions, --dice, --bodies, --joints, --sequences and --empty at a time; "
                           "but --dice with --motions");
-    if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
-        argp_error(state, "--motions, --dice, --bodies, --joints, --sequences and --empty are the skeleton stage's");
-    if (!dice && (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
+    if (skeleton && !attempts && (!a->stage || strcmp(a->stage, "skeleton")))
+        argp_error(state, "--motions, --dice, --bodies, --joints, --sequences and --empty are the skeleton stage's; "
+                          "--motions and --dice the attempts stage's, too");
+    if (attempts && (in->data || in->bodies || in->joints || in->sequences || in->empty.count || in->dice.color ||
+                     in->dice.strip || in->dice.features))
+        argp_error(state, "of the films' options the attempts stage has --motions, --dice, --seed, --only, --seconds, "
+                          "--threads and --dump");
+    if (!dice && !attempts &&
+        (in->dice.only >= 0 || in->dice.color || in->dice.strip || in->dice.dump || in->dice.features))
         argp_error(state, "--only, --color, --strip, --dump and --features go with --dice");
     if (in->answers && (!a->stage || strcmp(a->stage, "stability")))
         argp_error(state, "--answers is the stability stage's");
@@ -462,22 +469,22 @@ int main(int argc, char **argv)
         {"json", 'j', "FILE", OPTION_ARG_OPTIONAL, "Print one JSON object, or write it to FILE", 0},
         {"html", KEY_HTML, "FILE", 0, "Run every stage, or STAGE, briefly, and write a page about all of it", 0},
         {"data", 'd', "DIR", 0, "Use the images of this folder (TUM layout) instead of synthetic ones", 0},
-        {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: track a figure moving by this folder's BVH files", 0},
+        {"motions", KEY_MOTIONS, "DIR", 0, "skeleton, attempts: a figure moves by this folder's BVH files", 0},
         {"bodies", KEY_BODIES, NULL, 0, "skeleton: track figures of all sizes and clothes", 0},
         {"joints", KEY_JOINTS, "DIR", 0, "skeleton: joint by joint, next to this folder's truth", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
          "skeleton: track the people in this folder's folders, next to the Kinect SDK's joints", 0},
         {"empty", KEY_EMPTY, "DIR", 0,
          "skeleton: how many images of this folder, in which there is no person, are taken for one (repeatable)", 0},
-        {"dice", KEY_DICE, "N", 0, "skeleton: track the actors of N random films, with --motions of its BVH files too",
-         0},
+        {"dice", KEY_DICE, "N", 0, "skeleton, attempts: N random films, with --motions of its BVH files too", 0},
         {"seed", KEY_SEED, "S", 0, "dice: of the films (1)", 0},
         {"only", KEY_ONLY, "I", 0, "dice: film I of this seed alone", 0},
         {"seconds", KEY_SECONDS, "T", 0, "dice: of a film, at most (5)", 0},
         {"threads", KEY_THREADS, "N", 0, "dice: films made at a time (2)", 0},
         {"color", KEY_COLOR, NULL, 0, "dice: also with points of the colour images (networks of tools/models)", 0},
         {"strip", KEY_STRIP, "DIR", 0, "dice: draw images of the worst films, or of the only one, into this folder", 0},
-        {"dump", KEY_DUMP, "FILE", 0, "dice: write each joint's error in each frame, as CSV", 0},
+        {"dump", KEY_DUMP, "FILE", 0,
+         "dice: write each joint's error in each frame, as CSV; attempts: a folder for the joints of each film", 0},
         {"features", KEY_FEATURES, "FILE", 0, "dice: write what errors are judged by, for tools/calibrate_joint_error",
          0},
         {"answers", KEY_ANSWERS, "FILE", 0, "stability: also store the answers that the test compares with", 0},

@@ -79,12 +79,12 @@ void stage_save_all(struct stage *g, const char *page)
         for (int upright = 0; upright < 2; upright++) {
             char name[64];
             stage_size(g, upright ? 800 : 1280, upright ? 1280 : 800);
-            g->studio.state.dark = !light;
+            g->studio.state.dark = g->studio.viewer.state.dark = !light;
             stage_draw(g);
             snprintf(name, sizeof name, "%s-%s-%s", page, upright ? "upright" : "wide", themes[light]);
             stage_save(g, name);
         }
-    g->studio.state.dark = true;
+    g->studio.state.dark = g->studio.viewer.state.dark = true;
     stage_size(g, 1280, 800);
 }
 

@@ -19,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 static const int64_t SECOND_NS = 1000000000;
 static const double FILM_HZ = 10; // slow enough that a slow machine keeps up
@@ -87,9 +88,9 @@ static const struct layout *layout = layouts;
 
 static struct scratch scratch;
 static struct display display;
-static pid_t studio; // 0: not running
-static char file[300];
-static const char *pictures; // folder; NULL: none are wanted
+static pid_t studio;                           // 0: not running
+static const char *const file = "gym.reenact"; // in the scratch folder, where it runs
+static const char *pictures;                   // folder; NULL: none are wanted
 
 static uint32_t accent(void) { return layout->light ? 0x0b8578 : 0x2dd4bf; }
 static uint32_t warn(void) { return layout->light ? 0xb45309 : 0xfbbf24; }
@@ -416,7 +417,7 @@ static int set_up(void **state)
     setenv("LD_LIBRARY_PATH", OPENNI2_DIR, 1);
     scratch = scratch_make();
     setenv("XDG_DATA_HOME", scratch.path, 1); // no networks: the same on every machine
-    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "film.reenact"));
+    EXPECT_INT(chdir(scratch.path), 0);
     fake("FPS", "10");
     fake("AT_END", "loop");
     film();
@@ -428,6 +429,7 @@ static int tear_down(void **state)
     (void)state;
     end_studio();
     display_close(&display);
+    EXPECT_INT(chdir("/"), 0);
     scratch_remove(&scratch);
     return 0;
 }

@@ -131,7 +131,7 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     return s;
 }
 
-enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p)
+enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p, bool whole)
 {
     *out = NULL;
     struct figure_motion *m = calloc(1, sizeof *m);
@@ -140,7 +140,7 @@ enum status world_motion_open(struct figure_motion **out, const char *name, cons
     size_t length = strlen(name);
     enum status status = OK;
     if (strchr(name, '/') || (length > 4 && !strcmp(name + length - 4, ".bvh"))) {
-        status = retarget_open(&m->file, name, p);
+        status = retarget_open(&m->file, name, p, whole);
     } else {
         for (size_t i = 0; i < named_motion_count; i++)
             if (!strcmp(name, named_motions[i].name))

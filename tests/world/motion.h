@@ -5,8 +5,10 @@
 
 struct figure_motion;
 
-// ERR_INPUT: no such name (the message lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p);
+// whole: as retarget_open. ERR_INPUT: no such name (the message lists them), a bad BVH file. ERR_MISSING, ERR_IO,
+// ERR_MEMORY.
+MUST_CHECK enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p,
+                                         bool whole);
 void world_motion_close(struct figure_motion **m);
 
 double motion_seconds(const struct figure_motion *m);

@@ -108,7 +108,7 @@ static void keep_longest(struct retarget *r, double within)
 
 // From the file's axes and units to ours: legs as long as the figure's, facing the sensor at first, the path centred,
 // ankles as high above the floor as ours.
-static enum status centre_in_room(struct retarget *r, const struct physique *p, const char *path)
+static enum status centre_in_room(struct retarget *r, const struct physique *p, const char *path, bool whole)
 {
     struct vec3 *first = r->at[0];
     double leg = 0, ours = p->thigh_m + p->shin_m;
@@ -118,7 +118,8 @@ static enum status centre_in_room(struct retarget *r, const struct physique *p, 
     if (!(leg > 1e-6))
         return fail(ERR_INPUT, "%s: the legs have no length", path);
     double scale = ours / leg;
-    keep_longest(r, 2.6 / scale);
+    if (!whole)
+        keep_longest(r, 2.6 / scale);
     struct vec3 left = v3_sub(first[ROLE_LEFT_THIGH], first[ROLE_RIGHT_THIGH]); // to become +x
     struct quat heading = quat_from_rotation_vector(v3(0, 0, -atan2(left.y, left.x)));
     double *heights = malloc((size_t)r->count * sizeof *heights);
@@ -167,7 +168,7 @@ static enum status fill(struct retarget *r, const struct bvh *b, const int joint
     return OK;
 }
 
-enum status retarget_open(struct retarget **out, const char *path, const struct physique *p)
+enum status retarget_open(struct retarget **out, const char *path, const struct physique *p, bool whole)
 {
     *out = NULL;
     uint8_t *bytes;
@@ -187,7 +188,7 @@ enum status retarget_open(struct retarget **out, const char *path, const struct 
     if (!status)
         status = fill(r, b, joint, path);
     if (!status)
-        status = centre_in_room(r, p, path);
+        status = centre_in_room(r, p, path, whole);
     bvh_free(&b);
     if (status)
         retarget_close(&r);

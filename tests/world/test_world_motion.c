@@ -92,7 +92,7 @@ static void test_bvh_refuses_what_is_broken(void **state)
 
 // A made-up skeleton in centimetres and y up that stands with its arms out and, after a
 // second, has turned to its left and lifted its left arm.
-static void write_person(const char *path, const char *left_out)
+static void write_person(const char *path, const char *left_out, double walk_cm)
 {
     struct {
         const char *name;
@@ -126,7 +126,7 @@ static void write_person(const char *path, const char *left_out)
     for (int k = 0; k <= 60; k++) {
         for (size_t i = 0; i < COUNT_OF(joints); i++) {
             if (!i)
-                fprintf(f, "0 97 0 ");
+                fprintf(f, "0 97 %g ", walk_cm * k / 60.0);
             double lift = !strcmp(joints[i].name, "LeftArm") ? 80 * k / 60.0 : 0, turn = !i ? 90 * k / 60.0 : 0;
             fprintf(f, "%g 0 %g ", lift, turn);
         }
@@ -142,7 +142,7 @@ static void test_bvh_moves_the_figure(void **state)
     int fd = mkstemps(path, 4);
     EXPECT_TRUE(fd >= 0);
     close(fd);
-    write_person(path, NULL);
+    write_person(path, NULL, 0);
     struct world_options o = world_default_options();
     EXPECT_TRUE(world_figure_named("man", &o.figure));
     o.motion = path;
@@ -165,12 +165,32 @@ static void test_bvh_moves_the_figure(void **state)
                 v3_distance(a.joint[JOINT_LEFT_HIP], a.joint[JOINT_LEFT_KNEE]), 1e-9);
     world_close(&w);
 
-    write_person(path, "RightForeArm");
+    write_person(path, "RightForeArm", 0);
     EXPECT_STATUS(world_open(&w, &o), ERR_INPUT);
     EXPECT_TRUE(w == NULL);
     EXPECT_SAYS("right forearm");
     unlink(path);
     EXPECT_STATUS(world_open(&w, &o), ERR_MISSING);
+}
+
+// A second's walk of 6 m: by default as much of it as fits, which depends on the figure; on demand all.
+static void test_bvh_is_cut_or_whole(void **state)
+{
+    (void)state;
+    char path[] = "/tmp/test_world_XXXXXX.bvh";
+    int fd = mkstemps(path, 4);
+    EXPECT_TRUE(fd >= 0);
+    close(fd);
+    write_person(path, NULL, 600);
+    struct world_options o = world_default_options();
+    o.motion = path;
+    double cut, whole;
+    EXPECT_STATUS(world_preview_seconds(&o, &cut), OK);
+    EXPECT_AT_MOST(cut, 0.7);
+    o.whole = true;
+    EXPECT_STATUS(world_preview_seconds(&o, &whole), OK);
+    EXPECT_NEAR(whole, 1, 0.01);
+    unlink(path);
 }
 
 int main(void)
@@ -179,6 +199,7 @@ int main(void)
         cmocka_unit_test(test_bvh_gives_positions),
         cmocka_unit_test(test_bvh_refuses_what_is_broken),
         cmocka_unit_test(test_bvh_moves_the_figure),
+        cmocka_unit_test(test_bvh_is_cut_or_whole),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

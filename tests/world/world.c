@@ -83,6 +83,19 @@ static enum status check(const struct world_options *o)
     return check_where(o);
 }
 
+static enum status check_edit(const struct world_edit *e, const struct figure_motion *motion)
+{
+    if (!e)
+        return OK;
+    const double seconds = motion_seconds(motion);
+    if (!(e->start_s >= 0 && e->seconds > 0 && e->start_s + e->seconds <= seconds + 1e-9))
+        return fail(ERR_INPUT, "%g s from %g s on are not within the motion's %g s", e->seconds, e->start_s, seconds);
+    if (!isfinite(e->amount) || !(e->from_s >= 0 && e->from_s <= e->to_s && e->to_s <= e->seconds))
+        return fail(ERR_INPUT, "what is performed otherwise from %g s to %g s is not within the %g s of the stretch",
+                    e->from_s, e->to_s, e->seconds);
+    return OK;
+}
+
 enum status world_open(struct world **out, const struct world_options *options)
 {
     *out = NULL;
@@ -94,8 +107,13 @@ enum status world_open(struct world **out, const struct world_options *options)
         return fail(ERR_MEMORY, "out of memory for a world");
     w->options = *options;
     w->options.motion = NULL; // the caller's
+    w->options.edit = NULL;
+    w->edited = options->edit;
+    w->edit = options->edit ? *options->edit : w->edit;
     w->physique = physique_of(&options->figure);
-    status = world_motion_open(&w->motion, options->motion, &w->physique);
+    status = world_motion_open(&w->motion, options->motion, &w->physique, options->whole);
+    if (!status)
+        status = check_edit(options->edit, w->motion);
     if (!status)
         status = scene_build(&w->scene, options);
     if (!status)
@@ -117,7 +135,12 @@ void world_close(struct world **w)
     }
 }
 
-double world_seconds(const struct world *w) { return motion_seconds(w->motion); }
+static double performed_seconds(const struct world_edit *e, const struct figure_motion *motion)
+{
+    return e ? world_edit_seconds(e) : motion_seconds(motion);
+}
+
+double world_seconds(const struct world *w) { return performed_seconds(w->edited ? &w->edit : NULL, w->motion); }
 
 // Moved to the spot, and rotated there.
 static struct stance positioned(struct stance s, const struct world_spot *spot)
@@ -138,9 +161,15 @@ static struct stance positioned(struct stance s, const struct world_spot *spot)
     return s;
 }
 
+static struct stance performed(const struct world_edit *e, const struct figure_motion *motion, const struct physique *p,
+                               double time_s)
+{
+    return e ? world_edit_at(e, motion, p, time_s) : world_motion_at(motion, p, time_s);
+}
+
 struct stance world_stance(const struct world *w, double time_s)
 {
-    return positioned(world_motion_at(w->motion, &w->physique, time_s), &w->options.spot);
+    return positioned(performed(w->edited ? &w->edit : NULL, w->motion, &w->physique, time_s), &w->options.spot);
 }
 
 enum status world_preview_seconds(const struct world_options *options, double *seconds)
@@ -150,9 +179,11 @@ enum status world_preview_seconds(const struct world_options *options, double *s
     struct figure_motion *motion = NULL;
     const struct physique physique = physique_of(&options->figure);
     if (status == OK)
-        status = world_motion_open(&motion, options->motion, &physique);
+        status = world_motion_open(&motion, options->motion, &physique, options->whole);
     if (status == OK)
-        *seconds = motion_seconds(motion);
+        status = check_edit(options->edit, motion);
+    if (status == OK)
+        *seconds = performed_seconds(options->edit, motion);
     world_motion_close(&motion);
     return status;
 }
@@ -164,10 +195,12 @@ enum status world_preview_joints(const struct world_options *options, double sta
     struct figure_motion *motion = NULL;
     const struct physique physique = physique_of(&options->figure);
     if (status == OK)
-        status = world_motion_open(&motion, options->motion, &physique);
+        status = world_motion_open(&motion, options->motion, &physique, options->whole);
+    if (status == OK)
+        status = check_edit(options->edit, motion);
     for (int k = 0; k < count && status == OK; k++) {
         const struct stance stance =
-            positioned(world_motion_at(motion, &physique, start_s + k / rate_hz), &options->spot);
+            positioned(performed(options->edit, motion, &physique, start_s + k / rate_hz), &options->spot);
         struct posed posed;
         physique_pose(&physique, &stance, &posed);
         out[k] = posed.joints;

@@ -23,6 +23,7 @@
 #include "capture/recording/skeleton.h"
 
 struct world;
+struct world_edit;
 
 // ---------------------------------------------------------------- the figure
 
@@ -60,6 +61,10 @@ struct world_options {
     // side), "raise-hand" (one hand above the head, then the other). Or the path of a BVH file, which must contain a
     // '/' or end in ".bvh"; of one that extends further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
+    bool whole; // of a BVH file all of it, however far it extends: the same for figures of any size
+    // NULL: the motion as it is. Else what is performed instead of it (tests/world/edit.h), within its length; times
+    // of the world are then those of the performance.
+    const struct world_edit *edit;
     uint64_t seed; // of posters, camera shake and the like; default 1
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
     bool table; // a table at arm's length to the right of the actor's path, as the sensor sees it: 1 m to 1.6 m, 0.75 m
