@@ -304,12 +304,10 @@ static void test_a_take_pauses_and_is_kept(void **state)
     expect_sound(1, 0);
     EXPECT_STATUS(recording_open(&recording, file), OK);
     EXPECT_STATUS(take_open(&take, recording, "kata"), OK);
-    int64_t longest_ns = 0;
-    for (int64_t i = 1; i < take_frame_count(take); i++) {
-        const int64_t gap_ns = take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns;
-        longest_ns = gap_ns > longest_ns ? gap_ns : longest_ns;
-    }
-    EXPECT_INT(longest_ns, RECORDER_PAUSE_NS);
+    int closed = 0; // frames that a machine leaves out that does not keep up are other gaps
+    for (int64_t i = 1; i < take_frame_count(take); i++)
+        closed += take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns == RECORDER_PAUSE_NS;
+    EXPECT_AT_LEAST(closed, 1);
     EXPECT_TRUE(take_entry(take, take_frame_count(take) - 1)->located);
     take_close(&take);
     recording_free(&recording);
