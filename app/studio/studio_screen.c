@@ -48,8 +48,8 @@ static void draw_counters(const struct brush *b, const struct studio_snapshot *s
 {
     const struct studio_counters *c = &shown->counters;
     char text[200];
-    int used = c->frames_per_s > 0 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
-                                   : snprintf(text, sizeof text, "measuring");
+    int used = c->frames_per_s >= 0.5 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
+                                      : snprintf(text, sizeof text, "measuring");
     used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
     if (c->mb_per_s >= 0.05)
         used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f MB/s", c->mb_per_s);

@@ -30,61 +30,33 @@ struct area {
     int left, top, right, bottom;
 };
 
-// Where the pages have what they are known by, with a pixel a dp; and the colours of the theme.
+// Where the pages have what they are known by, with a pixel a dp.
 struct layout {
     const char *name;
     int width, height;
-    struct area picture, film, stop, keep, done, keep_room, plan;
-    bool light;
+    struct area picture, main, keep, done, keep_room, plan;
 };
 
-static const struct layout layouts[] = {
-    {"wide-dark",
-     1280,
-     800,
-     {20, 86, 812, 680},
-     {1080, 705, 1260, 763},
-     {1080, 705, 1260, 763},
-     {20, 722, 262, 780},
-     {1060, 700, 1260, 764},
-     {20, 722, 428, 780},
-     {666, 86, 1260, 640},
-     false},
-    {"wide-light",
-     1280,
-     800,
-     {20, 86, 812, 680},
-     {1080, 705, 1260, 763},
-     {1080, 705, 1260, 763},
-     {20, 722, 262, 780},
-     {1060, 700, 1260, 764},
-     {20, 722, 428, 780},
-     {666, 86, 1260, 640},
-     true},
-    {"upright-dark",
-     800,
-     1280,
-     {20, 86, 780, 656},
-     {600, 1202, 780, 1260},
-     {600, 1202, 780, 1260},
-     {20, 1070, 396, 1128},
-     {580, 1180, 780, 1244},
-     {20, 1202, 268, 1260},
-     {20, 560, 780, 1120},
-     false},
-    {"upright-light",
-     800,
-     1280,
-     {20, 86, 780, 656},
-     {600, 1202, 780, 1260},
-     {600, 1202, 780, 1260},
-     {20, 1070, 396, 1128},
-     {580, 1180, 780, 1244},
-     {20, 1202, 268, 1260},
-     {20, 560, 780, 1120},
-     true},
-};
+static const struct layout layouts[] = {{.name = "wide",
+                                         .width = 1280,
+                                         .height = 800,
+                                         .picture = {20, 86, 812, 680},
+                                         .main = {1080, 705, 1260, 763}, // Film, and Stop
+                                         .keep = {20, 722, 262, 780},
+                                         .done = {1060, 700, 1260, 764},
+                                         .keep_room = {20, 722, 428, 780},
+                                         .plan = {666, 86, 1260, 640}},
+                                        {.name = "upright",
+                                         .width = 800,
+                                         .height = 1280,
+                                         .picture = {20, 86, 780, 656},
+                                         .main = {600, 1202, 780, 1260},
+                                         .keep = {20, 1070, 396, 1128},
+                                         .done = {580, 1180, 780, 1244},
+                                         .keep_room = {20, 1202, 268, 1260},
+                                         .plan = {20, 560, 780, 1120}}};
 static const struct layout *layout = layouts;
+static bool light;
 
 static struct scratch scratch;
 static struct display display;
@@ -92,8 +64,8 @@ static pid_t studio;                           // 0: not running
 static const char *const file = "gym.reenact"; // in the scratch folder, where it runs
 static const char *pictures;                   // folder; NULL: none are wanted
 
-static uint32_t accent(void) { return layout->light ? 0x0b8578 : 0x2dd4bf; }
-static uint32_t warn(void) { return layout->light ? 0xb45309 : 0xfbbf24; }
+static uint32_t accent(void) { return light ? 0x0b8578 : 0x2dd4bf; }
+static uint32_t warn(void) { return light ? 0xb45309 : 0xfbbf24; }
 static const uint32_t RED = 0xef4444; // of the recording mark
 
 // ---------------------------------------------------------------- the screen
@@ -104,7 +76,7 @@ static bool filled(struct area a, uint32_t color, double share)
            share * (a.right - a.left) * (a.bottom - a.top);
 }
 
-static bool shows_film_button(void) { return filled(layout->film, accent(), 0.6); }
+static bool shows_film_button(void) { return filled(layout->main, accent(), 0.6); }
 static bool shows_keep(void) { return filled(layout->keep, accent(), 0.7); }
 static bool shows_keep_room(void) { return filled(layout->keep_room, accent(), 0.6); }
 static bool shows_done(void) { return filled(layout->done, accent(), 0.6); }
@@ -123,11 +95,12 @@ static int in_the_middle(uint32_t color)
 static bool shows_countdown(void) { return in_the_middle(accent()) > 2000; }
 static bool shows_pause(void) { return in_the_middle(warn()) > 1500; }
 static bool shows_no_pause(void) { return in_the_middle(warn()) < 1000; }
-// Numbers of five tags and more.
+// Numbers of five tags and more, in the documents of ten.
 static bool shows_plan(void)
 {
     const struct area p = layout->plan;
-    return shows_done() && display_count(&display, accent(), p.left, p.top, p.right, p.bottom) > 3000;
+    return shows_done() &&
+           display_count(&display, accent(), p.left, p.top, p.right, p.bottom) > (pictures ? 6000 : 3000);
 }
 static bool shows_live_picture(void)
 {
@@ -162,7 +135,7 @@ static void save(const char *page)
         return;
     clock_sleep_until_ns(clock_now_ns() + SECOND_NS / 2); // the whole page, not half of it
     EXPECT_TRUE(display_read(&display));
-    snprintf(path, sizeof path, "%s/studio-%s-%s.png", pictures, page, layout->name);
+    snprintf(path, sizeof path, "%s/studio-%s-%s-%s.png", pictures, page, layout->name, light ? "light" : "dark");
     EXPECT_STATUS(png_write(path, PNG_RGB8, display.rgb, display.width, display.height), OK);
 }
 
@@ -194,8 +167,8 @@ static void start_studio(const char *sensor)
     snprintf(size, sizeof size, "%dx%d", layout->width, layout->height);
     fake("", scratch_file(&scratch, sensor));
     const char *const arguments[] = {
-        PROGRAM_DIR "/reenact-capture",   "studio", file, "--sensor", "openni", "--dpi", "160", "--size", size,
-        layout->light ? "--light" : NULL, NULL};
+        PROGRAM_DIR "/reenact-capture", "studio", file, "--sensor", "openni", "--dpi", "160", "--size", size,
+        light ? "--light" : NULL,       NULL};
     studio = process_start(arguments);
     wait_screen(shows_live_picture, "the sensor's picture");
 }
@@ -261,6 +234,7 @@ static void expect_sound(int takes, int interrupted)
 static void test_the_room_is_swept(void **state)
 {
     (void)state;
+    fake("FPS", "10");
     start_studio("sweep");
     display_key(&display, 'm');
     wait_screen(shows_plan, "the plan of the room");
@@ -293,6 +267,8 @@ static void test_a_take_pauses_and_is_kept(void **state)
     (void)state;
     struct recording *recording;
     struct take *take;
+    if (pictures)
+        fake("FPS", "30");
     start_studio("actor");
     save("live");
     begin_take();
@@ -305,7 +281,7 @@ static void test_a_take_pauses_and_is_kept(void **state)
     wait_screen(shows_no_pause, "that it goes on");
     int64_t last_ns;
     wait_frames("take-1", frames_in("take-1", &last_ns) + 12);
-    click(layout->stop);
+    click(layout->main);
     wait_screen(shows_keep, "the choice to keep the take");
     save("review");
     display_key(&display, 'n');
@@ -328,12 +304,10 @@ static void test_a_take_pauses_and_is_kept(void **state)
     expect_sound(1, 0);
     EXPECT_STATUS(recording_open(&recording, file), OK);
     EXPECT_STATUS(take_open(&take, recording, "kata"), OK);
-    int64_t longest_ns = 0;
-    for (int64_t i = 1; i < take_frame_count(take); i++) {
-        const int64_t gap_ns = take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns;
-        longest_ns = gap_ns > longest_ns ? gap_ns : longest_ns;
-    }
-    EXPECT_INT(longest_ns, RECORDER_PAUSE_NS);
+    int closed = 0; // frames that a machine leaves out that does not keep up are other gaps
+    for (int64_t i = 1; i < take_frame_count(take); i++)
+        closed += take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns == RECORDER_PAUSE_NS;
+    EXPECT_AT_LEAST(closed, 1);
     EXPECT_TRUE(take_entry(take, take_frame_count(take) - 1)->located);
     take_close(&take);
     recording_free(&recording);
@@ -404,7 +378,7 @@ static void film(void)
     o.threads = 2;
     EXPECT_STATUS(world_open(&world, &o), OK);
     film_sweep(world, &scratch, "sweep", 1, pictures ? 72 : SWEEP_IMAGES, "tags.json");
-    film_sensor_at(world, &scratch, "actor", 1, FILM_HZ, pictures ? 60 : ACTOR_IMAGES);
+    film_sensor_at(world, &scratch, "actor", 1, pictures ? 30 : FILM_HZ, pictures ? 120 : ACTOR_IMAGES);
     world_close(&world);
 }
 
@@ -418,7 +392,6 @@ static int set_up(void **state)
     scratch = scratch_make();
     setenv("XDG_DATA_HOME", scratch.path, 1); // no networks: the same on every machine
     EXPECT_INT(chdir(scratch.path), 0);
-    fake("FPS", "10");
     fake("AT_END", "loop");
     film();
     return display_open(&display, scratch.path, layout->width, layout->height) ? 0 : -1;
@@ -437,8 +410,9 @@ static int tear_down(void **state)
 // One display of each size, from nothing to a take that is kept.
 static void test_pictures(void **state)
 {
-    for (size_t i = 0; i < COUNT_OF(layouts); i++) {
-        layout = &layouts[i];
+    for (size_t i = 0; i < 2 * COUNT_OF(layouts); i++) {
+        layout = &layouts[i / 2];
+        light = i % 2;
         display_close(&display);
         EXPECT_TRUE(display_open(&display, scratch.path, layout->width, layout->height));
         remove(file);
