@@ -33,11 +33,12 @@
 #define UNSEEN_COST    6.0  // of a step over unseen floor against one over seen floor
 #define STRAIGHT_COST  1.25 // of the straight way against the best one, for which it is taken
 // A look from nearer overrides those from farther away, and one from about as near (SAME_LOOK) counts as much as all of
-// them. What was never looked at from within TRUSTED_M is doubted: there pictures continue what they have seen.
+// them. What was never looked at from within trusted_m is doubted: there pictures continue what they have seen. Where
+// that leaves no way, only what was seen from nearer is believed.
 #define LOOK         0.5
 #define SAME_LOOK_M  0.3
-#define TRUSTED_M    2.0
 #define DOUBTED_COST 5.0
+static const double trusted_m[] = {2, 1, 0.6};
 enum { COLUMNS = 180, ROWS = 80, CELLS = ROWS * COLUMNS, HITS = 3, SPECK = 2, MOST_COMMANDS = 120 };
 
 struct driver {
@@ -49,6 +50,7 @@ struct driver {
     bool doubted[CELLS];   // something that is doubted stands nearer than BODY_M
     uint8_t hits[CELLS];   // of what stands there, in the newest look
     bool shown[CELLS];     // it shows something there
+    bool pictured[CELLS];  // the newest picture did
     double cost[CELLS];    // of the way from there to the goal
     int heap[CELLS], place[CELLS], heap_count;
     double goal[2];
@@ -105,29 +107,38 @@ static void take_look(struct driver *d, int cell)
     d->looked_m[cell] = before > 0 ? fminf(now, before) : now;
 }
 
-// The picture, ahead and tilted down; with the map, that, too.
-static enum status look(struct driver *d, struct pose body)
+static enum status look_at(struct driver *d, const struct pose *eyes, int count, const bool *besides)
 {
-    const struct pose ahead = operator_viewpoint(VIEWPOINT_FIRST, body, d->rover->how.size_m);
-    const struct pose down = {quat_multiply(ahead.rotation, quat_from_rotation_vector(v3(-TILT_RAD, 0, 0))),
-                              ahead.translation};
+    enum status status = OK;
     memset(d->hits, 0, sizeof d->hits);
     memset(d->shown, 0, sizeof d->shown);
-    d->at = body.translation;
-    enum status status = look_from(d, down);
-    if (status == OK)
-        status = look_from(d, ahead);
-    if (status == OK && d->view == TRIAL_MAP)
-        status = look_from(d, operator_orbit(body, 0, MAP_ELEVATION, MAP_DISTANCE_M));
+    for (int i = 0; i < count && status == OK; i++)
+        status = look_from(d, eyes[i]);
     for (int i = 0; i < CELLS && status == OK; i++)
-        take_look(d, i);
+        if (!besides || !besides[i])
+            take_look(d, i);
+    return status;
+}
+
+// The picture, ahead and tilted down; with the map, that, too, for what the picture does not show.
+static enum status look(struct driver *d, struct pose body)
+{
+    static const struct vec3 down = {-TILT_RAD, 0, 0};
+    struct pose eyes[2] = {operator_viewpoint(VIEWPOINT_FIRST, body, d->rover->how.size_m)};
+    const struct pose above = operator_orbit(body, 0, MAP_ELEVATION, MAP_DISTANCE_M);
+    eyes[1] = (struct pose){quat_multiply(eyes[0].rotation, quat_from_rotation_vector(down)), eyes[0].translation};
+    d->at = body.translation;
+    enum status status = look_at(d, eyes, 2, NULL);
+    memcpy(d->pictured, d->shown, sizeof d->pictured);
+    if (status == OK && d->view == TRIAL_MAP)
+        status = look_at(d, &above, 1, d->pictured);
     return status;
 }
 
 // How near the cells about an obstacle are to it.
-static void measure_about(struct driver *d, int obstacle)
+static void measure_about(struct driver *d, int obstacle, double trusted_to_m)
 {
-    const bool trusted = (double)d->looked_m[obstacle] < TRUSTED_M;
+    const bool trusted = (double)d->looked_m[obstacle] < trusted_to_m;
     const int reach = (int)((trusted ? WIDE_M : BODY_M) / CELL_M), side = 2 * reach + 1;
     for (int k = 0; k < side * side; k++) {
         const int dx = k % side - reach, dy = k / side - reach;
@@ -152,14 +163,14 @@ static bool is_speck(const struct driver *d, int cell)
     return count <= SPECK;
 }
 
-static void measure(struct driver *d)
+static void measure(struct driver *d, double trusted_to_m)
 {
     memset(d->doubted, 0, sizeof d->doubted);
     for (int i = 0; i < CELLS; i++)
         d->near_m[i] = (float)WIDE_M;
     for (int i = 0; i < CELLS; i++)
         if (d->occupied[i] > 0 && !is_speck(d, i))
-            measure_about(d, i);
+            measure_about(d, i, trusted_to_m);
 }
 
 // ---------------------------------------------------------------- the way (Dijkstra 1959, from the goal)
@@ -360,9 +371,12 @@ static double way_to_turn(const struct driver *d, struct pose body, int cell)
 static enum status go_on(struct driver *d, struct pose body, struct trial_result *out)
 {
     double seen = 0;
-    measure(d);
-    find_ways(d);
-    const int corner = next_corner(d, &seen);
+    int corner = -1;
+    for (size_t n = 0; n < COUNT_OF(trusted_m) && corner < 0; n++) {
+        measure(d, trusted_m[n]);
+        find_ways(d);
+        corner = next_corner(d, &seen);
+    }
     if (corner < 0)
         return NOTHING;
     const double bearing = bearing_of(body, corner), distance = apart(middle_of(corner), d->at);

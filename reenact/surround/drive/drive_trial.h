@@ -3,12 +3,13 @@
 // on average, by people). The driver here is a script, so that the two are compared under the same rule:
 //
 //   it knows what the pictures that it was shown have shown, each put where the robot believed to be: the picture
-//   ahead, tilted down, too, as the tablet is; with the map, also the view from above, beside it. What was shown from
-//   nearby counts more than what was shown from afar, what was never seen from within 2 m is doubted, and specks are
-//   overlooked. It turns towards the farthest point of the best way (short, over floor that was seen, at ease from what
-//   stands there) that it can go to straight, and drives there, as far as it has seen the floor under the body; where
-//   it has not, it goes 0.2 m and looks again. Where the body's corners have no room to turn it first goes straight to
-//   where they have. Each turn and each way is one command.
+//   ahead, tilted down, too, as the tablet is; with the map, also the view from above for what the picture does not
+//   show. What was shown from nearby counts more than what was shown from afar, what was never seen from within 2 m is
+//   doubted (from within less, where that leaves no way), and specks are overlooked. It turns towards the farthest
+//   point of the best way (short, over floor that was seen, at ease from what stands there) that it can go to straight,
+//   and drives there, as far as it has seen the floor under the body; where it has not, it goes 0.2 m and looks again.
+//   Where the body's corners have no room to turn it first goes straight to where they have. Each turn and each way is
+//   one command.
 //
 // It reads nothing of the simulated world but what is drawn. Deterministic.
 #pragma once
