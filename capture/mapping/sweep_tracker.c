@@ -14,12 +14,15 @@ static const double PLAIN_COST = 100;               // of a tag's second planar 
 static const double EXPOSURE_S = 1.0 / 60, BLUR_PX = 10, FAR_M = 2; // exposure indoors; what most of a room is away
 static const double NEAR_M = 0.5, NEAR_RAD = 0.4;                   // from one image to the next
 static const double FAST_S = 0.3;                                   // as long is it said
+static const double CARRIED_RAD_S = 2.5; // faster is no sensor turned: beyond half of it all is blurred
+static const double APART_M = 1;         // from where a tag was: it is not the same pose
 enum {
-    MIN_AGREE = 20,         // landmarks
-    LOST_FRAMES = 6,        // until it is said
-    RELOCALIZE_EVERY = 5,   // frames without a pose
-    BARE_EVERY = 15,        // frames with one
-    SWEEP_POINTS_MAX = 6000 // beside a prior's
+    MIN_AGREE = 20,           // landmarks
+    LOST_FRAMES = 6,          // until it is said
+    RELOCALIZE_EVERY = 5,     // frames without a pose
+    BARE_EVERY = 15,          // frames with one
+    CONTRADICTED_FRAMES = 10, // in a row, until landmarks are believed against the tags drawn before
+    SWEEP_POINTS_MAX = 6000   // beside a prior's
 };
 
 struct sweep_tracker {
@@ -32,7 +35,7 @@ struct sweep_tracker {
     int64_t last_ns, before_ns, fast_since_ns;
     bool has_last, has_before, too_fast;
     bool sure; // the present pose: enough landmarks agree
-    int lost;
+    int lost, contradicted;
 };
 
 // About the middle of what a prior place has.
@@ -283,8 +286,33 @@ static bool locate(struct sweep_tracker *t, struct map_frame *f)
     int agree;
     const struct match_query query = map_match_query(&t->map, &t->scratch, NULL, 0);
     const int count = relocalize_match(&query, t->scratch.matches, MAP_MAX_FEATURES);
-    t->sure = relocalize(&query, t->scratch.matches, count, NULL, &guess, &agree) && refine(t, f, guess);
+    t->sure = relocalize(&query, t->scratch.matches, count, NULL, &guess, &agree) && refine(t, f, guess) &&
+              (!t->has_last ||
+               pose_angle(f->camera_from_world, t->last) < CARRIED_RAD_S * 1e-9 * (double)(f->time_ns - t->last_ns));
     return t->sure;
+}
+
+// Patterns repeat and rugs are symmetric; numbers of tags do not repeat. Whether most of the tags in view that are
+// drawn in the plan would be elsewhere by this pose. What was drawn wrongly first is not believed for ever.
+static bool contradicted(struct sweep_tracker *t, const struct map_frame *f)
+{
+    const struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    int apart = 0, same = 0;
+    for (int32_t k = 0; k < f->seen_count; k++) {
+        const struct map_tag *tag = &t->map.tags[f->tag_index[k]];
+        const struct sweep_tag *drawn = NULL;
+        struct pose two[2];
+        for (int i = 0; i < t->plan.tag_count && !drawn; i++)
+            drawn = t->plan.tag[i].id == tag->id && t->plan.tag[i].placed ? &t->plan.tag[i] : NULL;
+        if (!drawn || !planar_poses(tag->side_m, f->seen[k].ray, two))
+            continue;
+        const struct vec3 at = pose_apply(world_from_camera, two[0].translation);
+        const bool far = hypot(at.x - drawn->x, at.y - drawn->y) > APART_M;
+        apart += far;
+        same += !far;
+    }
+    t->contradicted = apart > same ? t->contradicted + 1 : 0;
+    return t->contradicted > 0 && t->contradicted <= CONTRADICTED_FRAMES;
 }
 
 // How far a point of the room moves in the picture while it is exposed.
@@ -340,7 +368,7 @@ void sweep_tracker_add(struct sweep_tracker *t, const struct map_frame *observed
         begin(t, f, depth);
         found = t->sure = t->begun;
     } else {
-        found = locate(t, f);
+        found = locate(t, f) && !contradicted(t, f);
     }
     if (found) {
         follow(t, f, depth);

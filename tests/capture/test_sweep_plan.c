@@ -172,7 +172,8 @@ static int filled(const struct sweep_plan *p)
     return count;
 }
 
-// The same walk at a sensor's rate, and at what a slow machine comes to.
+// A walk at a sensor's rate, and the whole of it at what a slow machine comes to. There the sensor is lost before the
+// bare wall, and finds its way again over a rug that looks the same from both ends.
 static void test_the_plan_at_two_rates(void **state)
 {
     (void)state;
@@ -186,7 +187,7 @@ static void test_the_plan_at_two_rates(void **state)
         options.plan = true;
         sweep_open(&s);
         EXPECT_STATUS(mapper_open(&m, &s.calibration, s.tags, s.tag_count, &options), OK);
-        for (int i = 0; i < walk_s * rates_hz[r]; i++) {
+        for (int i = 0; i < (r ? WORLD_SWEEP_S : walk_s) * rates_hz[r]; i++) {
             shoot(&s, i / rates_hz[r], (uint64_t)i + 1);
             add(&s, m, i / rates_hz[r]);
             slower += mapper_plan(m)->hint == SWEEP_SLOWER;
@@ -198,15 +199,14 @@ static void test_the_plan_at_two_rates(void **state)
         printf("%2.0f Hz: %d of %d images located, %d of %d tags seen are placed, at most %.0f mm off; %d cells seen; "
                "'slower' at %d, 'lost' at %d\n",
                rates_hz[r], p->frames_located, p->frames, placed, p->tags_seen, error_m * 1e3, cells[r], slower, lost);
-        EXPECT_AT_LEAST(p->frames_located, 0.9 * p->frames);
+        EXPECT_AT_LEAST(p->frames_located, 0.8 * p->frames);
         EXPECT_AT_LEAST(p->tags_seen, 5);
         EXPECT_AT_LEAST(placed, 0.8 * p->tags_seen);
         EXPECT_AT_MOST(error_m, 0.25);
-        EXPECT_INT(lost, 0);
         mapper_close(&m);
         sweep_close(&s);
     }
-    EXPECT_AT_LEAST(cells[1], 0.8 * cells[0]);
+    EXPECT_AT_LEAST(cells[1], 1.5 * cells[0]); // twelve seconds and three
 }
 
 // What is said when the sweep goes wrong.

@@ -304,10 +304,12 @@ static void test_a_take_pauses_and_is_kept(void **state)
     expect_sound(1, 0);
     EXPECT_STATUS(recording_open(&recording, file), OK);
     EXPECT_STATUS(take_open(&take, recording, "kata"), OK);
-    int closed = 0; // frames that a machine leaves out that does not keep up are other gaps
-    for (int64_t i = 1; i < take_frame_count(take); i++)
-        closed += take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns == RECORDER_PAUSE_NS;
-    EXPECT_AT_LEAST(closed, 1);
+    int64_t longest_ns = 0; // the pause's; longer where a busy machine left out the frames beside it, too
+    for (int64_t i = 1; i < take_frame_count(take); i++) {
+        const int64_t gap_ns = take_entry(take, i)->time_ns - take_entry(take, i - 1)->time_ns;
+        longest_ns = gap_ns > longest_ns ? gap_ns : longest_ns;
+    }
+    EXPECT_AT_LEAST((double)longest_ns, (double)RECORDER_PAUSE_NS);
     EXPECT_TRUE(take_entry(take, take_frame_count(take) - 1)->located);
     take_close(&take);
     recording_free(&recording);
