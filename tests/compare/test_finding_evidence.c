@@ -5,6 +5,8 @@
 #include "tests/support/exercise.h"
 #include "tests/support/test.h"
 
+#include <stdlib.h>
+
 enum { HIDDEN_MM = 180 }; // the standard deviation of a joint that is inferred
 
 static struct exercise once(void)
@@ -97,12 +99,46 @@ static void test_what_is_off_all_along_comes_second(void **state)
     comparison_free(&c);
 }
 
+// Of pauses by turns, now in one movement and now in the other, only what remains is one: `skipped` frames of the
+// reference are passed over after a wait of 36.
+static struct comparison with_pauses(int32_t skipped)
+{
+    const struct exercise a = once();
+    struct rng rng = {7};
+    struct joint_samples sa, sb;
+    exercise_samples(&a, &rng, &sa);
+    exercise_samples(&a, &rng, &sb);
+    struct comparison c = compare(&sa, &sb, 0);
+    EXPECT_INT(c.finding_count, 0);
+    EXPECT_INT(c.pace.piece_count, 0);
+    c.pace.pieces = calloc(2, sizeof *c.pace.pieces);
+    c.pace.piece_count = 2;
+    c.pace.pieces[0] = (struct piece){PIECE_PAUSE, 20, 23, 20, 59, 0};
+    c.pace.pieces[1] = (struct piece){PIECE_PAUSE_SKIPPED, 23, 26 + skipped, 59, 62, 0};
+    EXPECT_STATUS(findings_make(&c), OK);
+    return c;
+}
+
+static void test_pauses_by_turns_are_none(void **state)
+{
+    (void)state;
+    struct comparison none = with_pauses(36), one = with_pauses(6);
+    EXPECT_INT(none.finding_count, 0);
+    EXPECT_INT(one.finding_count, 1);
+    EXPECT_NEAR(one.findings[0].amount, 1, 0.01);
+    EXPECT_NEAR(one.findings[0].from_s, 20 / 30.0, 0.01);
+    EXPECT_NEAR(one.findings[0].to_s, 62 / 30.0, 0.01);
+    comparison_free(&none);
+    comparison_free(&one);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_quiet_joint_is_trusted),
         cmocka_unit_test(test_one_that_is_never_quiet_is_not),
         cmocka_unit_test(test_what_is_off_all_along_comes_second),
+        cmocka_unit_test(test_pauses_by_turns_are_none),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
