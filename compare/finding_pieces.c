@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { LEAST_REST = 18 }; // frames; by hand
+enum { LEAST_REST = 18, SAME_REST = 15, LEAST_NET = 10 }; // frames; by hand
 
 static double seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
 
@@ -119,6 +119,30 @@ static enum status of_repetitions(struct comparison *c, bool *said)
     return finding_add(c, &f, false);
 }
 
+static bool is_pause(const struct piece *p) { return p->kind == PIECE_PAUSE || p->kind == PIECE_PAUSE_SKIPPED; }
+
+static int32_t frames_longer(const struct piece *p) { return p->b_end - p->b_first - (p->a_end - p->a_first); }
+
+// While both stand still it is open which instants belong together: the alignment may wait in one movement and then in
+// the other. Of such pauses by turns only what remains is one. Joins piece k with those that follow it so; returns how
+// many they are.
+static int32_t join_pauses(const struct pace *p, int32_t k, struct piece *joined)
+{
+    int32_t count = 1;
+    *joined = p->pieces[k];
+    for (; is_pause(joined) && k + count < p->piece_count; count++) {
+        const struct piece *last = &p->pieces[k + count - 1], *next = &p->pieces[k + count];
+        if (!is_pause(next) || next->kind == last->kind || next->b_first - last->b_end > SAME_REST ||
+            next->a_first - last->a_end > SAME_REST)
+            break;
+        joined->a_end = next->a_end;
+        joined->b_end = next->b_end;
+    }
+    if (count > 1)
+        joined->kind = frames_longer(joined) > 0 ? PIECE_PAUSE : PIECE_PAUSE_SKIPPED;
+    return count;
+}
+
 enum status find_pieces(struct comparison *c)
 {
     enum status status = OK;
@@ -135,14 +159,13 @@ enum status find_pieces(struct comparison *c)
     const bool several = c->repetitions.count >= 2 && c->repetitions.reference_count < 2;
     // Between repetitions people rest a little longer or shorter.
     const int32_t least = c->repetitions.count >= 2 && c->repetitions.reference_count >= 2 ? LEAST_REST : 0;
-    for (int32_t k = 0; k < c->pace.piece_count && status == OK && !several; k++) {
-        const struct piece *p = &c->pace.pieces[k];
-        const enum piece_kind kind = p->kind;
-        if ((kind == PIECE_PAUSE || kind == PIECE_PAUSE_SKIPPED) &&
-            abs(p->b_end - p->b_first - (p->a_end - p->a_first)) < least)
+    for (int32_t k = 0, count; k < c->pace.piece_count && status == OK && !several; k += count) {
+        struct piece p;
+        count = join_pauses(&c->pace, k, &p);
+        if (is_pause(&p) && abs(frames_longer(&p)) < (count > 1 && least < LEAST_NET ? LEAST_NET : least))
             continue;
-        if (!said || (kind != PIECE_MISSING && kind != PIECE_EXTRA))
-            status = of_piece(c, &c->pace.pieces[k]);
+        if (!said || (p.kind != PIECE_MISSING && p.kind != PIECE_EXTRA))
+            status = of_piece(c, &p);
     }
     return status == OK && !several && !said ? of_pace(c) : status;
 }
