@@ -13,14 +13,9 @@ static const double RAD = 180 / 3.14159265358979323846; // degrees in a radian
 // By hand. A posture is found where it is off by 10 degrees and 1.2 standard deviations for 0.3 s in all, as long as it
 // stays above 6; gaps of 0.3 s do not end it. It is off by as much as in the upper third of that time.
 static const double BEGIN_DEGREES = 10, STAY_DEGREES = 6, SIGMA_SHARE = 1.2, UPPER_SHARE = 0.67;
-// How well a joint is known in these movements: a tracker's covariance, which must hold its gross mistakes, too, says
-// far less than it knows of most joints. Where the difference is small for a quarter of the time, it is no larger than
-// that by mistake all along: the standard deviation is at most the geometric mean of the two, at least of 2 degrees. A
-// weighted mean finds more, and more that is wrong, on 90 random films (reenact-bench attempts --dice 45, seeds 11 and
-// 12).
-static const double QUIET_QUANTILE = 0.25, LEAST_QUIET_DEGREES = 2;
-// As in score.h, half of what a joint is off by all along is build, dress and where a sensor puts the joints.
-static const double OFFSET_SHARE = 0.5;
+// As in score.h, half of what a joint is off by all along is build, dress and where a sensor puts the joints: as little
+// as it is off for a quarter of the time.
+static const double OFFSET_SHARE = 0.5, OFFSET_QUANTILE = 0.25;
 enum { LEAST_FRAMES = 9, MOST_GAP = 9, SMOOTH_HALF = 11, MOST_HALF = 30, LEAST_LATE = 20 };
 
 struct series {
@@ -29,7 +24,7 @@ struct series {
     float *degrees, *sigma;   // of the difference; NaN where unknown
     float *angle_a, *angle_b; // the joint's named angle, rad
     float *fresh;             // how much of a frame says something new
-    double quiet;             // degrees: as little as it is off for a quarter of the time
+    double offset;            // degrees: what it is off by all along
 };
 
 struct judge {
@@ -136,23 +131,13 @@ static float smoothed_degrees(const struct series *s, int32_t count, int32_t f)
     return (float)(2 * RAD * portable_asin(fmin(1, sqrt(square) / 2)));
 }
 
-static double degrees_quantile(const struct judge *g, double share)
+static double offset_degrees(const struct judge *g)
 {
     int32_t used = 0;
     for (int32_t f = 0; f < g->count; f++)
         if (!isnan(g->s.degrees[f]))
             g->scratch[used++] = (struct weighed){g->s.degrees[f], g->s.fresh[f]};
-    return used ? weighed_quantile(g->scratch, used, share) : 0;
-}
-
-static void trust_what_is_quiet(struct judge *g)
-{
-    struct series *s = &g->s;
-    s->quiet = degrees_quantile(g, QUIET_QUANTILE);
-    const double known = fmax(LEAST_QUIET_DEGREES, s->quiet);
-    for (int32_t f = 0; f < g->count; f++)
-        if (!isnan(s->sigma[f]))
-            s->sigma[f] = (float)fmin(s->sigma[f], sqrt(known * s->sigma[f]));
+    return used ? weighed_quantile(g->scratch, used, OFFSET_QUANTILE) : 0;
 }
 
 static void fill(struct judge *g, const struct body_joint *j)
@@ -179,7 +164,7 @@ static void fill(struct judge *g, const struct body_joint *j)
     for (int32_t f = 0; f < g->count; f++)
         if (!isnan(s->sigma[f]))
             s->degrees[f] = smoothed_degrees(s, g->count, f);
-    trust_what_is_quiet(g);
+    s->offset = offset_degrees(g);
 }
 
 // ------------------------------------------------------------- posture
@@ -274,7 +259,7 @@ static enum status add_posture(struct judge *g, int32_t first, int32_t end)
     say(g, &w, &f.amount, f.sentence, sizeof f.sentence);
     // By how much it counts: what may be the joints' own error counts less.
     const double sure = w.degrees * w.degrees / (w.degrees * w.degrees + 4 * w.sigma * w.sigma + 1e-9);
-    f.weight = sure * (w.degrees - OFFSET_SHARE * g->s.quiet) * fmin(1.5, sqrt(f.to_s - f.from_s)) *
+    f.weight = sure * (w.degrees - OFFSET_SHARE * g->s.offset) * fmin(1.5, sqrt(f.to_s - f.from_s)) *
                (g->s.joint->part == PART_HEAD ? 0.6 : 1);
     const bool mostly = level_of(&g->s, first, end, 0.5, g->scratch) >= BEGIN_DEGREES;
     return w.degrees < BEGIN_DEGREES || !mostly ? OK : finding_add(g->c, &f, true);
