@@ -174,6 +174,42 @@ static void test_glass_and_walls_above(void **state)
     box_room_close(&s);
 }
 
+// A post of which the points reach to 0.7 m, before a wall that has points all over beside it: above, the post goes on.
+static void test_a_post_taller_than_its_points(void **state)
+{
+    (void)state;
+    static struct box_room s;
+    static float points[60000][3];
+    const double eye[3] = {0, 0, 1.15};
+    int count = 0, post = 0, right = 0;
+    box_room_open(&s, &view_lens);
+    s.world.boxes[1] = (struct box){{1.5, -0.1, 0}, {1.6, 0.1, 2.4}, {30, 60, 200}, false};
+    room_picture(&s.world, room_camera(0, 0, eye[2]), &s.pictures[0]);
+    for (double a = -0.5; a < 0.5; a += 0.005)
+        for (double b = -0.6; b < 0.3; b += 0.005) {
+            const struct vec3 d = v3_unit(v3(1, a, b));
+            const double away = box_world_cast(&s.world, eye, (double[3]){d.x, d.y, d.z}, NULL);
+            const struct vec3 at = v3_add(v3(eye[0], eye[1], eye[2]), v3_scale(d, away));
+            if (fabs(at.x - 1.5) < 0.01 && at.z > 0.7)
+                continue;
+            points[count][0] = (float)at.x, points[count][1] = (float)at.y, points[count++][2] = (float)at.z;
+        }
+    struct depth_options how = depth_default_options();
+    const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
+    struct surround_picture *p = &s.pictures[0];
+    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    for (int v = ROOM_HEIGHT / 2 - 20; v < ROOM_HEIGHT / 2 + 20; v++)
+        for (int u = ROOM_WIDTH / 2 - 3; u <= ROOM_WIDTH / 2 + 2; u++) {
+            float ray[3];
+            surround_picture_ray(p, u, v, ray);
+            post++;
+            right += fabs(1.5 * (double)(p->inverse[v * ROOM_WIDTH + u] / ray[2]) - 1) < 0.05;
+        }
+    print_message("of %d pixels of the post %d have its depth\n", post, right);
+    EXPECT_AT_LEAST(right, 0.9 * post);
+    box_room_close(&s);
+}
+
 enum { ROW = 5 }; // pictures beside each other
 struct glass {
     struct box_room scene;
@@ -331,6 +367,7 @@ int main(void)
         cmocka_unit_test(test_from_elsewhere),
         cmocka_unit_test(test_the_unseen_is_marked),
         cmocka_unit_test(test_what_others_look_through_is_unseen),
+        cmocka_unit_test(test_a_post_taller_than_its_points),
         cmocka_unit_test(test_no_capture_yet),
         cmocka_unit_test(test_poses_off),
         cmocka_unit_test(test_beyond_a_wall),
