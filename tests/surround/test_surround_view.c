@@ -75,6 +75,56 @@ static void test_what_others_look_through_is_unseen(void **state)
     box_room_close(&s);
 }
 
+// Share of the pixels within 5 of a jump of the true depth that are off by more than 5 %.
+static double silhouettes_off(const struct box_room *s)
+{
+    const int w = s->view.lens.width, h = s->view.lens.height;
+    int near = 0, off = 0;
+    for (int y = 5; y < h - 5; y++)
+        for (int x = 5; x < w - 5; x++) {
+            double least = 1e9, most = 0;
+            for (int k = -5; k <= 5; k++) {
+                least = fmin(least, fmin(s->depth[y * w + x + k], s->depth[(y + k) * w + x]));
+                most = fmax(most, fmax(s->depth[y * w + x + k], s->depth[(y + k) * w + x]));
+            }
+            if (most < 1.3 * least)
+                continue;
+            near++;
+            off += fabs((double)s->view.inverse_z[y * w + x] * s->depth[y * w + x] - 1) > 0.05;
+        }
+    print_message("of %d pixels at silhouettes %d off\n", near, off);
+    assert_true(near > 1000);
+    return (double)off / near;
+}
+
+// Of pictures whose pixels are five of the view's wide, each at another place, together.
+static void test_silhouettes_finer_than_pixels(void **state)
+{
+    (void)state;
+    static const struct lens fine = {.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 319.5, .cy = 239.5};
+    static struct box_room s;
+    static struct surround_picture pictures[8];
+    const struct surround_picture *list[8];
+    const struct pose eye = room_camera(-0.1, 0, 1.2);
+    double off[2];
+    box_room_open(&s, &fine);
+    for (int i = 0; i < 8; i++) {
+        list[i] = &pictures[i];
+        room_picture(&s.world, room_camera(0.07 * i - 0.6, 0.06 * (3 * i % 8) - 0.2, 1.15 + 0.02 * i), &pictures[i]);
+    }
+    box_room_make_truth(&s, eye);
+    for (int test = 0; test < 2; test++) {
+        struct view_options how = view_default_options();
+        how.depth_test = test;
+        assert_int_equal(surround_view_draw(&s.view, eye, list, 8, &how), OK);
+        off[test] = silhouettes_off(&s);
+    }
+    EXPECT_AT_MOST(off[1], 0.7 * off[0]);
+    for (int i = 0; i < 8; i++)
+        surround_picture_free(&pictures[i]);
+    box_room_close(&s);
+}
+
 static void test_no_capture_yet(void **state)
 {
     (void)state;
@@ -367,6 +417,7 @@ int main(void)
         cmocka_unit_test(test_from_elsewhere),
         cmocka_unit_test(test_the_unseen_is_marked),
         cmocka_unit_test(test_what_others_look_through_is_unseen),
+        cmocka_unit_test(test_silhouettes_finer_than_pixels),
         cmocka_unit_test(test_a_post_taller_than_its_points),
         cmocka_unit_test(test_no_capture_yet),
         cmocka_unit_test(test_poses_off),
