@@ -75,6 +75,56 @@ static void test_what_others_look_through_is_unseen(void **state)
     box_room_close(&s);
 }
 
+// Share of the pixels within 5 of a jump of the true depth that are off by more than 5 %.
+static double silhouettes_off(const struct box_room *s)
+{
+    const int w = s->view.lens.width, h = s->view.lens.height;
+    int near = 0, off = 0;
+    for (int y = 5; y < h - 5; y++)
+        for (int x = 5; x < w - 5; x++) {
+            double least = 1e9, most = 0;
+            for (int k = -5; k <= 5; k++) {
+                least = fmin(least, fmin(s->depth[y * w + x + k], s->depth[(y + k) * w + x]));
+                most = fmax(most, fmax(s->depth[y * w + x + k], s->depth[(y + k) * w + x]));
+            }
+            if (most < 1.3 * least)
+                continue;
+            near++;
+            off += fabs((double)s->view.inverse_z[y * w + x] * s->depth[y * w + x] - 1) > 0.05;
+        }
+    print_message("of %d pixels at silhouettes %d off\n", near, off);
+    assert_true(near > 1000);
+    return (double)off / near;
+}
+
+// Of pictures whose pixels are five of the view's wide, each at another place, together.
+static void test_silhouettes_finer_than_pixels(void **state)
+{
+    (void)state;
+    static const struct lens fine = {.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 319.5, .cy = 239.5};
+    static struct box_room s;
+    static struct surround_picture pictures[8];
+    const struct surround_picture *list[8];
+    const struct pose eye = room_camera(-0.1, 0, 1.2);
+    double off[2];
+    box_room_open(&s, &fine);
+    for (int i = 0; i < 8; i++) {
+        list[i] = &pictures[i];
+        room_picture(&s.world, room_camera(0.07 * i - 0.6, 0.06 * (3 * i % 8) - 0.2, 1.15 + 0.02 * i), &pictures[i]);
+    }
+    box_room_make_truth(&s, eye);
+    for (int test = 0; test < 2; test++) {
+        struct view_options how = view_default_options();
+        how.depth_test = test;
+        assert_int_equal(surround_view_draw(&s.view, eye, list, 8, &how), OK);
+        off[test] = silhouettes_off(&s);
+    }
+    EXPECT_AT_MOST(off[1], 0.7 * off[0]);
+    for (int i = 0; i < 8; i++)
+        surround_picture_free(&pictures[i]);
+    box_room_close(&s);
+}
+
 static void test_no_capture_yet(void **state)
 {
     (void)state;
@@ -171,6 +221,42 @@ static void test_glass_and_walls_above(void **state)
             worst = fmax(worst, fabs((double)(4 * p->inverse[v * ROOM_WIDTH + u] / ray[2]) - 1));
         }
     EXPECT_AT_MOST(worst, 0.03);
+    box_room_close(&s);
+}
+
+// A post of which the points reach to 0.7 m, before a wall that has points all over beside it: above, the post goes on.
+static void test_a_post_taller_than_its_points(void **state)
+{
+    (void)state;
+    static struct box_room s;
+    static float points[60000][3];
+    const double eye[3] = {0, 0, 1.15};
+    int count = 0, post = 0, right = 0;
+    box_room_open(&s, &view_lens);
+    s.world.boxes[1] = (struct box){{1.5, -0.1, 0}, {1.6, 0.1, 2.4}, {30, 60, 200}, false};
+    room_picture(&s.world, room_camera(0, 0, eye[2]), &s.pictures[0]);
+    for (double a = -0.5; a < 0.5; a += 0.005)
+        for (double b = -0.6; b < 0.3; b += 0.005) {
+            const struct vec3 d = v3_unit(v3(1, a, b));
+            const double away = box_world_cast(&s.world, eye, (double[3]){d.x, d.y, d.z}, NULL);
+            const struct vec3 at = v3_add(v3(eye[0], eye[1], eye[2]), v3_scale(d, away));
+            if (fabs(at.x - 1.5) < 0.01 && at.z > 0.7)
+                continue;
+            points[count][0] = (float)at.x, points[count][1] = (float)at.y, points[count++][2] = (float)at.z;
+        }
+    struct depth_options how = depth_default_options();
+    const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
+    struct surround_picture *p = &s.pictures[0];
+    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    for (int v = ROOM_HEIGHT / 2 - 20; v < ROOM_HEIGHT / 2 + 20; v++)
+        for (int u = ROOM_WIDTH / 2 - 3; u <= ROOM_WIDTH / 2 + 2; u++) {
+            float ray[3];
+            surround_picture_ray(p, u, v, ray);
+            post++;
+            right += fabs(1.5 * (double)(p->inverse[v * ROOM_WIDTH + u] / ray[2]) - 1) < 0.05;
+        }
+    print_message("of %d pixels of the post %d have its depth\n", post, right);
+    EXPECT_AT_LEAST(right, 0.9 * post);
     box_room_close(&s);
 }
 
@@ -331,6 +417,8 @@ int main(void)
         cmocka_unit_test(test_from_elsewhere),
         cmocka_unit_test(test_the_unseen_is_marked),
         cmocka_unit_test(test_what_others_look_through_is_unseen),
+        cmocka_unit_test(test_silhouettes_finer_than_pixels),
+        cmocka_unit_test(test_a_post_taller_than_its_points),
         cmocka_unit_test(test_no_capture_yet),
         cmocka_unit_test(test_poses_off),
         cmocka_unit_test(test_beyond_a_wall),

@@ -19,6 +19,9 @@ struct depth_options depth_default_options(void)
 enum { SKY_EDGE = 7, SKY_APART = 60 };
 // Most difference of a channel between colours of one thing.
 enum { OTHER_COLOR = 40 };
+// No segment grows over an edge above this: what has no point of its own beyond it is continued from what stands below
+// (a post taller than its points), not taken for what is beside it. The one value that was tried.
+enum { MOST_EDGE = 30 };
 
 static int apart(const uint8_t *a, const uint8_t *b)
 {
@@ -159,7 +162,7 @@ static int32_t *grow_upright(const struct surround_picture *p, const struct dept
     int32_t *segment = alloc_cache_aligned(pixels * sizeof *segment);
     for (size_t i = 0; segment && i < pixels; i++)
         segment[i] = label[i] < 0 || stands(s, s->list[label[i]].plane) ? label[i] : WATERSHED_BARRED;
-    if (segment && watershed_grow(p, p->width / 2, segment) == OK)
+    if (segment && watershed_grow(p, p->width / 2, 255, segment) == OK)
         return segment;
     free(segment);
     return NULL;
@@ -203,7 +206,7 @@ static enum status make(struct surround_picture *p, const struct depth_seeds *s,
         if (!s->list[i].hidden)
             label[(size_t)s->list[i].v * (size_t)p->width + (size_t)s->list[i].u] = i;
     const int reach = p->panorama ? (how->reach * p->height + 512) / 1024 : how->reach;
-    enum status status = watershed_grow(p, reach, label);
+    enum status status = watershed_grow(p, reach, how->upright ? MOST_EDGE : 255, label);
     if (status != OK)
         return status;
     fill_segments(p, s, label);

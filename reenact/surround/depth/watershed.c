@@ -10,7 +10,7 @@ struct flood {
     int32_t *label, *next;
     uint16_t *distance;
     int32_t head[LEVELS], tail[LEVELS];
-    int lowest;
+    int lowest, highest;
 };
 
 static void push(struct flood *f, int level, int32_t pixel)
@@ -60,16 +60,18 @@ static void spread(struct flood *f, int32_t from, int level, int most)
         if (distance > most)
             continue;
         const int edge = level_of(edge_between(f->p->rgb, from, to));
+        if (edge > f->highest)
+            continue;
         f->label[to] = f->label[from];
         f->distance[to] = (uint16_t)distance;
         push(f, edge > level ? edge : level, to);
     }
 }
 
-enum status watershed_grow(const struct surround_picture *p, int reach, int32_t *label)
+enum status watershed_grow(const struct surround_picture *p, int reach, int most_edge, int32_t *label)
 {
     const size_t pixels = (size_t)p->width * (size_t)p->height;
-    struct flood f = {.p = p, .label = label, .lowest = LEVELS};
+    struct flood f = {.p = p, .label = label, .lowest = LEVELS, .highest = level_of(most_edge)};
     f.next = malloc(pixels * sizeof *f.next);
     f.distance = calloc(pixels, sizeof *f.distance);
     enum status status = f.next && f.distance ? OK : fail(ERR_MEMORY, "out of memory");

@@ -33,6 +33,9 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
 // too far. The one value that was tried, on 6 views of a robot's corridor.
 #define MOST_THROUGH 0.6
 
+// A surface that at most so much of the weight looks through is taken.
+#define HALF 0.5
+
 struct candidate {
     float inverse_z;
     int layer;
@@ -41,20 +44,63 @@ struct candidate {
 enum { MOST_ASKED = 8 };  // the nearest pictures are asked what they see of a candidate
 #define CONTRADICTS 0.03f // what is farther behind it than this share is another surface
 
-// picture_sight's SIGHT_THROUGH; the middle pixel mostly decides.
-static bool looks_through(const struct surround_picture *p, const struct picture_point *at)
+// The four pixels around a point, of which the first is the cell's (joined[]).
+static void around(const struct surround_picture *p, const struct picture_point *at, size_t pixels[4])
 {
-    const int u = (int)floorf(at->u + 0.5f), v = (int)floorf(at->v + 0.5f);
-    if (u >= 0 && u < p->width && v >= 0 && v < p->height) {
-        const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)u];
-        if (inverse >= 0 && inverse >= 1 / at->distance * (1 - CONTRADICTS) - 1e-4f)
-            return false;
-    }
-    return picture_sight(p, at, CONTRADICTS) == SIGHT_THROUGH;
+    const int u = (int)floorf(at->u), v = (int)floorf(at->v), last = p->width - 1;
+    const size_t left = (size_t)(u >= 0 ? u : p->panorama ? last : 0);
+    const size_t right = (size_t)(u < last ? u + 1 : p->panorama ? 0 : last);
+    const size_t above = (size_t)(v > 0 ? v : 0) * (size_t)p->width;
+    const size_t below = (size_t)(v + 1 < p->height ? v + 1 : p->height - 1) * (size_t)p->width;
+    pixels[0] = above + left, pixels[1] = above + right;
+    pixels[2] = below + left, pixels[3] = below + right;
 }
 
-// Error of a candidate by equation 1: the mean, weighted by 1 / angle, of how far behind it the pictures see that look
-// through it, as a share of its distance; those that are hidden from it say nothing.
+// Whether one of them is farther than the point.
+static bool may_look_through(const struct surround_picture *p, const struct picture_point *at)
+{
+    const float bound = 1 / at->distance * (1 - CONTRADICTS) - 1e-4f;
+    size_t pixels[4];
+    around(p, at, pixels);
+    for (int k = 0; k < 4; k++)
+        if (p->inverse[pixels[k]] >= 0 && p->inverse[pixels[k]] < bound)
+            return true;
+    return false;
+}
+
+// How much of a picture at a point looks through it, and how much sees it; the rest is hidden from it or not known.
+struct votes {
+    float through, seen;
+};
+
+// By the share of the four pixels around: the edges of several pictures' pixels then make one that is finer than each.
+// A surface is compared where the point is on it, not at its pixels, which on the road far ahead differ by more.
+static struct votes votes_of(const struct surround_picture *p, const struct picture_point *at)
+{
+    const float fu = at->u - floorf(at->u), fv = at->v - floorf(at->v);
+    const float wanted = 1 / at->distance;
+    struct votes out = {0, 0};
+    size_t pixels[4];
+    float value[4];
+    around(p, at, pixels);
+    for (int k = 0; k < 4; k++)
+        value[k] = p->inverse[pixels[k]];
+    if (at->v >= 0 && p->joined[pixels[0]] & JOINED_DIAGONAL) {
+        const float one = (1 - fv) * ((1 - fu) * value[0] + fu * value[1]) + fv * ((1 - fu) * value[2] + fu * value[3]);
+        for (int k = 0; k < 4; k++)
+            value[k] = one;
+    }
+    for (int k = 0; k < 4; k++) {
+        if (value[k] < 0 || value[k] > wanted * (1 + CONTRADICTS) + 1e-4f)
+            continue;
+        const float share = (k & 1 ? fu : 1 - fu) * (k & 2 ? fv : 1 - fv);
+        *(value[k] < wanted * (1 - CONTRADICTS) - 1e-4f ? &out.through : &out.seen) += share;
+    }
+    return out;
+}
+
+// Error of a candidate by equation 1: the share, weighted by 1 / angle, of the pictures that look through it; those
+// that are hidden from it say nothing.
 static double error_of(const struct surround_view *view, const struct surround_picture *const *pictures, int count,
                        int pixel, float inverse_z)
 {
@@ -64,22 +110,20 @@ static double error_of(const struct surround_view *view, const struct surround_p
     surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, inverse_z, world);
     for (int i = 0; i < count; i++) {
         inside[i] = surround_picture_project(pictures[i], world, &seen[i]);
-        through |= inside[i] && looks_through(pictures[i], &seen[i]);
+        through |= inside[i] && may_look_through(pictures[i], &seen[i]);
     }
     if (!through) // as in most pixels, whatever the weights
         return 0;
     const struct vec3 at = v3(world[0], world[1], world[2]);
     const struct vec3 to_view = v3_unit(v3_sub(view->world_from_view.translation, at));
     for (int i = 0; i < count; i++) {
-        const enum sight sight = inside[i] ? picture_sight(pictures[i], &seen[i], CONTRADICTS) : SIGHT_UNKNOWN;
-        if (sight == SIGHT_HIDDEN || sight == SIGHT_UNKNOWN)
-            continue;
+        const struct votes votes = inside[i] ? votes_of(pictures[i], &seen[i]) : (struct votes){0, 0};
         const struct vec3 to_picture = v3_unit(v3_sub(pictures[i]->world_from_camera.translation, at));
         const double sine = v3_length(v3_cross(to_view, to_picture)) + 0.05;
-        weights += 1 / sine;
-        sum += (sight == SIGHT_THROUGH) / sine;
+        weights += (double)(votes.through + votes.seen) / sine;
+        sum += (double)votes.through / sine;
     }
-    return sum / weights;
+    return weights > 0 ? sum / weights : 0;
 }
 
 // Sorted from the nearest; returns how many.
@@ -135,7 +179,7 @@ void view_merge(struct surround_view *view, const struct surround_picture *const
             continue;
         struct candidate best = {0};
         double least = 2;
-        for (int from = 0, end; from < n && least > 0.4; from = end) {
+        for (int from = 0, end; from < n && least > HALF; from = end) {
             end = surface_end(list, n, from, how->apart);
             const struct candidate mean = surface_mean(list, from, end);
             const double error = how->depth_test ? error_of(view, pictures, count < MOST_ASKED ? count : MOST_ASKED,
