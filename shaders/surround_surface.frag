@@ -13,7 +13,7 @@ out vec4 kept;
 
 #include "surround_depth.glsl"
 
-const float MOST_THROUGH = 0.6; // as in view_merge.c
+const float MOST_THROUGH = 0.75; // as in view_merge.c
 
 void main()
 {
