@@ -17,7 +17,7 @@
 
 static const char program[] = PROGRAM_DIR "/reenact-capture";
 
-enum { STAYS, MOVED, AWAY, BOARDS, FRAMES = SANITIZED ? 20 : 32, SEED = 12 };
+enum { STAYS, MOVED, AWAY, BOARDS, FRAMES = 32, SEED = 12 };
 static const char *const names[BOARDS] = {"board", "sign", "poster"};
 static const int painted[BOARDS] = {0, 4, 5}; // the flat ones of tests/support/desk.h
 #define LARGER 2.4                            // than on a desk
