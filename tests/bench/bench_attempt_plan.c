@@ -48,21 +48,6 @@ struct world_options attempt_world_options(const struct attempt_plan *plan, int 
 
 // ---------------------------------------------------------------- drawing
 
-// The two numbers are mixed by splitmix64's finaliser, so that neighbouring films share nothing.
-static struct rng rng_of(uint64_t seed, int index)
-{
-    uint64_t z = seed * 0xd1342543de82ef95u + (uint64_t)index + 1;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (struct rng){z ^ (z >> 31)};
-}
-
-static int pick(struct rng *rng, int count)
-{
-    const int i = (int)(rng_uniform(rng) * count);
-    return i < count ? i : count - 1;
-}
-
 // Two different ones.
 static void draw_figures(struct rng *rng, struct attempt_plan *plan)
 {
@@ -73,7 +58,7 @@ static void draw_figures(struct rng *rng, struct attempt_plan *plan)
         length[count] = (int)strcspn(at, " ");
         at += length[count] + (at[length[count]] == ' ');
     }
-    const int first = pick(rng, count), second = (first + 1 + pick(rng, count - 1)) % count;
+    const int first = rng_pick(rng, count), second = (first + 1 + rng_pick(rng, count - 1)) % count;
     const int of[2] = {first, second};
     for (int k = 0; k < 2; k++) {
         assert(length[of[k]] < (int)sizeof plan->actor[k].figure);
@@ -219,7 +204,7 @@ static enum status preview(struct attempt_plan *plan, int actor, struct preview 
 static enum status draw_film(struct rng *rng, const struct attempt_wish *wish, struct attempt_plan *plan,
                              struct preview *p)
 {
-    plan->motion = wish->motions->name[pick(rng, wish->motions->count)];
+    plan->motion = wish->motions->name[rng_pick(rng, wish->motions->count)];
     enum status status = draw_edit(rng, wish, plan);
     if (status == OK && plan->edit.seconds < 2.5)
         return NOTHING;

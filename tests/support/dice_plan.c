@@ -84,21 +84,6 @@ enum status dice_motions_open(struct dice_motions *m, const char *folder)
 
 // ---------------------------------------------------------------- drawing
 
-static struct rng rng_of(uint64_t seed, int index)
-{
-    // Neighbouring films must not share parts of one sequence: the pair is mixed by splitmix64's finaliser.
-    uint64_t z = seed * 0xd1342543de82ef95u + (uint64_t)index + 1;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (struct rng){z ^ (z >> 31)};
-}
-
-static int pick(struct rng *rng, int count)
-{
-    int i = (int)(rng_uniform(rng) * count);
-    return i < count ? i : count - 1;
-}
-
 static enum dice_situation draw_situation(struct rng *rng)
 {
     double at = rng_uniform(rng);
@@ -111,7 +96,7 @@ static enum dice_situation draw_situation(struct rng *rng)
 static void draw_figure(struct rng *rng, struct dice_actor *actor)
 {
     size_t length;
-    const char *name = word_at(world_figure_names(), pick(rng, word_count(world_figure_names())), &length);
+    const char *name = word_at(world_figure_names(), rng_pick(rng, word_count(world_figure_names())), &length);
     assert(length < sizeof actor->figure);
     memcpy(actor->figure, name, length);
     actor->figure[length] = 0;
@@ -146,7 +131,7 @@ static enum status draw_passerby(struct rng *rng, struct dice_plan *plan, struct
 {
     static const char *const walks[] = {"walk", "visit"};
     draw_figure(rng, &plan->passerby);
-    const char *motion = walks[pick(rng, COUNT_OF(walks))];
+    const char *motion = walks[rng_pick(rng, COUNT_OF(walks))];
     enum status status = draw_stretch(rng, plan, &plan->passerby, motion, &seconds);
     if (status == OK)
         status = dice_preview(plan, &plan->passerby, scene->passerby);
@@ -157,7 +142,7 @@ static enum status draw_passerby(struct rng *rng, struct dice_plan *plan, struct
 static enum status draw_place(struct rng *rng, const struct dice_wish *wish, struct dice_plan *plan,
                               struct dice_scene *scene)
 {
-    const char *motion = wish->motions->name[pick(rng, wish->motions->count)];
+    const char *motion = wish->motions->name[rng_pick(rng, wish->motions->count)];
     double seconds = fmin(wish->seconds, (double)DICE_FRAMES_MOST / DICE_HZ);
     plan->boxes = 0;
     enum status status = draw_stretch(rng, plan, &plan->actor, motion, &seconds);

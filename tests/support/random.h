@@ -11,6 +11,15 @@ struct rng {
     uint64_t state;
 };
 
+// Of film `index` of a seed: the two are mixed by splitmix64's finaliser, so that neighbouring films share nothing.
+static inline struct rng rng_of(uint64_t seed, int index)
+{
+    uint64_t z = seed * 0xd1342543de82ef95u + (uint64_t)index + 1;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (struct rng){z ^ (z >> 31)};
+}
+
 static inline double rng_uniform(struct rng *rng) // [0, 1)
 {
     // splitmix64 (Steele, Lea and Flood 2014)
@@ -23,6 +32,12 @@ static inline double rng_uniform(struct rng *rng) // [0, 1)
 static inline double rng_between(struct rng *rng, double low, double high)
 {
     return low + (high - low) * rng_uniform(rng);
+}
+
+static inline int rng_pick(struct rng *rng, int count) // 0 to count - 1
+{
+    const int i = (int)(rng_uniform(rng) * count);
+    return i < count ? i : count - 1;
 }
 
 static inline double rng_normal(struct rng *rng) // mean 0, standard deviation 1
