@@ -6,7 +6,7 @@
 // the system does not permit it, nothing changes.
 void thread_lower_priority(void);
 
-// The calling thread keeps its share of the processor (SCHED_BATCH), but when it wakes up it takes the processor from no
-// running thread: that costs the other thread a time slice, about 3 ms. Threads that it starts inherit this. From a
+// The calling thread keeps its share of the processor (SCHED_BATCH), but when it wakes up it takes the processor from
+// no running thread: that costs the other thread a time slice, about 3 ms. Threads that it starts inherit this. From a
 // real-time policy nothing changes.
 void thread_wake_without_preempting(void);

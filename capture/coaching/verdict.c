@@ -9,8 +9,9 @@
 static const double UNSEEN = 0.25, GOOD_SHARE = 0.85, FAIR_SHARE = 0.7, GUESSED = 0.34;
 // The outline (intersection over union) that the picture is expected to have all round, from the share of the body that
 // was seen and the share of joints that were guessed: least squares over the twenty films of the tests' world in
-// tests/system/test_verdict.c. With each film left out of its own fit the rank correlation with the outline is 0.82, the
-// best of the seven forms that were compared by it, and so somewhat optimistic. A good take is expected above GOOD_GRADE.
+// tests/system/test_verdict.c. With each film left out of its own fit the rank correlation with the outline is 0.82,
+// the best of the seven forms that were compared by it, and so somewhat optimistic. A good take is expected above
+// GOOD_GRADE.
 static const double GRADE_NONE = 0.835, GRADE_SEEN = 0.105, GRADE_GUESSED = 0.136, GOOD_GRADE = 0.91;
 static const double SHORT_S = 0.5; // a fault that lasted less is not worth a repeat
 

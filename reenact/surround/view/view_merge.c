@@ -30,8 +30,8 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
 }
 
 // Where so much of the weight looks through every candidate, no picture has seen what is there: a wall was continued
-// too far. Of 0.6, 0.75 and 0.85, on 24 views of a robot's corridor, the least that drew the seen pixels best: 25.9, 26.0,
-// 26.1 dB, with 0.67, 0.61, 0.57 of the unseen marked.
+// too far. Of 0.6, 0.75 and 0.85, on 24 views of a robot's corridor, the least that drew the seen pixels
+// best: 25.9, 26.0, 26.1 dB, with 0.67, 0.61, 0.57 of the unseen marked.
 #define MOST_THROUGH 0.75
 
 // A surface that at most so much of the weight looks through is taken.
