@@ -337,6 +337,18 @@ enum status database_checkpoint(struct database *db, int64_t *left)
     return code == SQLITE_OK ? OK : fail_sqlite(db, code);
 }
 
+enum status database_checkpoint_beside_writer(struct database *db, struct database *guard, int64_t *left)
+{
+    struct statement *reading;
+    enum status status = statement_open(&reading, guard, "SELECT 1 FROM sqlite_schema");
+    if (status == OK)
+        status = statement_step(reading); // has the read lock until it is closed
+    if (status == OK || status == NOTHING)
+        status = database_checkpoint(db, left);
+    statement_close(&reading);
+    return status;
+}
+
 enum status database_check(struct database *db)
 {
     struct statement *s;

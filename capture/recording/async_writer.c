@@ -26,7 +26,7 @@ struct batch {
 };
 
 struct async_writer {
-    struct database *db, *checkpoint_db;
+    struct database *db, *checkpoint_db, *guard_db;
     struct statement *add_frame, *add_joint_error, *add_image, *put_take;
 
     pthread_mutex_t lock; // guards all below
@@ -220,7 +220,7 @@ static void *run_checkpointer(void *argument)
         const struct recording_counters before = s->counters;
         pthread_mutex_unlock(&s->lock);
         int64_t left;
-        enum status status = database_checkpoint(s->checkpoint_db, &left);
+        enum status status = database_checkpoint_beside_writer(s->checkpoint_db, s->guard_db, &left);
         pthread_mutex_lock(&s->lock);
         if (status != OK) {
             while (s->writing) // the writer thread uses the connection that set_error() rolls back
@@ -248,6 +248,8 @@ static enum status start(struct async_writer *s)
         status = insert_open(&s->put_take, s->db, TABLE_TAKE, true);
     if (status == OK)
         status = database_open(&s->checkpoint_db, database_path(s->db), DATABASE_WRITE);
+    if (status == OK)
+        status = database_open(&s->guard_db, database_path(s->db), DATABASE_READ);
     if (status == OK)
         status = database_run(s->checkpoint_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
     if (status != OK)
@@ -396,6 +398,7 @@ enum status async_writer_close(struct async_writer **async_writer)
     if (s->has_checkpointer)
         pthread_join(s->checkpointer, NULL);
     empty(&s->batch);
+    database_close(&s->guard_db);
     database_close(&s->checkpoint_db);
     statement_close(&s->add_frame);
     statement_close(&s->add_joint_error);
