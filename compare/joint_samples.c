@@ -13,6 +13,12 @@ void joint_samples_free(struct joint_samples *s)
 
 float default_sigma_m(float confidence) { return confidence >= 0.75f ? 0.045f : 0.18f; }
 
+float sample_sigma_m(const struct skeleton *s, enum joint j)
+{
+    const double sigma_m = joint_sigma_m(s, j);
+    return sigma_m > 0 ? (float)sigma_m : default_sigma_m(s->confidence[j]);
+}
+
 // Clocks count from anywhere: a result that no 64 bits hold is the farthest one that they do.
 static int64_t clamped_sum(int64_t a, int64_t b)
 {
@@ -68,8 +74,7 @@ static struct joint_sample sample_of(const struct take_entry *entry)
 {
     struct joint_sample s = {.time_ns = entry->time_ns, .skeleton = entry->skeleton};
     for (int j = 0; j < JOINT_COUNT; j++) {
-        const double sigma_m = joint_sigma_m(&entry->skeleton, (enum joint)j);
-        s.sigma_m[j] = sigma_m > 0 ? (float)sigma_m : default_sigma_m(s.skeleton.confidence[j]);
+        s.sigma_m[j] = sample_sigma_m(&entry->skeleton, (enum joint)j);
         if (entry->located)
             s.skeleton.joint[j] = level_from_world(pose_apply(entry->world_from_camera, s.skeleton.joint[j]));
         if (!v3_finite(s.skeleton.joint[j]))

@@ -26,6 +26,8 @@ void joint_samples_free(struct joint_samples *s); // zeroed is fine; leaves it z
 // Of a joint of this confidence where the source gives none: 45 mm where observed, 18 cm where inferred. By hand, as
 // wide as a take's covariances: what movement.h makes of it is a Kinect's noise.
 float default_sigma_m(float confidence);
+// Of a tracked joint: from its covariance, where there is none as default_sigma_m.
+float sample_sigma_m(const struct skeleton *s, enum joint j);
 
 // Appends one; time_ns in any clock. A sample that is up to a second earlier than the last one is dropped. A clock that
 // goes back further, or ahead by more than a minute, has jumped: the sample follows the last one after 33 ms.

@@ -147,9 +147,8 @@ static void make_sample(struct live_look *look, int64_t time_ns)
     *s = (struct joint_sample){.time_ns = time_ns, .skeleton = look->in_world};
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct vec3 w = look->in_world.joint[j];
-        const double sigma_m = joint_sigma_m(&look->in_world, (enum joint)j);
         s->skeleton.joint[j] = v3(w.x, -w.z, w.y);
-        s->sigma_m[j] = sigma_m > 0 ? (float)sigma_m : default_sigma_m(s->skeleton.confidence[j]);
+        s->sigma_m[j] = sample_sigma_m(&look->in_world, (enum joint)j);
         if (!v3_finite(w))
             s->skeleton.confidence[j] = 0;
     }

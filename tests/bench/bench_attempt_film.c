@@ -67,10 +67,8 @@ static enum status movement_of(struct take *t, struct movement *out)
         struct joint_sample s = {.time_ns = t->film.time_ns[k], .skeleton = t->film.smoothed[k]};
         if (!t->film.found[k])
             continue;
-        for (int j = 0; j < JOINT_COUNT; j++) {
-            const double sigma_m = joint_sigma_m(&s.skeleton, (enum joint)j);
-            s.sigma_m[j] = sigma_m > 0 ? (float)sigma_m : default_sigma_m(s.skeleton.confidence[j]);
-        }
+        for (int j = 0; j < JOINT_COUNT; j++)
+            s.sigma_m[j] = sample_sigma_m(&s.skeleton, (enum joint)j);
         if (!samples.count)
             t->first_s = (double)s.time_ns * 1e-9;
         status = joint_samples_add(&samples, &s);
@@ -101,25 +99,12 @@ static struct vec3 line(const struct skeleton *s, int from, int to)
 
 static struct truth truth_of(const struct world *w, double time_s)
 {
-    static const enum joint ends[PART_COUNT][2] = {
-        [PART_HEAD] = {JOINT_NECK, JOINT_HEAD},
-        [PART_UPPER_TORSO] = {JOINT_TORSO, JOINT_NECK},
-        [PART_LOWER_TORSO] = {JOINT_WAIST, JOINT_TORSO},
-        [PART_LEFT_UPPER_ARM] = {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
-        [PART_LEFT_FOREARM] = {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-        [PART_RIGHT_UPPER_ARM] = {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
-        [PART_RIGHT_FOREARM] = {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-        [PART_LEFT_THIGH] = {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
-        [PART_LEFT_SHIN] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-        [PART_RIGHT_THIGH] = {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
-        [PART_RIGHT_SHIN] = {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
-    };
     const struct skeleton s = world_joints(w, time_s); // z up
     const struct vec3 hips = v3_sub(s.joint[JOINT_LEFT_HIP], s.joint[JOINT_RIGHT_HIP]);
     const struct vec3 left = v3_unit(v3(hips.x, hips.y, 0)), ahead = v3_cross(left, v3(0, 0, 1));
     struct truth t;
     for (int p = 0; p < PART_COUNT; p++) {
-        const struct vec3 d = line(&s, ends[p][0], ends[p][1]);
+        const struct vec3 d = line(&s, part_ends[p].from, part_ends[p].to);
         t.direction[p] = v3(v3_dot(d, left), v3_dot(d, ahead), d.z);
     }
     return t;
