@@ -179,6 +179,10 @@ static void check_things(struct verification *v)
     int count;
     note(v, recording_read_things(v->r, &things, &count));
     recorded_things_free(&things, count);
+}
+
+static void check_drive(struct verification *v)
+{
     struct recorded_drive drive;
     note(v, recording_read_drive(v->r, &drive));
 }
@@ -192,6 +196,7 @@ static enum status verify(struct recording *r, struct recording_report *out)
         check_place(&v);
     if (may_go_on(&v))
         check_things(&v);
+    check_drive(&v);
     for (int i = 0; i < recording_take_count(r) && may_go_on(&v); i++)
         check_take(&v, i);
     if (may_go_on(&v))
