@@ -61,10 +61,11 @@ bool database_is_single_file(const char *path);
 // that had to stay in the log (because of readers or a concurrent writer).
 MUST_CHECK enum status database_checkpoint(struct database *db, int64_t *left);
 
-// The same while another connection commits, with a third one, `guard`. In SQLite 3.7.0 to 3.51.2 a checkpoint that
-// begins when everything has been moved, just as a commit begins the log anew, marks that commit as moved, and it is
-// lost ("The WAL-Reset Bug", sqlite.org/wal.html). The guard reads meanwhile: then either the log cannot be begun anew,
-// or, where all was moved, the checkpoint cannot move anything.
+// The same while another connection commits, with a third one, `guard`, which must belong to no other thread. In SQLite
+// 3.7.0 to 3.51.2 a checkpoint that finds the whole log checkpointed, just as a commit resets the log, marks that
+// commit's frames as checkpointed, and they are lost ("The WAL-Reset Bug", sqlite.org/wal.html). The guard holds a read
+// lock meanwhile: either that prevents the reset, or, where the whole log is checkpointed, the checkpoint. Errors: as
+// database_checkpoint, and ERR_CORRUPT, ERR_IO, ERR_MEMORY of reading.
 MUST_CHECK enum status database_checkpoint_beside_writer(struct database *db, struct database *guard, int64_t *left);
 
 // SQLite's own check of every page. ERR_CORRUPT with the first error found.

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// All chosen by hand.
+// All chosen by hand; CARRIED_RAD_S, APART_M and CONTRADICTED_FRAMES on the one walk of
+// tests/capture/test_sweep_plan.c.
 static const double STEP_M = 0.15, STEP_RAD = 0.12; // from keyframe to keyframe
 static const double TAG_RMS_PX = 6;                 // of poses from tags that are roughly placed
 static const double PLAIN_COST = 100;               // of a tag's second planar pose, as the mapper has it

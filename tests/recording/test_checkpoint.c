@@ -1,6 +1,6 @@
-// A checkpoint beside a connection that commits: a commit that begins the log anew just after the checkpoint has read
-// the log's header is not lost (SQLite's "WAL-Reset Bug", sqlite.org/wal.html, in Debian 12's version). The instant is
-// met by a layer under SQLite: of all calls, only this one is between the two.
+// A checkpoint beside a connection that commits: a commit that resets the write-ahead log just after the checkpoint has
+// read the log's header is not lost (SQLite's "WAL-Reset Bug", sqlite.org/wal.html, in Debian 12's version). A VFS
+// meets the instant: xUnfetch is the only call of it between the two.
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 
@@ -71,7 +71,7 @@ static int tidy(void **state)
     return 0;
 }
 
-static void test_a_commit_that_begins_the_log_is_kept(void **state)
+static void test_a_commit_that_resets_the_log_is_kept(void **state)
 {
     (void)state;
     char path[300];
@@ -83,12 +83,12 @@ static void test_a_commit_that_begins_the_log_is_kept(void **state)
     EXPECT_STATUS(database_open(&checkpointer, path, DATABASE_WRITE), OK);
     EXPECT_STATUS(database_open(&guard, path, DATABASE_READ), OK);
     insert(MANY);
-    EXPECT_STATUS(database_checkpoint(writer, &left), OK); // all is moved
+    EXPECT_STATUS(database_checkpoint(writer, &left), OK); // the whole log
     EXPECT_INT(left, 0);
     armed = true;
     EXPECT_STATUS(database_checkpoint_beside_writer(checkpointer, guard, &left), OK);
     EXPECT_INT(met, 1);
-    insert(2); // begins the log anew, if what is in it counts as moved
+    insert(2); // resets the log, if its frames are marked as checkpointed
     EXPECT_STATUS(database_checkpoint_beside_writer(checkpointer, guard, &left), OK);
     database_close(&guard);
     database_close(&checkpointer);
@@ -103,6 +103,6 @@ static void test_a_commit_that_begins_the_log_is_kept(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_a_commit_that_begins_the_log_is_kept)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_a_commit_that_resets_the_log_is_kept)};
     return cmocka_run_group_tests(tests, install, tidy);
 }
