@@ -52,6 +52,7 @@ void main()
     // The nearer half of the depth range is for what passes the test. 1 / z is linear in the image, and so is this. The
     // earlier picture wins where two nearly agree, so that a surface is of one picture, not of their noise.
     float shown = inverse * (1.0 - order.z * (1.0 - 1.0 / (1.0 + order.x))) * view_range.z;
+    // 0.4 where view_merge.c has 0.5, which draws a little worse here: share_through asks whole pixels, not their shares.
     float half_from = through > 0.4 ? 0.9999 : -0.0001;
     gl_Position = vec4(2.0 * px / view_range.xy - p.z, half_from * p.z - 0.9999 * shown, p.z);
 }
