@@ -14,15 +14,16 @@
 #ifdef REENACT_FFMPEG
 #include "base/pixels.h"
 #include "platform/azure_lens.h"
+#include "platform/ffmpeg_library.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
-
-#include <libavformat/avformat.h>
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+static const struct ffmpeg_library *ffmpeg; // set before the first file is opened
 
 enum { QUEUED_MOST = 64 }; // images of one track that may lie before their partners of the other
 
@@ -71,7 +72,7 @@ static void drop_first(struct waiting *w)
 {
     int64_t time_ns;
     AVPacket *first = take_first(w, &time_ns);
-    av_packet_free(&first);
+    ffmpeg->av_packet_free(&first);
 }
 
 // Puts the image into its track's queue, which owns it from then on.
@@ -81,15 +82,16 @@ static void queue_packet(struct kinect *k, AVPacket *packet)
                         : packet->stream_index == k->color.stream ? &k->color
                                                                   : NULL;
     if (!w) {
-        av_packet_free(&packet);
+        ffmpeg->av_packet_free(&packet);
         return;
     }
     const AVRational base = k->format->streams[w->stream]->time_base;
-    const int64_t time_ns =
-        packet->pts == AV_NOPTS_VALUE ? INT64_MIN : av_rescale_q(packet->pts, base, (AVRational){1, 1000000000});
+    const int64_t time_ns = packet->pts == AV_NOPTS_VALUE
+                                ? INT64_MIN
+                                : ffmpeg->av_rescale_q(packet->pts, base, (AVRational){1, 1000000000});
     if (time_ns <= w->last_ns || llabs(time_ns) > INT64_MAX / 4) { // the latter: of no clock
         k->facts->dropped += w == &k->depth;
-        av_packet_free(&packet);
+        ffmpeg->av_packet_free(&packet);
         return;
     }
     if (w->count == QUEUED_MOST)
@@ -103,15 +105,15 @@ static enum status read_on(struct kinect *k)
 {
     if (k->ended)
         return NOTHING;
-    AVPacket *packet = av_packet_alloc();
+    AVPacket *packet = ffmpeg->av_packet_alloc();
     if (!packet)
         return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
-    const int error = av_read_frame(k->format, packet);
+    const int error = ffmpeg->av_read_frame(k->format, packet);
     if (error >= 0) {
         queue_packet(k, packet);
         return OK;
     }
-    av_packet_free(&packet);
+    ffmpeg->av_packet_free(&packet);
     if (error == AVERROR(ENOMEM))
         return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
     k->ended = true;
@@ -216,17 +218,17 @@ static enum status show_color(struct kinect *k, AVPacket *packet, struct frame *
 static enum status kinect_next(void *self, struct frame *out)
 {
     struct kinect *k = self;
-    av_packet_free(&k->shown);
+    ffmpeg->av_packet_free(&k->shown);
     enum status status = read_pair(k);
     if (status != OK)
         return status;
     AVPacket *depth = take_first(&k->depth, &out->time_ns);
     snprintf(out->name, sizeof out->name, "%04" PRId64, k->index++);
     status = show_depth(k, depth, out);
-    av_packet_free(&depth);
+    ffmpeg->av_packet_free(&depth);
     AVPacket *color = take_color(k, out->time_ns - k->delay_ns);
     if (status != OK)
-        av_packet_free(&color);
+        ffmpeg->av_packet_free(&color);
     return color ? show_color(k, color, out) : status;
 }
 
@@ -234,7 +236,7 @@ static enum status kinect_next(void *self, struct frame *out)
 
 static const char *tag(const AVDictionary *tags, const char *name)
 {
-    const AVDictionaryEntry *entry = av_dict_get(tags, name, NULL, 0);
+    const AVDictionaryEntry *entry = ffmpeg->av_dict_get(tags, name, NULL, 0);
     return entry ? entry->value : NULL;
 }
 
@@ -329,7 +331,7 @@ static void read_clock(struct kinect *k)
     const char *delay = tag(k->format->metadata, "K4A_DEPTH_DELAY_NS");
     int64_t frame_ns = FRAME_NS;
     if (rate.num > 0 && rate.den > 0)
-        frame_ns = av_rescale(1000000000, rate.den, rate.num);
+        frame_ns = ffmpeg->av_rescale(1000000000, rate.den, rate.num);
     if (frame_ns < 1000000 || frame_ns > 1000000000)
         frame_ns = FRAME_NS;
     k->half_ns = frame_ns / 2;
@@ -363,8 +365,8 @@ static enum status open_file(struct kinect *k)
     char url[FILE_PATH_BYTES + 8];
     if (snprintf(url, sizeof url, "file:%s", k->path) >= (int)sizeof url)
         return fail(ERR_INPUT, "the path %.60s… is too long", k->path);
-    av_log_set_level(AV_LOG_FATAL); // what is wrong is said once, by us
-    const int error = avformat_open_input(&k->format, url, av_find_input_format("matroska"), NULL);
+    ffmpeg->av_log_set_level(AV_LOG_FATAL); // what is wrong is said once, by us
+    const int error = ffmpeg->avformat_open_input(&k->format, url, ffmpeg->av_find_input_format("matroska"), NULL);
     if (error == AVERROR(ENOMEM))
         return fail(ERR_MEMORY, "no memory to open %s", k->path);
     if (error < 0)
@@ -381,8 +383,8 @@ static void kinect_close(void *self)
         drop_first(&k->color);
     while (k->depth.count)
         drop_first(&k->depth);
-    av_packet_free(&k->shown);
-    avformat_close_input(&k->format);
+    ffmpeg->av_packet_free(&k->shown);
+    ffmpeg->avformat_close_input(&k->format);
     azure_calibration_free(&k->calibration);
     free(k->rgb);
     free(k->rectified);
@@ -396,6 +398,9 @@ enum status mkv_open(void **self, const char *where, enum source_wanted wanted, 
 {
     (void)wanted; // a sensor
     *self = NULL;
+    ffmpeg = ffmpeg_library();
+    if (!ffmpeg)
+        return fail(ERR_INPUT, "FFmpeg's libraries, without which %s cannot be read, are not installed", where);
     struct kinect *k = calloc(1, sizeof *k);
     if (!k || !(k->path = strdup(where))) {
         free(k);

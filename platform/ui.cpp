@@ -46,6 +46,7 @@ ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 // Latin with accents, typographic punctuation, arrows and the minus sign.
 const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
                                 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
+const ImWchar digits[] = {'0', '9', 0};
 
 enum status build_font_atlas(ui *u, double px_per_dp)
 {
@@ -57,9 +58,9 @@ enum status build_font_atlas(ui *u, double px_per_dp)
         how.FontDataOwnedByAtlas = false;
         how.OversampleH = 2;
         how.OversampleV = 1;
-        how.GlyphRanges = glyph_ranges;
+        how.GlyphRanges = face.digits_only ? digits : glyph_ranges;
         ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count),
-                                                   float(std::lround(face.size * px_per_dp)), &how, glyph_ranges);
+                                                   float(std::lround(face.size * px_per_dp)), &how);
         if (!font)
             return fail(ERR_INPUT, "a font of the controls cannot be read");
         u->fonts.push_back(font);

@@ -27,7 +27,8 @@ struct ui_point {
 struct ui_face {
     const uint8_t *bytes;
     size_t count;
-    double size; // dp, of a line
+    double size;      // dp, of a line
+    bool digits_only; // other characters are not drawn; a large face's letters would fill most of the font atlas
 };
 
 // The other functions name faces by their index in this list. ERR_MEMORY; ERR_DEVICE as gpu_draw2d_open. *out is NULL

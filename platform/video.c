@@ -1,12 +1,11 @@
 #include "platform/video.h"
 
 #ifdef REENACT_FFMPEG
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libavutil/opt.h>
-#include <libswscale/swscale.h>
+#include "platform/ffmpeg_library.h"
 
 #include <stdlib.h>
+
+static const struct ffmpeg_library *ffmpeg; // set before the first writer is made
 
 enum { TICKS = 90000, IO_BYTES = 1 << 16, FRAGMENT_FRAMES = 30 }; // TICKS: a second's, as MPEG's clock has them
 
@@ -31,7 +30,7 @@ struct video_writer {
 static enum status failed(const char *what, int error)
 {
     char text[AV_ERROR_MAX_STRING_SIZE] = "";
-    av_strerror(error, text, sizeof text);
+    ffmpeg->av_strerror(error, text, sizeof text);
     return fail(error == AVERROR(ENOMEM) ? ERR_MEMORY : ERR_IO, "the film's %s: %s", what, text);
 }
 
@@ -51,12 +50,12 @@ static int64_t seek_to(void *self, int64_t offset, int whence)
 
 static enum status open_codec(struct video_writer *w)
 {
-    const AVCodec *codec = avcodec_find_encoder(AV_CODEC_ID_H264);
+    const AVCodec *codec = ffmpeg->avcodec_find_encoder(AV_CODEC_ID_H264);
     if (!codec)
-        codec = avcodec_find_encoder(AV_CODEC_ID_MPEG4);
+        codec = ffmpeg->avcodec_find_encoder(AV_CODEC_ID_MPEG4);
     if (!codec)
         return fail(ERR_INPUT, "FFmpeg's libraries have no encoder for H.264 or MPEG-4 here");
-    AVCodecContext *c = w->codec = avcodec_alloc_context3(codec);
+    AVCodecContext *c = w->codec = ffmpeg->avcodec_alloc_context3(codec);
     if (!c)
         return fail(ERR_MEMORY, "no memory for a film");
     c->width = w->layout.width;
@@ -74,55 +73,57 @@ static enum status open_codec(struct video_writer *w)
     if (w->format->oformat->flags & AVFMT_GLOBALHEADER)
         c->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
     // An encoder other than x264 has other options; these are then not taken.
-    av_opt_set(c->priv_data, "crf", QUALITY, 0);
-    av_opt_set(c->priv_data, "preset", SPEED, 0);
-    const int error = avcodec_open2(c, codec, NULL);
+    ffmpeg->av_opt_set(c->priv_data, "crf", QUALITY, 0);
+    ffmpeg->av_opt_set(c->priv_data, "preset", SPEED, 0);
+    const int error = ffmpeg->avcodec_open2(c, codec, NULL);
     return error < 0 ? failed("encoder", error) : OK;
 }
 
 static enum status open_stream(struct video_writer *w)
 {
-    w->stream = avformat_new_stream(w->format, NULL);
+    w->stream = ffmpeg->avformat_new_stream(w->format, NULL);
     if (!w->stream)
         return fail(ERR_MEMORY, "no memory for a film");
     w->stream->time_base = w->codec->time_base;
-    int error = avcodec_parameters_from_context(w->stream->codecpar, w->codec);
+    int error = ffmpeg->avcodec_parameters_from_context(w->stream->codecpar, w->codec);
     AVDictionary *options = NULL;
     if (error >= 0 && !w->layout.seekable)
-        error = av_dict_set(&options, "movflags", "frag_keyframe+empty_moov+default_base_moof", 0);
+        error = ffmpeg->av_dict_set(&options, "movflags", "frag_keyframe+empty_moov+default_base_moof", 0);
     if (error >= 0)
-        error = avformat_write_header(w->format, &options);
-    av_dict_free(&options);
+        error = ffmpeg->avformat_write_header(w->format, &options);
+    ffmpeg->av_dict_free(&options);
     w->begun = error >= 0;
     return error < 0 ? failed("header", error) : OK;
 }
 
 static enum status open_images(struct video_writer *w)
 {
-    w->packet = av_packet_alloc();
-    w->frame = av_frame_alloc();
+    w->packet = ffmpeg->av_packet_alloc();
+    w->frame = ffmpeg->av_frame_alloc();
     if (w->frame) {
         w->frame->format = AV_PIX_FMT_YUV420P;
         w->frame->width = w->layout.width;
         w->frame->height = w->layout.height;
     }
-    w->convert = sws_getContext(w->layout.width, w->layout.height, AV_PIX_FMT_RGB24, w->layout.width, w->layout.height,
-                                AV_PIX_FMT_YUV420P, SWS_BILINEAR | SWS_ACCURATE_RND, NULL, NULL, NULL);
-    if (!w->packet || !w->frame || !w->convert || av_frame_get_buffer(w->frame, 0) < 0)
+    w->convert =
+        ffmpeg->sws_getContext(w->layout.width, w->layout.height, AV_PIX_FMT_RGB24, w->layout.width, w->layout.height,
+                               AV_PIX_FMT_YUV420P, SWS_BILINEAR | SWS_ACCURATE_RND, NULL, NULL, NULL);
+    if (!w->packet || !w->frame || !w->convert || ffmpeg->av_frame_get_buffer(w->frame, 0) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
     return OK;
 }
 
 static enum status open_container(struct video_writer *w)
 {
-    uint8_t *buffer = av_malloc(IO_BYTES);
+    uint8_t *buffer = ffmpeg->av_malloc(IO_BYTES);
     if (buffer)
-        w->io = avio_alloc_context(buffer, IO_BYTES, 1, w, NULL, write_bytes, w->layout.seekable ? seek_to : NULL);
+        w->io =
+            ffmpeg->avio_alloc_context(buffer, IO_BYTES, 1, w, NULL, write_bytes, w->layout.seekable ? seek_to : NULL);
     if (!w->io) {
-        av_free(buffer);
+        ffmpeg->av_free(buffer);
         return fail(ERR_MEMORY, "no memory for a film");
     }
-    if (avformat_alloc_output_context2(&w->format, NULL, "mp4", NULL) < 0)
+    if (ffmpeg->avformat_alloc_output_context2(&w->format, NULL, "mp4", NULL) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
     w->format->pb = w->io;
     w->format->flags |= AVFMT_FLAG_BITEXACT; // no date, no version: the same take gives the same bytes
@@ -134,10 +135,13 @@ enum status video_open(struct video_writer **out, FILE *file, const struct video
     *out = NULL;
     if (layout->width < 2 || layout->height < 2)
         return fail(ERR_INPUT, "a film of %d x %d pixels cannot be made", layout->width, layout->height);
+    ffmpeg = ffmpeg_library();
+    if (!ffmpeg)
+        return fail(ERR_INPUT, "FFmpeg's libraries, without which no films are written, are not installed");
     struct video_writer *w = calloc(1, sizeof *w);
     if (!w)
         return fail(ERR_MEMORY, "no memory for a film");
-    av_log_set_level(AV_LOG_ERROR);
+    ffmpeg->av_log_set_level(AV_LOG_ERROR);
     w->out = file;
     w->layout = *layout;
     w->row_bytes = 3 * layout->width;
@@ -160,16 +164,16 @@ enum status video_open(struct video_writer **out, FILE *file, const struct video
 // Hands a frame to the encoder, NULL: the end, and writes what it gives.
 static enum status encode(struct video_writer *w, const AVFrame *frame)
 {
-    int error = avcodec_send_frame(w->codec, frame);
+    int error = ffmpeg->avcodec_send_frame(w->codec, frame);
     while (error >= 0) {
-        error = avcodec_receive_packet(w->codec, w->packet);
+        error = ffmpeg->avcodec_receive_packet(w->codec, w->packet);
         if (error == AVERROR(EAGAIN) || error == AVERROR_EOF)
             return OK;
         if (error < 0)
             break;
-        av_packet_rescale_ts(w->packet, w->codec->time_base, w->stream->time_base);
+        ffmpeg->av_packet_rescale_ts(w->packet, w->codec->time_base, w->stream->time_base);
         w->packet->stream_index = w->stream->index;
-        error = av_interleaved_write_frame(w->format, w->packet);
+        error = ffmpeg->av_interleaved_write_frame(w->format, w->packet);
     }
     return failed("images", error);
 }
@@ -180,12 +184,12 @@ enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_n
     const int stride[1] = {w->row_bytes};
     if (w->last_ticks < 0)
         w->first_ns = time_ns;
-    const int64_t ticks = av_rescale(time_ns - w->first_ns, w->codec->time_base.den, 1000000000);
+    const int64_t ticks = ffmpeg->av_rescale(time_ns - w->first_ns, w->codec->time_base.den, 1000000000);
     if (ticks <= w->last_ticks)
         return fail(ERR_ORDER, "two images of a film have the same time");
-    if (av_frame_make_writable(w->frame) < 0)
+    if (ffmpeg->av_frame_make_writable(w->frame) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
-    sws_scale(w->convert, rows, stride, 0, w->layout.height, w->frame->data, w->frame->linesize);
+    ffmpeg->sws_scale(w->convert, rows, stride, 0, w->layout.height, w->frame->data, w->frame->linesize);
     w->frame->pts = w->last_ticks = ticks;
     return encode(w, w->frame);
 }
@@ -199,20 +203,20 @@ enum status video_close(struct video_writer **out, enum status status)
     if (status == OK)
         status = encode(w, NULL);
     if (w->begun) {
-        const int error = av_write_trailer(w->format); // also after an error: it frees what the muxer holds
+        const int error = ffmpeg->av_write_trailer(w->format); // also after an error: it frees what the muxer holds
         if (error < 0 && status == OK)
             status = failed("end", error);
     }
     struct failure first;
     failure_keep(&first, status);
-    sws_freeContext(w->convert);
-    av_frame_free(&w->frame);
-    av_packet_free(&w->packet);
-    avcodec_free_context(&w->codec);
-    avformat_free_context(w->format);
+    ffmpeg->sws_freeContext(w->convert);
+    ffmpeg->av_frame_free(&w->frame);
+    ffmpeg->av_packet_free(&w->packet);
+    ffmpeg->avcodec_free_context(&w->codec);
+    ffmpeg->avformat_free_context(w->format);
     if (w->io)
-        av_freep(&w->io->buffer);
-    avio_context_free(&w->io);
+        ffmpeg->av_freep(&w->io->buffer);
+    ffmpeg->avio_context_free(&w->io);
     free(w);
     return failure_restore(&first);
 }

@@ -327,10 +327,23 @@ static void check_stopped(struct filmed *f)
     EXPECT_TRUE(!file_exists(part));
 }
 
-// The film has every image, by FFmpeg's own program.
+static bool has_loaded(const char *library)
+{
+    char line[1024];
+    bool found = false;
+    FILE *maps = fopen("/proc/self/maps", "r");
+    assert_non_null(maps);
+    while (!found && fgets(line, sizeof line, maps))
+        found = strstr(line, library) != NULL;
+    fclose(maps);
+    return found;
+}
+
+// The film has every image, by FFmpeg's own program. Its libraries, and all that they bring, wait for the film.
 static void check_film(struct filmed *f)
 {
     char path[300];
+    EXPECT_TRUE(!has_loaded("libavcodec"));
     snprintf(path, sizeof path, "%s/film.mp4", f->rehearsal.scratch.path);
     FILE *out = fopen(path, "w+b");
     assert_non_null(out);
@@ -341,6 +354,7 @@ static void check_film(struct filmed *f)
         return;
     }
     EXPECT_STATUS(status, OK);
+    EXPECT_TRUE(has_loaded("libavcodec"));
     if (access("/usr/bin/ffprobe", X_OK))
         return;
     const struct process_result r =
