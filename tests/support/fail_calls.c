@@ -18,7 +18,7 @@
 typedef struct sqlite3 sqlite3;
 typedef struct sqlite3_stmt sqlite3_stmt;
 
-enum { RANGES_MAX = 64, EARLY_BYTES = 1 << 16, SQLITE_NOMEM = 7, SQLITE_IOERR = 10, SQLITE_FULL = 13 };
+enum { RANGES_MAX = 64, EARLY_BYTES = 1 << 18, SQLITE_NOMEM = 7, SQLITE_IOERR = 10, SQLITE_FULL = 13 };
 
 static struct {
     uintptr_t begin, end;
@@ -30,7 +30,7 @@ static long fail_at;
 static bool fails_alloc, fails_sqlite;
 static void *(*real_malloc)(size_t), *(*real_calloc)(size_t, size_t), *(*real_realloc)(void *, size_t);
 
-// dlsym allocates before the real functions are known.
+// dlsym, and the constructors of libraries (libstdc++ takes 72 KiB), allocate before the real functions are known.
 static char early[EARLY_BYTES];
 static size_t early_used;
 
