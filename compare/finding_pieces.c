@@ -4,6 +4,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+// A second longer or shorter counts as 20 degrees do for a second: a pause that is hardly noticed comes last. By hand.
+#define PAUSE_WEIGHT 20
+
 enum { LEAST_REST = 18, SAME_REST = 15, LEAST_NET = 10 }; // frames; by hand
 
 static double seconds(double frames) { return frames / MOVEMENT_RATE_HZ; }
@@ -57,13 +60,13 @@ static enum status of_piece(struct comparison *c, const struct piece *p)
     case PIECE_PAUSE:
         f.kind = FINDING_TIMING;
         f.amount = b_s - a_s;
-        f.weight = 10 + 15 * f.amount;
+        f.weight = PAUSE_WEIGHT * f.amount;
         snprintf(f.sentence, sizeof f.sentence, "You paused for %.1f s", f.amount);
         break;
     case PIECE_PAUSE_SKIPPED:
         f.kind = FINDING_TIMING;
         f.amount = b_s - a_s;
-        f.weight = 5 - 10 * f.amount;
+        f.weight = -PAUSE_WEIGHT * f.amount;
         snprintf(f.sentence, sizeof f.sentence, "The pause is %.1f s too short", -f.amount);
         break;
     }
