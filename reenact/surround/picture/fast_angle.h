@@ -3,15 +3,26 @@
 #pragma once
 #include <math.h>
 
+// The arc's tangent t in 0..1, s its square, of numbers or of vectors: odd polynomial of least largest error.
+#define FAST_ATAN(t, s)                                                                                                \
+    (((((((-0.01172120f * (s) + 0.05265332f) * (s)-0.11643287f) * (s) + 0.19354346f) * (s)-0.33262347f) * (s)) +       \
+      0.99997726f) *                                                                                                   \
+     (t))
+
+// The integer at or below a number within an int's range; libm's floor is a call.
+static inline int floor_of(float a)
+{
+    const int whole = (int)a;
+    return whole - ((float)whole > a);
+}
+
 // -pi..pi; of (0, 0) 0.
 static inline float fast_atan2(float y, float x)
 {
     const float ax = fabsf(x), ay = fabsf(y);
     const float most = ax > ay ? ax : ay, least = ax > ay ? ay : ax;
     const float t = least / (most > 0 ? most : 1), s = t * t;
-    // Odd polynomial of least largest error on 0..1
-    float a = ((((-0.01172120f * s + 0.05265332f) * s - 0.11643287f) * s + 0.19354346f) * s - 0.33262347f) * s;
-    a = (a + 0.99997726f) * t;
+    float a = FAST_ATAN(t, s);
     if (ay > ax)
         a = 1.57079633f - a;
     if (x < 0)

@@ -1,13 +1,15 @@
 #include "reenact/surround/picture/surround_picture.h"
 
-#include "reenact/surround/picture/fast_angle.h"
+#include "reenact/surround/picture/picture_lanes.h"
 #include "reenact/surround/picture/surround_mesh.h"
 #include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
+// Each of a vector's lower bytes, then one of another's.
+#define ORDER_BYTES 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23
+#define PI          3.14159265358979323846
 
 enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int width, int height,
                                   const struct lens *lens)
@@ -88,6 +90,27 @@ void surround_picture_ray(const struct surround_picture *p, int u, int v, float 
     ray[2] = scale;
 }
 
+void surround_picture_rays(const struct surround_picture *p, int u, int v, four ray[3])
+{
+    if (p->panorama) {
+        const float *row = p->ray_table + 2 * (p->width + v);
+        four a, b;
+        memcpy(&a, p->ray_table + 2 * u, sizeof a);
+        memcpy(&b, p->ray_table + 2 * u + 4, sizeof b);
+        ray[0] = row[0] * __builtin_shufflevector(a, b, 0, 2, 4, 6);
+        ray[1] = FOUR(-row[1]);
+        ray[2] = row[0] * __builtin_shufflevector(a, b, 1, 3, 5, 7);
+        return;
+    }
+    const four_doubles column = {u, u + 1, u + 2, u + 3};
+    const four x = __builtin_convertvector((column - p->lens.cx) / p->lens.fx, four);
+    const float y = (float)((v - p->lens.cy) / p->lens.fy);
+    const four scale = 1 / four_sqrt(x * x + y * y + 1);
+    ray[0] = x * scale;
+    ray[1] = y * scale;
+    ray[2] = scale;
+}
+
 float surround_picture_distance(const struct surround_picture *p, const double world[3], float camera[3])
 {
     const struct vec3 *t = &p->world_from_camera.translation;
@@ -122,6 +145,36 @@ bool surround_picture_project(const struct surround_picture *p, const double wor
     return surround_picture_find(p, camera, out);
 }
 
+void surround_picture_distances(const struct surround_picture *p, const four_doubles world[3], four camera[3],
+                                struct four_points *out)
+{
+    const struct vec3 *t = &p->world_from_camera.translation;
+    const four_doubles d[3] = {world[0] - t->x, world[1] - t->y, world[2] - t->z};
+    for (int i = 0; i < 3; i++) {
+        const four_doubles sum = p->axes[0][i] * d[0] + p->axes[1][i] * d[1] + p->axes[2][i] * d[2];
+        camera[i] = __builtin_convertvector(sum, four);
+    }
+    out->distance = four_sqrt(camera[0] * camera[0] + camera[2] * camera[2] + camera[1] * camera[1]);
+}
+
+void surround_picture_find_four(const struct surround_picture *p, const four c[3], struct four_points *out)
+{
+    const float w = (float)p->width, h = (float)p->height;
+    if (p->panorama) {
+        const four flat = four_sqrt(c[0] * c[0] + c[2] * c[2]);
+        const four u = (four_atan2(c[0], c[2]) * (float)(1 / (2 * PI)) + 0.5f) * w - 0.5f;
+        out->u = FOUR_SELECT(u >= w - 0.5f, u - w, u);
+        out->v = four_atan2(flat, -c[1]) * (float)(1 / PI) * h - 0.5f;
+        out->inside = out->distance > 1e-6f;
+        return;
+    }
+    const four_doubles x = __builtin_convertvector(c[0] / c[2], four_doubles);
+    const four_doubles y = __builtin_convertvector(c[1] / c[2], four_doubles);
+    out->u = __builtin_convertvector(p->lens.fx * x + p->lens.cx, four);
+    out->v = __builtin_convertvector(p->lens.fy * y + p->lens.cy, four);
+    out->inside = (c[2] >= 1e-3f) & (out->u > -0.5f) & (out->v > -0.5f) & (out->u < w - 0.5f) & (out->v < h - 0.5f);
+}
+
 static void catmull_rom(float t, float weight[4])
 {
     weight[0] = ((-0.5f * t + 1) * t - 0.5f) * t;
@@ -137,22 +190,37 @@ static int column_of(const struct surround_picture *p, int u)
     return u < 0 ? 0 : u >= p->width ? p->width - 1 : u;
 }
 
+typedef uint8_t bytes16 __attribute__((vector_size(16)));
+typedef uint16_t words8 __attribute__((vector_size(16)));
+
+// Red, green and blue of a pixel as numbers; the fourth means nothing. Reads four bytes.
+static four pixel_color(const uint8_t *rgb)
+{
+    uint32_t four_bytes;
+    memcpy(&four_bytes, rgb, sizeof four_bytes);
+    const bytes16 none = {0}, bytes = (bytes16)(four_ints){(int32_t)four_bytes};
+    const words8 words = (words8)__builtin_shufflevector(bytes, none, ORDER_BYTES), no_words = {0};
+    return __builtin_convertvector((four_ints)__builtin_shufflevector(words, no_words, 0, 8, 1, 9, 2, 10, 3, 11), four);
+}
+
 void surround_picture_sample(const struct surround_picture *p, float u, float v, float rgb[3])
 {
-    const int x = (int)floorf(u), y = (int)floorf(v);
-    float wx[4], wy[4], sum[3] = {0, 0, 0};
+    const int x = floor_of(u), y = floor_of(v);
+    const bool within = x >= 1 && x + 3 < p->width; // and a pixel more, whose first byte is read
+    float wx[4], wy[4];
+    four sum = {0};
     catmull_rom(u - (float)x, wx);
     catmull_rom(v - (float)y, wy);
     for (int j = 0; j < 4; j++) {
         const int row = y + j - 1 < 0 ? 0 : y + j - 1 >= p->height ? p->height - 1 : y + j - 1;
-        float line[3] = {0, 0, 0};
+        const uint8_t *from = p->rgb + 3 * (size_t)row * (size_t)p->width;
+        four line = {0};
         for (int i = 0; i < 4; i++) {
-            const uint8_t *from = p->rgb + 3 * ((size_t)row * (size_t)p->width + (size_t)column_of(p, x + i - 1));
-            for (int c = 0; c < 3; c++)
-                line[c] += wx[i] * from[c];
+            const int column = within ? x + i - 1 : column_of(p, x + i - 1);
+            const uint8_t *pixel = from + 3 * (size_t)column;
+            line += wx[i] * (within ? pixel_color(pixel) : (four){pixel[0], pixel[1], pixel[2]});
         }
-        for (int c = 0; c < 3; c++)
-            sum[c] += wy[j] * line[c];
+        sum += wy[j] * line;
     }
     for (int c = 0; c < 3; c++) {
         const float value = sum[c] * p->gain[c];

@@ -1,12 +1,12 @@
 // Which of the layers' depths a pixel has, by the view-dependent depth test.
 #include "reenact/surround/view/view_layers.h"
 
-#include <string.h>
+#include "reenact/surround/picture/picture_lanes.h"
 
 // The nearest and farthest of the 3 x 3 pixels around a point decide, so that an edge a pixel off is no contradiction.
 enum sight picture_sight(const struct surround_picture *p, const struct picture_point *at, float apart)
 {
-    const int u = (int)floorf(at->u + 0.5f), v = (int)floorf(at->v + 0.5f);
+    const int u = floor_of(at->u + 0.5f), v = floor_of(at->v + 0.5f);
     const float wanted = 1 / at->distance;
     float least = 1e9f, most = DEPTH_UNKNOWN;
     for (int j = -1; j <= 1; j++)
@@ -48,7 +48,7 @@ enum { MOST_ASKED = 8 };  // the nearest pictures are asked what they see of a c
 // The four pixels around a point, of which the first is the cell's (joined[]).
 static void around(const struct surround_picture *p, const struct picture_point *at, size_t pixels[4])
 {
-    const int u = (int)floorf(at->u), v = (int)floorf(at->v), last = p->width - 1;
+    const int u = floor_of(at->u), v = floor_of(at->v), last = p->width - 1;
     const size_t left = (size_t)(u >= 0 ? u : p->panorama ? last : 0);
     const size_t right = (size_t)(u < last ? u + 1 : p->panorama ? 0 : last);
     const size_t above = (size_t)(v > 0 ? v : 0) * (size_t)p->width;
@@ -78,7 +78,7 @@ struct votes {
 // A surface is compared where the point is on it, not at its pixels, which on the road far ahead differ by more.
 static struct votes votes_of(const struct surround_picture *p, const struct picture_point *at)
 {
-    const float fu = at->u - floorf(at->u), fv = at->v - floorf(at->v);
+    const float fu = at->u - (float)floor_of(at->u), fv = at->v - (float)floor_of(at->v);
     const float wanted = 1 / at->distance;
     struct votes out = {0, 0};
     size_t pixels[4];
@@ -167,33 +167,88 @@ static struct candidate surface_mean(const struct candidate *c, int from, int en
     return out;
 }
 
+// Whether any picture has something farther at four points, each the first candidate of a pixel; of lanes without one
+// the answer means nothing.
+static four_ints looked_through(const struct surround_view *view, const struct surround_picture *const *pictures,
+                                int count, const int pixels[4], four inverse_z)
+{
+    four_doubles world[3];
+    four_ints through = {0};
+    for (int l = 0; l < 4; l++) {
+        double at[3];
+        surround_view_point(view, pixels[l] % view->lens.width, pixels[l] / view->lens.width, inverse_z[l], at);
+        for (int i = 0; i < 3; i++)
+            world[i][l] = at[i];
+    }
+    for (int i = 0; i < count; i++) {
+        struct four_points found;
+        four camera[3];
+        surround_picture_distances(pictures[i], world, camera, &found);
+        surround_picture_find_four(pictures[i], camera, &found);
+        for (int l = 0; l < 4; l++) {
+            const struct picture_point at = {found.u[l], found.v[l], found.distance[l]};
+            if (!through[l] && found.inside[l] && may_look_through(pictures[i], &at))
+                through[l] = -1;
+        }
+    }
+    return through;
+}
+
+struct column { // of a pixel: what the layers have there
+    struct candidate list[SURROUND_MOST_LAYERS];
+    int count, end; // of its first surface
+    struct candidate first;
+};
+
+// through: whether a picture may look through the first surface.
+static void decide(struct surround_view *view, const struct surround_picture *const *pictures, int asked, int pixel,
+                   const struct column *c, bool through, const struct view_options *how)
+{
+    struct candidate best = {0};
+    double least = 2;
+    for (int from = 0, end; from < c->count && least > HALF; from = end) {
+        end = from ? surface_end(c->list, c->count, from, how->apart) : c->end;
+        const struct candidate mean = from ? surface_mean(c->list, from, end) : c->first;
+        const bool test = how->depth_test && (from || through);
+        const double error = test ? error_of(view, pictures, asked, pixel, mean.inverse_z) : 0;
+        if (error < least) {
+            least = error;
+            best = mean;
+        }
+    }
+    if (!c->count || (how->depth_test && least > MOST_THROUGH))
+        return;
+    view->inverse_z[pixel] = best.inverse_z;
+    view->first[pixel] = (int16_t)best.layer;
+}
+
 void view_merge(struct surround_view *view, const struct surround_picture *const *pictures, const float *layers,
                 int count, const struct view_options *how)
 {
     const size_t pixels = (size_t)view->lens.width * (size_t)view->lens.height;
-    for (size_t i = 0; i < pixels; i++) {
-        struct candidate list[SURROUND_MOST_LAYERS];
-        const int n = collect(layers, pixels, count, i, list);
-        view->inverse_z[i] = DEPTH_UNKNOWN;
-        view->first[i] = -1;
-        if (!n)
-            continue;
-        struct candidate best = {0};
-        double least = 2;
-        for (int from = 0, end; from < n && least > HALF; from = end) {
-            end = surface_end(list, n, from, how->apart);
-            const struct candidate mean = surface_mean(list, from, end);
-            const double error = how->depth_test ? error_of(view, pictures, count < MOST_ASKED ? count : MOST_ASKED,
-                                                            (int)i, mean.inverse_z)
-                                                 : 0;
-            if (error < least) {
-                least = error;
-                best = mean;
-            }
+    const int asked = count < MOST_ASKED ? count : MOST_ASKED;
+    struct column columns[4];
+    for (size_t i = 0; i < pixels; i += 4) {
+        int at[4];
+        four inverse_z = FOUR(1.0f);
+        four_ints through = {0};
+        bool any = false;
+        for (int l = 0; l < 4; l++) {
+            struct column *c = &columns[l];
+            at[l] = (int)(i + (size_t)l < pixels ? i + (size_t)l : pixels - 1);
+            c->count = collect(layers, pixels, count, (size_t)at[l], c->list);
+            view->inverse_z[at[l]] = DEPTH_UNKNOWN;
+            view->first[at[l]] = -1;
+            if (!c->count)
+                continue;
+            c->end = surface_end(c->list, c->count, 0, how->apart);
+            c->first = surface_mean(c->list, 0, c->end);
+            inverse_z[l] = c->first.inverse_z;
+            any = true;
         }
-        if (how->depth_test && least > MOST_THROUGH)
-            continue;
-        view->inverse_z[i] = best.inverse_z;
-        view->first[i] = (int16_t)best.layer;
+        if (how->depth_test && any)
+            through = looked_through(view, pictures, asked, at, inverse_z);
+        for (int l = 0; l < 4; l++)
+            decide(view, pictures, asked, at[l], &columns[l], through[l], how);
     }
 }

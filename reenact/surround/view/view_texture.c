@@ -3,7 +3,7 @@
 // lumigraph rendering, section 4).
 #include "reenact/surround/view/view_layers.h"
 
-#include "reenact/surround/picture/fast_angle.h"
+#include "reenact/surround/picture/picture_lanes.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -19,24 +19,30 @@ struct texture {
     float pixel_angle; // of the view, radians
 };
 
-// A point of the surface with the way from it to the view.
+// Four points of the surface with the ways from them to the view; of lanes without a point the numbers mean nothing.
 struct shaded {
-    double world[3];
-    float to_view[3], distance2; // metres, squared
-    float pixel_m;               // size of the view's pixel there
+    four_doubles world[3];
+    four to_view[3], distance2; // metres, squared
+    four pixel_m;               // size of the view's pixel there
+    four_ints known;            // has a point
 };
 
-static struct shaded shaded_point(const struct texture *t, int x, int y, float inverse_z)
+static void shade_points(const struct texture *t, const int at[4][2], struct shaded *s)
 {
-    struct shaded s;
     const struct vec3 *v = &t->view->world_from_view.translation;
-    surround_view_point(t->view, x, y, inverse_z, s.world);
-    s.to_view[0] = (float)(v->x - s.world[0]);
-    s.to_view[1] = (float)(v->y - s.world[1]);
-    s.to_view[2] = (float)(v->z - s.world[2]);
-    s.distance2 = s.to_view[0] * s.to_view[0] + s.to_view[1] * s.to_view[1] + s.to_view[2] * s.to_view[2];
-    s.pixel_m = t->pixel_angle * sqrtf(s.distance2) + 1e-9f;
-    return s;
+    for (int l = 0; l < 4; l++) {
+        const float inverse_z = t->view->inverse_z[(size_t)at[l][1] * (size_t)t->view->lens.width + (size_t)at[l][0]];
+        double world[3];
+        s->known[l] = -(inverse_z >= 0);
+        surround_view_point(t->view, at[l][0], at[l][1], inverse_z, world);
+        for (int i = 0; i < 3; i++)
+            s->world[i][l] = world[i];
+    }
+    s->to_view[0] = __builtin_convertvector(v->x - s->world[0], four);
+    s->to_view[1] = __builtin_convertvector(v->y - s->world[1], four);
+    s->to_view[2] = __builtin_convertvector(v->z - s->world[2], four);
+    s->distance2 = s->to_view[0] * s->to_view[0] + s->to_view[1] * s->to_view[1] + s->to_view[2] * s->to_view[2];
+    s->pixel_m = t->pixel_angle * four_sqrt(s->distance2) + 1e-9f;
 }
 
 static float angle_of_pixel(const struct surround_picture *p)
@@ -44,42 +50,47 @@ static float angle_of_pixel(const struct surround_picture *p)
     return p->panorama ? 6.2831853f / (float)p->width : (float)(1 / p->lens.fx);
 }
 
-// a x b and, returned, a . b of the ways to the view and to the picture. *length2: b's.
-static float compare_ways(const struct shaded *s, const struct surround_picture *p, float cross[3], float *length2)
+// Of the ways to the view and to a picture: their product's length squared, their dot product, the latter's length
+// squared.
+struct ways {
+    four across2, along, length2;
+};
+
+static struct ways compare_ways(const struct shaded *s, const struct surround_picture *p)
 {
     const struct vec3 *c = &p->world_from_camera.translation;
-    const float *a = s->to_view;
-    const float b[3] = {(float)(c->x - s->world[0]), (float)(c->y - s->world[1]), (float)(c->z - s->world[2])};
-    cross[0] = a[1] * b[2] - a[2] * b[1];
-    cross[1] = a[2] * b[0] - a[0] * b[2];
-    cross[2] = a[0] * b[1] - a[1] * b[0];
-    *length2 = b[0] * b[0] + b[1] * b[1] + b[2] * b[2];
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const four *a = s->to_view;
+    const four b[3] = {__builtin_convertvector(c->x - s->world[0], four),
+                       __builtin_convertvector(c->y - s->world[1], four),
+                       __builtin_convertvector(c->z - s->world[2], four)};
+    const four cross[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+    return (struct ways){cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2],
+                         a[0] * b[0] + a[1] * b[1] + a[2] * b[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]};
+}
+
+// What is lost where a picture's pixel is `coarse` of the view's.
+static four cost_of_coarse(const struct texture *t, four coarse)
+{
+    return (float)t->how->resolution_cost * FOUR_SELECT(coarse > 0.5f, coarse - 0.5f, FOUR(0.0f));
 }
 
 // Angle between the view's and the picture's ray, and resolution short of the view's, in radians.
-static float cost_of(const struct texture *t, const struct surround_picture *p, const struct shaded *s, float distance)
+static four cost_of(const struct texture *t, const struct surround_picture *p, const struct shaded *s,
+                    const struct ways *w, four distance)
 {
-    float cross[3], length2;
-    const float along = compare_ways(s, p, cross, &length2);
-    const float angle = fast_atan2(sqrtf(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]), along);
-    // Size of the picture's pixel at the point over that of the view's
-    const float coarse = angle_of_pixel(p) * distance / s->pixel_m;
-    return angle + (float)t->how->resolution_cost * (coarse > 0.5f ? coarse - 0.5f : 0);
+    const four angle = four_atan2(four_sqrt(w->across2), w->along);
+    return angle + cost_of_coarse(t, angle_of_pixel(p) * distance / s->pixel_m);
 }
 
 // Whether cost_of surely is `limit` or more, from bounds that cost less: an angle is larger than its sine. The slack is
-// for rounding and for fast_atan2's error of 1e-5.
-static bool costs_more(const struct texture *t, const struct surround_picture *p, const struct shaded *s, float limit)
+// for rounding and for four_atan2's error of 1e-5.
+static four_ints costs_more(const struct texture *t, const struct surround_picture *p, const struct shaded *s,
+                            const struct ways *w, four limit)
 {
-    float cross[3], length2;
-    const float along = compare_ways(s, p, cross, &length2);
-    const float coarse = angle_of_pixel(p) * sqrtf(length2) / s->pixel_m * 0.9999f;
-    const float left = limit + 1e-4f - (float)t->how->resolution_cost * (coarse > 0.5f ? coarse - 0.5f : 0);
-    if (left <= 0 || (along < 0 && left < 1.5f))
-        return true;
-    return cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2] >
-           left * left * s->distance2 * length2 * 1.0001f;
+    const four coarse = angle_of_pixel(p) * four_sqrt(w->length2) / s->pixel_m * 0.9999f;
+    const four left = limit + 1e-4f - cost_of_coarse(t, coarse);
+    return (left <= 0) | ((w->along < 0) & (left < 1.5f)) |
+           (w->across2 > left * left * s->distance2 * w->length2 * 1.0001f);
 }
 
 struct choice {
@@ -101,7 +112,7 @@ static void insert(struct choice *list, int *count, int most, const struct choic
 // How much of the 2 x 2 pixels around a point are of the point's surface, 0..1.
 static float share_seen(const struct surround_picture *p, const struct picture_point *at, float apart)
 {
-    const int u = (int)floorf(at->u), v = (int)floorf(at->v);
+    const int u = floor_of(at->u), v = floor_of(at->v);
     const float fu = at->u - (float)u, fv = at->v - (float)v, wanted = 1 / at->distance;
     float sum = 0;
     for (int k = 0; k < 4; k++) {
@@ -117,6 +128,32 @@ static float share_seen(const struct surround_picture *p, const struct picture_p
     return sum;
 }
 
+// The best pictures for each of four points.
+static void best_pictures(const struct texture *t, const int at[4][2], struct choice list[4][TILE_PICTURES],
+                          int count[4])
+{
+    struct shaded s;
+    shade_points(t, at, &s);
+    memset(count, 0, 4 * sizeof *count);
+    for (int i = 0; i < t->count && four_any(s.known); i++) {
+        const struct surround_picture *p = t->pictures[i];
+        struct four_points where;
+        four camera[3];
+        surround_picture_distances(p, s.world, camera, &where);
+        surround_picture_find_four(p, camera, &where);
+        const struct ways ways = compare_ways(&s, p);
+        const four cost = cost_of(t, p, &s, &ways, where.distance);
+        for (int l = 0; l < 4; l++) {
+            struct choice one = {i, cost[l], {where.u[l], where.v[l], where.distance[l]}};
+            if (!s.known[l] || !where.inside[l])
+                continue;
+            if (picture_sight(p, &one.at, 0.05f) != SIGHT_SEEN)
+                one.cost += 10;
+            insert(list[l], &count[l], TILE_PICTURES, &one);
+        }
+    }
+}
+
 // The pictures that may serve a tile: the best for any of five of its pixels.
 static int tile_pictures(const struct texture *t, int x0, int y0, int out[])
 {
@@ -124,29 +161,16 @@ static int tile_pictures(const struct texture *t, int x0, int y0, int out[])
     const int x1 = x0 + TILE - 1 < w ? x0 + TILE - 1 : w - 1, y1 = y0 + TILE - 1 < h ? y0 + TILE - 1 : h - 1;
     const int at[5][2] = {{(x0 + x1) / 2, (y0 + y1) / 2}, {x0, y0}, {x1, y0}, {x0, y1}, {x1, y1}};
     bool taken[SURROUND_MOST_LAYERS * 4] = {0};
-    int count = 0;
-    for (int k = 0; k < 5; k++) {
-        const float inverse_z = t->view->inverse_z[(size_t)at[k][1] * (size_t)w + (size_t)at[k][0]];
-        struct choice list[TILE_PICTURES];
-        int n = 0;
-        if (inverse_z < 0)
-            continue;
-        const struct shaded s = shaded_point(t, at[k][0], at[k][1], inverse_z);
-        for (int i = 0; i < t->count; i++) {
-            struct choice one = {.picture = i};
-            if (!surround_picture_project(t->pictures[i], s.world, &one.at))
-                continue;
-            one.cost = cost_of(t, t->pictures[i], &s, one.at.distance);
-            if (picture_sight(t->pictures[i], &one.at, 0.05f) != SIGHT_SEEN)
-                one.cost += 10;
-            insert(list, &n, TILE_PICTURES, &one);
-        }
-        for (int i = 0; i < n; i++)
-            if (!taken[list[i].picture] && count < 2 * TILE_PICTURES) {
-                taken[list[i].picture] = true;
-                out[count++] = list[i].picture;
+    struct choice list[8][TILE_PICTURES];
+    int n[8], count = 0;
+    best_pictures(t, at, list, n);
+    best_pictures(t, (const int[4][2]){{x1, y1}, {x1, y1}, {x1, y1}, {x1, y1}}, list + 4, n + 4);
+    for (int k = 0; k < 5; k++)
+        for (int i = 0; i < n[k]; i++)
+            if (!taken[list[k][i].picture] && count < 2 * TILE_PICTURES) {
+                taken[list[k][i].picture] = true;
+                out[count++] = list[k][i].picture;
             }
-    }
     return count;
 }
 
@@ -169,45 +193,80 @@ static void blend(const struct texture *t, struct choice *list, int count, uint8
         rgb[c] = (uint8_t)(sum[c] / weights + 0.5f);
 }
 
-static void shade(const struct texture *t, int x, int y, const int *pictures, int count)
+// Four pixels of a row with the pictures chosen for each so far.
+struct shading {
+    struct shaded points;
+    struct choice list[4][MOST_BLENDED + 1];
+    int count[4];
+    four limit; // a picture that costs as much is not chosen
+};
+
+// Whether a picture is among the best of the lanes asked. last_resort: it made the geometry.
+static void ask(const struct texture *t, struct shading *s, int picture, four_ints asked, bool last_resort)
 {
-    struct surround_view *view = t->view;
-    const size_t i = (size_t)y * (size_t)view->lens.width + (size_t)x;
-    struct choice list[MOST_BLENDED + 1];
+    const struct surround_picture *p = t->pictures[picture];
+    const struct ways ways = compare_ways(&s->points, p);
     const int most = t->how->texture_pictures + 1;
-    int n = 0;
-    view->source[i] = view->inverse_z[i] < 0 ? SOURCE_UNSEEN : SOURCE_SEEN;
-    if (view->inverse_z[i] < 0)
+    struct four_points at;
+    four camera[3];
+    asked &= ~costs_more(t, p, &s->points, &ways, s->limit);
+    if (!four_any(asked))
         return;
-    const struct shaded s = shaded_point(t, x, y, view->inverse_z[i]);
-    for (int k = -1; k < count; k++) {
-        struct choice one = {.picture = k < 0 ? view->first[i] : pictures[k]};
-        if (k >= 0 && one.picture == view->first[i])
-            continue;
-        const struct surround_picture *p = t->pictures[one.picture];
-        if (n == most && costs_more(t, p, &s, list[most - 1].cost))
-            continue;
-        float camera[3];
-        one.at.distance = surround_picture_distance(p, s.world, camera);
-        one.cost = cost_of(t, p, &s, one.at.distance);
-        if (n == most && list[most - 1].cost <= one.cost) // what follows only adds to the cost
-            continue;
-        if (!surround_picture_find(p, camera, &one.at))
+    surround_picture_distances(p, s->points.world, camera, &at);
+    const four cost = cost_of(t, p, &s->points, &ways, at.distance);
+    asked &= cost < s->limit; // what follows only adds to the cost
+    if (!four_any(asked))
+        return;
+    surround_picture_find_four(p, camera, &at);
+    asked &= at.inside;
+    for (int l = 0; l < 4; l++) {
+        struct choice one = {picture, cost[l], {at.u[l], at.v[l], at.distance[l]}};
+        if (!asked[l])
             continue;
         const float seen = share_seen(p, &one.at, 0.04f);
         if (seen < 0.5f) // by what made the geometry, as a last resort
-            one.cost += k < 0 ? 100 : COST_HIDDEN;
+            one.cost += last_resort ? 100 : COST_HIDDEN;
         else
             one.cost += 0.3f * (1 - seen);
         if (one.cost < COST_HIDDEN)
-            insert(list, &n, most, &one);
+            insert(s->list[l], &s->count[l], most, &one);
+        if (s->count[l] == most)
+            s->limit[l] = s->list[l][most - 1].cost;
     }
-    while (n > 1 && list[n - 1].cost >= 100)
-        n--;
-    if (n)
-        blend(t, list, n, view->rgb + 3 * i);
-    else
-        view->source[i] = SOURCE_UNSEEN;
+}
+
+// Pixels x to x + 3 of a row, of those beyond `end` none.
+static void shade(const struct texture *t, int x, int end, int y, const int *pictures, int count)
+{
+    struct surround_view *view = t->view;
+    const size_t row = (size_t)y * (size_t)view->lens.width;
+    struct shading s = {.limit = FOUR(COST_HIDDEN)};
+    int at[4][2];
+    four_ints first;
+    for (int l = 0; l < 4; l++) {
+        at[l][0] = x + l < end ? x + l : end - 1;
+        at[l][1] = y;
+        first[l] = view->first[row + (size_t)at[l][0]];
+    }
+    shade_points(t, (const int(*)[2])at, &s.points);
+    four_ints left = s.points.known;
+    for (int l = 0; l < 4; l++)
+        if (left[l]) {
+            const four_ints same = left & (first == first[l]);
+            ask(t, &s, first[l], same, true);
+            left &= ~same;
+        }
+    for (int k = 0; k < count && four_any(s.points.known); k++)
+        ask(t, &s, pictures[k], s.points.known & (first != pictures[k]), false);
+    for (int l = 0; l < 4 && x + l < end; l++) {
+        const size_t i = row + (size_t)(x + l);
+        int n = s.count[l];
+        while (n > 1 && s.list[l][n - 1].cost >= 100)
+            n--;
+        view->source[i] = n ? SOURCE_SEEN : SOURCE_UNSEEN;
+        if (n)
+            blend(t, s.list[l], n, view->rgb + 3 * i);
+    }
 }
 
 // Grey with slanting stripes: not to be taken for a picture.
@@ -229,9 +288,10 @@ enum status view_texture(struct surround_view *view, const struct surround_pictu
         for (int x0 = 0; x0 < view->lens.width; x0 += TILE) {
             int chosen[2 * TILE_PICTURES];
             const int n = tile_pictures(&t, x0, y0, chosen);
+            const int end = x0 + TILE < view->lens.width ? x0 + TILE : view->lens.width;
             for (int y = y0; y < y0 + TILE && y < view->lens.height; y++)
-                for (int x = x0; x < x0 + TILE && x < view->lens.width; x++)
-                    shade(&t, x, y, chosen, n);
+                for (int x = x0; x < end; x += 4)
+                    shade(&t, x, end, y, chosen, n);
         }
     hatch(view);
     return OK;

@@ -1,6 +1,8 @@
 // View-dependent geometry: the surface that one picture's depth spans, drawn into a view's depth.
 #include "reenact/surround/view/view_layers.h"
 
+#include "reenact/surround/picture/picture_lanes.h"
+
 enum { BLOCK = 16 };
 
 struct warp {
@@ -14,7 +16,7 @@ struct warp {
 
 struct vertex {
     float x, y, inverse_z; // pixels of the view; 1 / z
-    bool ahead;
+    int32_t ahead;         // else the others mean nothing
 };
 
 // In units of the ray, so that the infinitely far needs no exception: q = turn ray + inverse shift, 1 / z = inverse /
@@ -32,6 +34,27 @@ static struct vertex project(const struct warp *w, const float ray[3], float inv
     out.y = w->fy * q[1] * scale + w->cy;
     out.inverse_z = inverse * scale;
     return out;
+}
+
+// The same of four pixels of a row.
+static void project_four(const struct warp *w, const four ray[3], four inverse, struct vertex out[4])
+{
+    four q[3];
+    for (int i = 0; i < 3; i++)
+        q[i] = w->turn[i][0] * ray[0] + w->turn[i][1] * ray[1] + w->turn[i][2] * ray[2] + inverse * w->shift[i];
+    const four scale = 1 / q[2];
+    const four x = w->fx * q[0] * scale + w->cx, y = w->fy * q[1] * scale + w->cy, inverse_z = inverse * scale;
+    const four ahead = (four)(q[2] > 1e-4f);
+    // Transposed
+    const four xy[2] = {__builtin_shufflevector(x, y, 0, 4, 1, 5), __builtin_shufflevector(x, y, 2, 6, 3, 7)};
+    const four za[2] = {__builtin_shufflevector(inverse_z, ahead, 0, 4, 1, 5),
+                        __builtin_shufflevector(inverse_z, ahead, 2, 6, 3, 7)};
+    for (int k = 0; k < 2; k++) {
+        const four first = __builtin_shufflevector(xy[k], za[k], 0, 1, 4, 5);
+        const four second = __builtin_shufflevector(xy[k], za[k], 2, 3, 6, 7);
+        memcpy(&out[2 * k], &first, sizeof first);
+        memcpy(&out[2 * k + 1], &second, sizeof second);
+    }
 }
 
 // libm's fminf is a call.
@@ -136,17 +159,23 @@ static void cell(const struct warp *w, int u, int v)
 static void block(const struct warp *w, int u0, int v0, int u1, int v1)
 {
     const struct surround_picture *p = w->p;
-    struct vertex vertices[BLOCK + 1][BLOCK + 1];
-    for (int v = v0; v <= v1; v++)
-        for (int u = u0; u <= u1; u++) {
-            const int column = u < p->width ? u : 0;
-            const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)column];
-            float ray[3];
-            if (inverse < 0)
-                continue;
-            surround_picture_ray(p, column, v, ray);
-            vertices[v - v0][u - u0] = project(w, ray, inverse);
+    struct vertex vertices[BLOCK + 1][BLOCK + 4];
+    for (int v = v0; v <= v1; v++) {
+        const float *row = p->inverse + (size_t)v * (size_t)p->width;
+        int u = u0;
+        for (; u < u1 && u + 4 <= p->width; u += 4) {
+            four rays[3], inverse;
+            memcpy(&inverse, row + u, sizeof inverse);
+            surround_picture_rays(p, u, v, rays);
+            project_four(w, rays, inverse, &vertices[v - v0][u - u0]);
         }
+        for (; u <= u1; u++) {
+            const int column = u < p->width ? u : 0;
+            float ray[3];
+            surround_picture_ray(p, column, v, ray);
+            vertices[v - v0][u - u0] = project(w, ray, row[column]);
+        }
+    }
     for (int v = v0; v < v1; v++)
         for (int u = u0; u < u1; u++) {
             const struct vertex *above = &vertices[v - v0][u - u0], *below = &vertices[v - v0 + 1][u - u0];
@@ -157,19 +186,36 @@ static void block(const struct warp *w, int u0, int v0, int u1, int v1)
         }
 }
 
+// The range of a block's inverse depths; of one without any *nearest is negative.
+static void range_of(const struct surround_picture *p, const int from[2], const int to[2], float *farthest,
+                     float *nearest)
+{
+    four low = FOUR(1e9f), high = FOUR(-1.0f);
+    for (int v = from[1]; v <= to[1]; v++) {
+        const float *row = p->inverse + (size_t)v * (size_t)p->width;
+        int u = from[0];
+        for (; u + 3 <= to[0] && u + 4 <= p->width; u += 4) {
+            four inverse;
+            memcpy(&inverse, row + u, sizeof inverse);
+            high = FOUR_SELECT(inverse > high, inverse, high);
+            low = FOUR_SELECT((inverse < low) & (inverse >= 0), inverse, low);
+        }
+        for (; u <= to[0]; u++) {
+            const float inverse = row[u < p->width ? u : 0];
+            high[0] = most(inverse, high[0]);
+            low[0] = inverse >= 0 && inverse < low[0] ? inverse : low[0];
+        }
+    }
+    *farthest = least(least(low[0], low[1]), least(low[2], low[3]));
+    *nearest = most(most(high[0], high[1]), most(high[2], high[3]));
+}
+
 // Whether a block of pixels may be in sight: not all of its corners, nearest and farthest, beyond one edge of the view.
 static bool may_be_seen(const struct warp *w, int u0, int v0, int u1, int v1)
 {
     const struct surround_picture *p = w->p;
-    float farthest = 1e9f, nearest = -1;
-    for (int v = v0; v <= v1; v++)
-        for (int u = u0; u <= u1; u++) {
-            const float inverse = p->inverse[(size_t)v * (size_t)p->width + (size_t)(u < p->width ? u : 0)];
-            if (inverse < 0)
-                continue;
-            farthest = least(inverse, farthest);
-            nearest = most(inverse, nearest);
-        }
+    float farthest, nearest;
+    range_of(p, (const int[2]){u0, v0}, (const int[2]){u1, v1}, &farthest, &nearest);
     if (nearest < 0)
         return false;
     int outside[5] = {0};
