@@ -445,6 +445,8 @@ enum status surroundings_prepare(struct surroundings *s, struct pose world_from_
         status = make_depths(s, s->nearest, *count);
     if (status == OK)
         status = exposure_even(&s->exposure, s->pictures, s->nearest, *count);
+    if (status == OK)
+        exposure_suit_view(&s->exposure, s->pictures, s->nearest, usable, *count, world_from_view);
     return status;
 }
 

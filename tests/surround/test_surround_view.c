@@ -391,6 +391,48 @@ static void test_exposure_is_evened(void **state)
     box_room_close(&s);
 }
 
+// Each picture's own exposure where it was taken; the pictures' ratios stay; and between, also where the picture that
+// counts no more is exchanged, no jump.
+static void test_a_view_has_the_exposure_of_its_place(void **state)
+{
+    (void)state;
+    static const double exposures[ROOM_PICTURES] = {0.7, 1, 1.4};
+    enum { STEPS = 100 };
+    struct box_room s;
+    struct exposure even = {0};
+    const struct surround_picture *list[ROOM_PICTURES];
+    box_room_open(&s, &view_lens);
+    box_room_film(&s);
+    for (int i = 0; i < ROOM_PICTURES; i++) {
+        list[i] = &s.pictures[i];
+        for (int k = 0; k < ROOM_WIDTH * ROOM_HEIGHT * 3; k++)
+            s.pictures[i].rgb[k] = (uint8_t)fmin(255, s.pictures[i].rgb[k] * exposures[i] + 0.5);
+    }
+    assert_int_equal(exposure_even(&even, s.pictures, list, ROOM_PICTURES), OK);
+    for (int near = 2; near <= ROOM_PICTURES; near++) {
+        double before = 0;
+        for (int step = 0; step <= STEPS; step++) {
+            const struct vec3 from = s.pictures[0].world_from_camera.translation;
+            const struct vec3 way = v3_sub(s.pictures[2].world_from_camera.translation, from);
+            const struct vec3 at = v3_add(from, v3_scale(way, (double)step / STEPS));
+            const struct pose eye = room_camera(at.x, at.y, at.z);
+            assert_int_equal(surround_view_rank(eye, list, ROOM_PICTURES), OK);
+            exposure_suit_view(&even, s.pictures, list, ROOM_PICTURES, near, eye);
+            const double exposure = (double)s.pictures[1].gain[1]; // of the view, the second picture's being 1
+            EXPECT_NEAR(s.pictures[0].gain[1] * exposures[0] / exposure, 1, 0.02);
+            EXPECT_NEAR(s.pictures[2].gain[1] * exposures[2] / exposure, 1, 0.02);
+            for (int i = 0; i < ROOM_PICTURES; i++)
+                if (step == i * STEPS / 2)
+                    EXPECT_NEAR(exposure, exposures[i], 0.06);
+            if (step)
+                EXPECT_NEAR(exposure / before, 1, 0.08); // of 1.4 or 0.7 in 50 steps
+            before = exposure;
+        }
+    }
+    exposure_free(&even);
+    box_room_close(&s);
+}
+
 // One picture, or pictures that have nothing in common, keep their colours.
 static void test_exposure_without_overlap(void **state)
 {
@@ -427,6 +469,7 @@ int main(void)
         cmocka_unit_test(test_a_black_panorama),
         cmocka_unit_test(test_points_behind_glass),
         cmocka_unit_test(test_exposure_is_evened),
+        cmocka_unit_test(test_a_view_has_the_exposure_of_its_place),
         cmocka_unit_test(test_exposure_without_overlap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

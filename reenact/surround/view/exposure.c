@@ -3,6 +3,7 @@
 #include "reenact/surround/view/view_layers.h"
 #include "base/portable_math.h"
 
+#include <stddef.h>
 #include <stdlib.h>
 
 // Chosen by hand: points looked at; fewest that make a ratio; levels that are neither dark nor saturated; the pull to
@@ -10,6 +11,7 @@
 enum { GRID = 40, FEWEST = 40, DARKEST = 12, BRIGHTEST = 243, COMPARED = 4, ALIKE = 4, SWEEPS = 200 };
 #define SIGMA_GAIN 0.5
 #define SIGMA_PAIR 0.004 // a ratio is never better than this
+#define NEAR_M     0.05  // pictures nearer to a view than this count alike; as far as poses may be off
 
 void exposure_free(struct exposure *e)
 {
@@ -251,4 +253,25 @@ enum status exposure_even(struct exposure *e, struct surround_picture *all, cons
         for (int c = 0; c < 3; c++)
             all[p].gain[c] = (float)portable_exp(e->log_gain[p][c]);
     return status;
+}
+
+void exposure_suit_view(const struct exposure *e, struct surround_picture *all,
+                        const struct surround_picture *const *ranked, int count, int near, struct pose world_from_view)
+{
+    const double last = near < count ? surround_view_distance(world_from_view, ranked[near]) + NEAR_M : INFINITY;
+    double own[3] = {0}, weights = 1e-12;
+    for (int i = 0; i < near; i++) {
+        const ptrdiff_t p = ranked[i] - all;
+        const double away = surround_view_distance(world_from_view, ranked[i]) + NEAR_M;
+        // Shepard's weights, 1968; where all are as far as the next, they count alike
+        const double weight = 1 / (away * away) - (1 - 1e-6) / (last * last);
+        if (p >= e->picture_count)
+            continue;
+        weights += weight;
+        for (int c = 0; c < 3; c++)
+            own[c] += weight * e->log_gain[p][c];
+    }
+    for (int p = 0; p < e->picture_count; p++)
+        for (int c = 0; c < 3; c++)
+            all[p].gain[c] = (float)portable_exp(e->log_gain[p][c] - own[c] / weights);
 }

@@ -52,21 +52,24 @@ static int by_distance(const void *a, const void *b)
     return (x->picture->time_ns > y->picture->time_ns) - (x->picture->time_ns < y->picture->time_ns);
 }
 
+double surround_view_distance(struct pose world_from_view, const struct surround_picture *picture)
+{
+    const struct vec3 eye = world_from_view.translation, ahead = quat_rotate(world_from_view.rotation, v3(0, 0, 1));
+    const struct vec3 focus = v3_add(eye, v3_scale(ahead, 3)), at = picture->world_from_camera.translation;
+    const double distance = fmin(v3_distance(at, eye), v3_distance(at, focus));
+    if (picture->panorama)
+        return distance;
+    const double(*axes)[3] = picture->axes;
+    return distance + 1 - (axes[0][2] * ahead.x + axes[1][2] * ahead.y + axes[2][2] * ahead.z);
+}
+
 enum status surround_view_rank(struct pose world_from_view, const struct surround_picture **pictures, int count)
 {
     struct ranked *list = malloc((size_t)(count + 1) * sizeof *list);
     if (!list)
         return fail(ERR_MEMORY, "out of memory");
-    const struct vec3 eye = world_from_view.translation, ahead = quat_rotate(world_from_view.rotation, v3(0, 0, 1));
-    const struct vec3 focus = v3_add(eye, v3_scale(ahead, 3));
-    for (int i = 0; i < count; i++) {
-        const struct vec3 at = pictures[i]->world_from_camera.translation;
-        list[i] = (struct ranked){pictures[i], fmin(v3_distance(at, eye), v3_distance(at, focus))};
-        if (!pictures[i]->panorama) { // one that looks elsewhere is as far as a metre for each right angle
-            const double(*axes)[3] = pictures[i]->axes;
-            list[i].distance += 1 - (axes[0][2] * ahead.x + axes[1][2] * ahead.y + axes[2][2] * ahead.z);
-        }
-    }
+    for (int i = 0; i < count; i++)
+        list[i] = (struct ranked){pictures[i], surround_view_distance(world_from_view, pictures[i])};
     qsort(list, (size_t)count, sizeof *list, by_distance);
     for (int i = 0; i < count; i++)
         pictures[i] = list[i].picture;
