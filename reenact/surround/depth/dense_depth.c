@@ -190,6 +190,32 @@ static void fill_row(struct surround_picture *p, const struct depth_seeds *s, in
     }
 }
 
+// Continues the segments' surfaces into what no segment reaches, and marks it so.
+static enum status continue_surfaces(struct surround_picture *p, const struct depth_seeds *s, int32_t *label)
+{
+    const size_t pixels = (size_t)p->width * (size_t)p->height;
+    int32_t *segment = grow_upright(p, s, label);
+    bool *reached = malloc(pixels * sizeof *reached);
+    if (!segment || !reached) {
+        free(segment);
+        free(reached);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (size_t i = 0; i < pixels; i++)
+        reached[i] = label[i] != WATERSHED_FREE;
+    for (int u = 0; u < p->width; u++)
+        fill_column(p, s, label, segment, u);
+    free(segment);
+    for (int v = 0; v < p->height; v++)
+        fill_row(p, s, label, v);
+    surround_picture_join(p);
+    for (size_t i = 0; i < pixels; i++)
+        if (!reached[i])
+            p->joined[i] |= DEPTH_CONTINUED;
+    free(reached);
+    return OK;
+}
+
 static enum status make(struct surround_picture *p, const struct depth_seeds *s, const struct depth_options *how,
                         int32_t *label)
 {
@@ -210,14 +236,8 @@ static enum status make(struct surround_picture *p, const struct depth_seeds *s,
     if (status != OK)
         return status;
     fill_segments(p, s, label);
-    int32_t *segment = how->upright ? grow_upright(p, s, label) : NULL;
-    if (how->upright && !segment)
-        return fail(ERR_MEMORY, "out of memory");
-    for (int u = 0; how->upright && u < p->width; u++)
-        fill_column(p, s, label, segment, u);
-    free(segment);
-    for (int v = 0; how->upright && v < p->height; v++)
-        fill_row(p, s, label, v);
+    if (how->upright)
+        return continue_surfaces(p, s, label);
     surround_picture_join(p);
     return OK;
 }

@@ -13,8 +13,13 @@
 // inverse[] of a pixel: 1/m of its ray's length. 0: infinitely far (sky). Negative: not known.
 #define DEPTH_UNKNOWN (-1.0f)
 
-// joined[]: which neighbours lie on the same surface as a pixel.
-enum { JOINED_RIGHT = 1, JOINED_DOWN = 2, JOINED_DIAGONAL = 4 /* all of the four pixels right and down of this one */ };
+// joined[]: which neighbours lie on the same surface as a pixel, and where its depth comes from.
+enum {
+    JOINED_RIGHT = 1,
+    JOINED_DOWN = 2,
+    JOINED_DIAGONAL = 4, // all of the four pixels right and down of this one
+    DEPTH_CONTINUED = 8  // no point is near it in the picture: the surface beside it is thought to go on
+};
 
 struct surround_picture {
     bool panorama;     // else perspective, by lens
@@ -43,7 +48,7 @@ void surround_picture_free(struct surround_picture *p); // what was zeroed, too
 void surround_picture_place(struct surround_picture *p, struct pose world_from_camera);
 
 // Marks the pixels that lie on one surface: neighbours whose depth continues each other's slope within 3 %.
-// Needs inverse; fills joined.
+// Needs inverse; fills joined, without DEPTH_CONTINUED.
 void surround_picture_join(struct surround_picture *p);
 
 // Unit vector in camera axes through a pixel.

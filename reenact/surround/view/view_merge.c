@@ -194,21 +194,65 @@ static four_ints looked_through(const struct surround_view *view, const struct s
     return through;
 }
 
+// Whether any of the pictures asked sees a world point or looks through it; else something hides it from all of them.
+static bool is_judged(const struct surround_picture *const *pictures, int asked, const double world[3])
+{
+    for (int i = 0; i < asked; i++) {
+        struct picture_point at;
+        if (!surround_picture_project(pictures[i], world, &at))
+            continue;
+        const struct votes votes = votes_of(pictures[i], &at);
+        if (votes.seen + votes.through > 0)
+            return true;
+    }
+    return false;
+}
+
+// Whether one of a surface's own pictures has points near it, and does not only continue what is beside it.
+static bool is_measured(const struct surround_picture *const *pictures, const struct candidate *c, int count,
+                        const double world[3])
+{
+    for (int i = 0; i < count; i++) {
+        const struct surround_picture *p = pictures[c[i].layer];
+        struct picture_point at;
+        size_t pixels[4];
+        if (!surround_picture_project(p, world, &at))
+            continue;
+        around(p, &at, pixels);
+        for (int k = 0; k < 4; k++)
+            if (p->inverse[pixels[k]] >= 0 && !(p->joined[pixels[k]] & DEPTH_CONTINUED))
+                return true;
+    }
+    return false;
+}
+
 struct column { // of a pixel: what the layers have there
     struct candidate list[SURROUND_MOST_LAYERS];
     int count, end; // of its first surface
     struct candidate first;
 };
 
+// A surface that only pictures have that are too far to be asked: they continue it, and it is hidden from all that are
+// asked. It passes into what nobody has seen, as a wall behind a box.
+static bool is_imagined(const struct surround_picture *const *pictures, int asked, const struct candidate *c, int count,
+                        const double world[3])
+{
+    return !is_judged(pictures, asked, world) && !is_measured(pictures, c, count, world);
+}
+
 // through: whether a picture may look through the first surface.
 static void decide(struct surround_view *view, const struct surround_picture *const *pictures, int asked, int pixel,
                    const struct column *c, bool through, const struct view_options *how)
 {
     struct candidate best = {0};
-    double least = 2;
+    double least = 2; // more than any error
     for (int from = 0, end; from < c->count && least > HALF; from = end) {
         end = from ? surface_end(c->list, c->count, from, how->apart) : c->end;
         const struct candidate mean = from ? surface_mean(c->list, from, end) : c->first;
+        double world[3];
+        surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, mean.inverse_z, world);
+        if (how->depth_test && mean.layer >= asked && is_imagined(pictures, asked, c->list + from, end - from, world))
+            continue;
         const bool test = how->depth_test && (from || through);
         const double error = test ? error_of(view, pictures, asked, pixel, mean.inverse_z) : 0;
         if (error < least) {
@@ -216,7 +260,7 @@ static void decide(struct surround_view *view, const struct surround_picture *co
             best = mean;
         }
     }
-    if (!c->count || (how->depth_test && least > MOST_THROUGH))
+    if (least > 1 || (how->depth_test && least > MOST_THROUGH))
         return;
     view->inverse_z[pixel] = best.inverse_z;
     view->first[pixel] = (int16_t)best.layer;
