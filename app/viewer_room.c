@@ -22,29 +22,13 @@ static const double MIDDLE_RATE = 0.4; // the points lie within so much of its f
 static enum status open_things(struct viewer *v)
 {
     struct viewer_room *r = &v->room;
-    enum status status = place_things_read(v->recording, &r->things);
-    if (status == ERR_MEMORY)
+    const enum status status = room_things_open(&r->things, v->recording);
+    if (status != OK)
         return status;
-    const size_t count = (size_t)r->things.count + 1;
-    r->solids = calloc(count, sizeof *r->solids);
-    r->opened = calloc(count, sizeof *r->opened);
+    const size_t count = (size_t)r->things.known.count + 1;
     r->pictures = calloc(count, sizeof *r->pictures);
-    r->shown = calloc(count, sizeof *r->shown);
     r->asked = calloc(count, sizeof *r->asked);
-    if (!r->solids || !r->opened || !r->pictures || !r->shown || !r->asked)
-        return fail(ERR_MEMORY, "no memory for what stands in the room");
-    for (int i = 0; i < r->things.count; i++) {
-        const struct place_thing *t = &r->things.things[i];
-        struct room_thing *s = &r->shown[i];
-        *s = (struct room_thing){.name = t->name,
-                                 .world_from_thing = t->world_from_thing,
-                                 .width_m = t->width_m,
-                                 .height_m = t->height_m,
-                                 .sigma_m = t->sigma_m,
-                                 .gone = t->gone};
-        covariance_ellipsoid(&t->covariance, s->ellipsoid);
-    }
-    return OK;
+    return r->pictures && r->asked ? OK : fail(ERR_MEMORY, "no memory for what stands in the room");
 }
 
 enum status viewer_room_open(struct viewer *v)
@@ -58,14 +42,14 @@ enum status viewer_room_open(struct viewer *v)
     r->driven = recording_read_drive(v->recording, &r->drive) == OK; // what is damaged of it is no error
     if (status == OK)
         status = solid_renderer_open(&r->renderer, v->gpu);
-    if (status == OK && v->options.ask_knowledge && r->things.count) {
+    if (status == OK && v->options.ask_knowledge && r->things.known.count) {
         struct knowledge_asker_options how = {v->options.file, http_default_limits(), v->options.wake,
                                               v->options.wake_self};
         how.limits.connect_ms = how.limits.total_ms = (int)ANSWER_MS;
         status = knowledge_asker_start(&r->asker, &how);
     }
-    v->state.room.thing_count = r->things.count;
-    v->state.room.has_place = v->has_place || r->things.count;
+    v->state.room.thing_count = r->things.known.count;
+    v->state.room.has_place = v->has_place || r->things.known.count;
     v->state.room.has_views = v->has_place;
     return status;
 }
@@ -78,19 +62,14 @@ void viewer_room_close(struct viewer *v)
     knowledge_asker_close(&r->asker);
     filmed_layer_close(&r->filmed);
     solid_mesh_close(&r->mesh);
-    for (int i = 0; i < r->things.count; i++) {
-        thing_solid_close(&r->solids[i]);
+    for (int i = 0; i < r->things.known.count && r->pictures; i++)
         gpu_texture_close(&r->pictures[i]);
-    }
     gpu_target_close(&r->turning);
     gpu_target_close(&r->map);
     solid_renderer_close(&r->renderer);
-    free(r->solids);
-    free(r->opened);
     free(r->pictures);
-    free(r->shown);
     free(r->asked);
-    place_things_free(&r->things);
+    room_things_close(&r->things);
     *r = (struct viewer_room){0};
 }
 
@@ -140,15 +119,15 @@ static void update_answers(struct viewer *v)
     const int card = v->state.sheet == SHEET_CARD ? v->state.room.card : ROOM_NOTHING;
     if (!r->asker)
         return;
-    if (knowledge_asker_take(r->asker, &r->things) >= 0)
+    if (knowledge_asker_take(r->asker, &r->things.known) >= 0)
         v->state.changed = true;
-    if (card != r->asked_thing && card >= 0 && card < r->things.count)
-        knowledge_asker_ask(r->asker, card, &r->things.things[card]);
+    if (card != r->asked_thing && card >= 0 && card < r->things.known.count)
+        knowledge_asker_ask(r->asker, card, &r->things.known.things[card]);
     r->asked_thing = card;
-    for (int i = 0; i < r->things.count; i++)
-        r->shown[i].answer = knowledge_asker_asks(r->asker, i) ? ANSWER_ASKING
-                             : r->things.things[i].trouble[0]  ? ANSWER_NONE
-                                                               : ANSWER_KEPT;
+    for (int i = 0; i < r->things.known.count; i++)
+        r->things.shown[i].answer = knowledge_asker_asks(r->asker, i)      ? ANSWER_ASKING
+                                    : r->things.known.things[i].trouble[0] ? ANSWER_NONE
+                                                                           : ANSWER_KEPT;
 }
 
 static void update_path(struct viewer *v)
@@ -275,13 +254,13 @@ static void put_points(const struct room_thing *t, struct vec3 eye, struct overl
 void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request)
 {
     struct viewer_room *r = &v->room;
-    const int count = r->things.count < ROOM_LABELS_MOST ? r->things.count : ROOM_LABELS_MOST;
+    const int count = r->things.known.count < ROOM_LABELS_MOST ? r->things.known.count : ROOM_LABELS_MOST;
     _Static_assert(OVERLAY_POINTS == 9, "3 x 3");
     _Static_assert((int)ROOM_LABELS_MOST <= (int)OVERLAY_GROUPS_MOST, "each label is asked for");
     if (!v->state.room.names || !count || request->camera_lost)
         return;
     for (int i = 0; i < count; i++)
-        put_points(&r->shown[i], request->world_from_camera.translation, &r->asked[i]);
+        put_points(&r->things.shown[i], request->world_from_camera.translation, &r->asked[i]);
     r->overlay = (struct overlay){.groups = r->asked, .group_count = count};
     request->overlay = &r->overlay;
 }
@@ -295,26 +274,15 @@ enum status viewer_room_read_seen(struct viewer *v)
         return OK;
     r->seen_comes = false;
     const enum status status = take_view_read_seen(v->take_view, share, &count);
-    for (int i = 0; i < count && i < r->things.count && status == OK; i++) {
-        const bool hidden = share[i] < (r->shown[i].hidden ? SEEN_SHARE : HIDDEN_SHARE);
-        v->state.changed |= hidden != r->shown[i].hidden;
-        r->shown[i].hidden = hidden;
+    for (int i = 0; i < count && i < r->things.known.count && status == OK; i++) {
+        const bool hidden = share[i] < (r->things.shown[i].hidden ? SEEN_SHARE : HIDDEN_SHARE);
+        v->state.changed |= hidden != r->things.shown[i].hidden;
+        r->things.shown[i].hidden = hidden;
     }
     return status;
 }
 
 // ---------------------------------------------------------------- the map
-
-static struct thing_solid *solid_of(struct viewer *v, int i)
-{
-    struct viewer_room *r = &v->room;
-    if (!r->opened[i]) {
-        r->opened[i] = true; // once: what cannot be opened stays an outline
-        if (thing_solid_open(&r->solids[i], v->gpu, &r->things.things[i]) != OK)
-            r->solids[i] = (struct thing_solid){0};
-    }
-    return &r->solids[i];
-}
 
 // The middle is a little above that of the box, whose lower part the controls may cover.
 static struct lens lens_of_map(int width, int height)
@@ -344,8 +312,7 @@ static enum status draw_map(struct viewer *v, struct ui_box box, double px_per_d
         gpu_target_clear(r->map);
         if (r->mesh)
             solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
-        for (int i = 0; i < r->things.count; i++)
-            thing_solid_draw(solid_of(v, i), r->renderer, &view, r->things.things[i].world_from_thing);
+        room_things_draw(&r->things, v->gpu, r->renderer, &view);
         r->map_pose = pose;
         r->map_drawn = true;
     }
@@ -376,8 +343,8 @@ static void fill_viewer(struct viewer *v)
 static void describe_source(struct viewer *v, int i)
 {
     struct viewer_room *r = &v->room;
-    const struct place_thing *t = &r->things.things[i];
-    const enum answer answer = r->shown[i].answer;
+    const struct place_thing *t = &r->things.known.things[i];
+    const enum answer answer = r->things.shown[i].answer;
     r->card.source_warns = answer == ANSWER_NONE || t->gone;
     if (answer == ANSWER_ASKING)
         snprintf(r->source, sizeof r->source, "Asking for what is newer …");
@@ -398,7 +365,7 @@ static void describe_source(struct viewer *v, int i)
 
 static enum status open_picture(struct viewer *v, int i)
 {
-    const struct image *p = &v->room.things.things[i].picture;
+    const struct image *p = &v->room.things.known.things[i].picture;
     if (v->room.pictures[i] || !p->width || p->width > gpu_max_size(v->gpu) || p->height > gpu_max_size(v->gpu))
         return OK;
     const struct gpu_texture_layout how = {GPU_RGB8, p->width, p->height, GPU_LINEAR};
@@ -409,9 +376,9 @@ static enum status draw_card(struct viewer *v, int64_t now_ns)
 {
     struct viewer_room *r = &v->room;
     const int i = v->state.room.card;
-    if (v->state.sheet != SHEET_CARD || i < 0 || i >= r->things.count)
+    if (v->state.sheet != SHEET_CARD || i < 0 || i >= r->things.known.count)
         return OK;
-    const struct place_thing *t = &r->things.things[i];
+    const struct place_thing *t = &r->things.known.things[i];
     const struct thing_knowledge *k = &t->knowledge;
     enum status status = open_picture(v, i);
     if (status == OK && !r->turning)
@@ -419,7 +386,7 @@ static enum status draw_card(struct viewer *v, int64_t now_ns)
     if (status != OK)
         return status;
     const double angle = TURN_RAD_S * (double)(now_ns % 1000000000000) * 1e-9;
-    thing_solid_draw_turning(solid_of(v, i), r->renderer, r->turning, fmod(angle, 2 * PI));
+    thing_solid_draw_turning(room_things_solid(&r->things, v->gpu, i), r->renderer, r->turning, fmod(angle, 2 * PI));
     r->card =
         (struct thing_card){.name = k->name[0] ? k->name : t->name,
                             .description = k->description,
@@ -430,7 +397,7 @@ static enum status draw_card(struct viewer *v, int64_t now_ns)
                             .picture = r->pictures[i],
                             .picture_aspect = t->picture.height ? (double)t->picture.width / t->picture.height : 1,
                             .body = gpu_target_texture(r->turning),
-                            .is_model = r->solids[i].is_model};
+                            .is_model = r->things.solids[i].is_model};
     describe_source(v, i);
     r->page.card = &r->card;
     return OK;
@@ -441,8 +408,10 @@ enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surf
     struct viewer_room *r = &v->room;
     const double px = surface->px_per_dp;
     const struct layout l = layout_of(surface->width / px, surface->height / px, &v->state, &v->image);
-    r->page = (struct room_page){
-        .things = r->shown, .count = r->things.count, .tags = v->place.tags, .tag_count = v->place.tag_count};
+    r->page = (struct room_page){.things = r->things.shown,
+                                 .count = r->things.known.count,
+                                 .tags = v->place.tags,
+                                 .tag_count = v->place.tag_count};
     if (r->driven)
         r->page.drive = &r->drive;
     if (v->image.has_skeleton)

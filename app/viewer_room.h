@@ -4,8 +4,7 @@
 #pragma once
 #include "app/place/filmed_layer.h"
 #include "app/place/room_views.h"
-#include "app/place/thing_solid.h"
-#include "app/ui/room_page.h"
+#include "app/room_things.h"
 #include "capture/recording/recorded_drive.h"
 
 struct viewer;
@@ -14,12 +13,9 @@ struct viewer_surface;
 enum { VIEWER_PATH_MOST = 512 };
 
 struct viewer_room {
-    struct place_things things;
-    struct thing_solid *solids; // of each thing, opened when first drawn
-    bool *opened;
-    struct gpu_texture **pictures; // of each thing, likewise
-    struct room_thing *shown;
-    struct overlay_group *asked; // points of each, of which is asked whether they are seen
+    struct room_things things;
+    struct gpu_texture **pictures; // of each thing, opened when first shown
+    struct overlay_group *asked;   // points of each, of which is asked whether they are seen
     struct overlay overlay;
     bool seen_comes; // what was asked has not been read yet
     struct solid_renderer *renderer;

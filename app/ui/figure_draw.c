@@ -17,6 +17,11 @@ bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_p
     return isfinite(out->x) && isfinite(out->y) && fabs(out->x) < 1e5 && fabs(out->y) < 1e5;
 }
 
+struct ui_box figure_image_box(const struct figure_view *v)
+{
+    return (struct ui_box){v->cover.x, v->cover.y, v->cover.scale * v->lens.width, v->cover.scale * v->lens.height};
+}
+
 uint32_t verdict_color(const struct theme *t, enum verdict v)
 {
     return v == VERDICT_SAME ? t->right : v == VERDICT_DIFFERENT ? t->wrong : t->unseen;

@@ -35,6 +35,9 @@ void figure_draw(const struct brush *b, const struct figure_view *view, const st
 // Where a point of the world is on the screen. False: behind the camera, or far outside.
 bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_point *out);
 
+// Where the view's whole image is on the screen.
+struct ui_box figure_image_box(const struct figure_view *view);
+
 uint32_t verdict_color(const struct theme *t, enum verdict v);
 // A line as the figures draw it: solid, or dashed for what the sensor cannot tell.
 void verdict_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, enum verdict v);

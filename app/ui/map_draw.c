@@ -124,18 +124,9 @@ static void draw_drive(const struct brush *b, const struct figure_view *v, const
         line(b, v, pose_apply(*at, v3(half[0], 0, half[2])), pose_apply(*at, v3(0, side * half[1], half[2])), 3, color);
 }
 
-void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box)
+void map_overlay_draw(const struct brush *b, const struct room_page *page)
 {
-    const struct theme *t = b->theme;
     const struct figure_view *v = &page->map_view;
-    ui_clip(b->ui, box);
-    ui_fade(b->ui, box, t->sky, t->floor);
-    draw_floor(b, page);
-    if (page->map)
-        ui_image(
-            b->ui, page->map,
-            (struct ui_box){v->cover.x, v->cover.y, v->cover.scale * v->lens.width, v->cover.scale * v->lens.height},
-            (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     for (int i = 0; i < page->tag_count; i++)
         draw_tag(b, v, &page->tags[i]);
     for (int i = 0; i < page->count; i++) {
@@ -149,6 +140,17 @@ void map_draw(const struct brush *b, const struct room_page *page, struct ui_box
         figure_draw(b, v, &(struct figure){FIGURE_BODY, page->actor, NULL, false});
     if (page->viewer_known)
         draw_viewer(b, page);
+}
+
+void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box)
+{
+    const struct theme *t = b->theme;
+    ui_clip(b->ui, box);
+    ui_fade(b->ui, box, t->sky, t->floor);
+    draw_floor(b, page);
+    if (page->map)
+        ui_image(b->ui, page->map, figure_image_box(&page->map_view), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    map_overlay_draw(b, page);
     if (page->map_is_coming)
         label_centred(b, FACE_SMALL, (struct ui_box){box.x, box.y + MARGIN + TARGET + GAP, box.w, 24}, t->quiet,
                       "The map is being made");

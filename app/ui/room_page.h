@@ -60,13 +60,22 @@ struct room_ui {                                           // between frames; ro
 };
 void room_ui_start(struct room_ui *ui);
 
-// Labels and the arrow over a picture in `bounds`. number: 0 the picture, 1 the map.
-void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                       const struct figure_view *view, int number, struct ui_box bounds, const struct ui_box *taken,
-                       int taken_count, int64_t now_ns);
+// The picture over which labels stand.
+struct label_view {
+    const struct figure_view *view;
+    int number;                 // 0 the picture, 1 the map
+    struct ui_box bounds;       // within which they stand
+    const struct ui_box *taken; // that they leave free
+    int taken_count;
+};
+// Labels, and the arrow to the thing that is wanted. Returns the thing whose label was touched, or ROOM_NOTHING.
+int thing_labels_draw(const struct brush *b, struct room_ui *ui, const struct room_state *s,
+                      const struct room_page *page, const struct label_view *where);
 
 // The open sheet: SHEET_THINGS or SHEET_CARD.
 void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
                       struct ui_box box, struct vec3 eye, int64_t now_ns);
 
+// What is known of the place, over an image of the page's map_view; map_draw draws it over the map.
+void map_overlay_draw(const struct brush *b, const struct room_page *page);
 void map_draw(const struct brush *b, const struct room_page *page, struct ui_box box);

@@ -232,11 +232,15 @@ static void things(const struct brush *b, struct screens *screens, struct view_s
         sheet ? l->sheet : none, cards.h > 0 ? cards : none, s->frame_graph ? l->frame_graph : none};
     if (!page->room->count)
         return;
+    const struct label_view picture = {&view, 0, l->picture, taken, (int)COUNT_OF(taken)};
+    const struct label_view map = {&page->room->map_view, 1, l->map, taken, (int)COUNT_OF(taken)};
+    int touched = ROOM_NOTHING, on_map = ROOM_NOTHING;
     if (p->camera == NULL || (s->camera.placed && s->presence > 0))
-        thing_labels_draw(b, &screens->room, s, page->room, &view, 0, l->picture, taken, (int)COUNT_OF(taken), now_ns);
+        touched = thing_labels_draw(b, &screens->room, &s->room, page->room, &picture);
     if (l->map.w > 0)
-        thing_labels_draw(b, &screens->room, s, page->room, &page->room->map_view, 1, l->map, taken,
-                          (int)COUNT_OF(taken), now_ns);
+        on_map = thing_labels_draw(b, &screens->room, &s->room, page->room, &map);
+    if (touched != ROOM_NOTHING || on_map != ROOM_NOTHING)
+        view_state_open_card(s, touched != ROOM_NOTHING ? touched : on_map, now_ns);
 }
 
 void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,

@@ -127,58 +127,73 @@ static void draw_arrow(const struct brush *b, const struct edge_arrow *a, double
 }
 
 // In sight, the arrow is on the side of the point where its label is not.
-static void draw_wanted(const struct brush *b, const struct view_state *s, const struct room_page *page,
-                        const struct figure_view *view, const struct placed_label *own, struct ui_box bounds)
+static void draw_wanted(const struct brush *b, const struct room_state *s, const struct room_page *page,
+                        const struct label_view *where, const struct placed_label *own)
 {
-    const int i = s->room.wanted;
+    const int i = s->wanted;
     if (i < 0 || i >= page->count)
         return;
     const struct vec3 at = page->things[i].world_from_thing.translation;
-    struct edge_arrow arrow = arrow_to(view, at, inner(bounds, INSIDE_DP));
+    struct edge_arrow arrow = arrow_to(where->view, at, inner(where->bounds, INSIDE_DP));
     if (arrow.inside && own && own->side != LABEL_NO_SIDE && own->box.y + own->box.h / 2 < own->at.y) {
         arrow.at.y = 2 * own->at.y - arrow.at.y;
         arrow.dy = -1;
     }
-    draw_arrow(b, &arrow, v3_distance(at, view->world_from_camera.translation));
+    draw_arrow(b, &arrow, v3_distance(at, where->view->world_from_camera.translation));
 }
 
-void thing_labels_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
-                       const struct figure_view *view, int number, struct ui_box bounds, const struct ui_box *taken,
-                       int taken_count, int64_t now_ns)
-{
+struct label_set { // the same thing's at each index
     struct marked marked[ROOM_LABELS_MOST];
     struct placed_label labels[ROOM_LABELS_MOST];
-    int *sides = ui->sides[number];
-    const int count = s->room.names ? mark_things(page, view, s->room.wanted, number == 1, marked) : 0;
+    int count;
+};
+
+// Keeps of those that are marked the ones in sight, and chooses places for their labels.
+static void place_labels(const struct brush *b, const struct room_ui *ui, const struct room_page *page,
+                         const struct label_view *where, struct label_set *set)
+{
     int shown = 0;
-    ui_clip(b->ui, bounds);
-    for (int i = 0; i < count; i++) {
-        struct placed_label *l = &labels[shown];
-        const int thing = marked[i].thing;
-        if (!figure_point(view, page->things[thing].world_from_thing.translation, &l->at))
+    for (int i = 0; i < set->count; i++) {
+        struct placed_label *l = &set->labels[shown];
+        const int thing = set->marked[i].thing;
+        if (!figure_point(where->view, page->things[thing].world_from_thing.translation, &l->at))
             continue;
-        l->w = ui_text_width(b->ui, FACE_SMALL, marked[i].text) + 32;
+        l->w = ui_text_width(b->ui, FACE_SMALL, set->marked[i].text) + 32;
         l->h = TARGET;
-        l->side = sides[thing];
-        marked[shown++] = marked[i];
+        l->side = ui->sides[where->number][thing];
+        set->marked[shown++] = set->marked[i];
     }
-    label_layout(labels, shown, inner(bounds, 4), taken, taken_count);
-    for (int i = shown - 1; i >= 0; i--) { // the nearest last, over the lines of others
-        const struct placed_label *l = &labels[i];
-        sides[marked[i].thing] = l->side;
-        ui->boxes[number][marked[i].thing] = l->box;
+    set->count = shown;
+    label_layout(set->labels, shown, inner(where->bounds, 4), where->taken, where->taken_count);
+}
+
+int thing_labels_draw(const struct brush *b, struct room_ui *ui, const struct room_state *s,
+                      const struct room_page *page, const struct label_view *where)
+{
+    struct label_set set;
+    const int number = where->number;
+    int touched = ROOM_NOTHING;
+    set.count = s->names ? mark_things(page, where->view, s->wanted, number == 1, set.marked) : 0;
+    place_labels(b, ui, page, where, &set);
+    ui_clip(b->ui, where->bounds);
+    for (int i = set.count - 1; i >= 0; i--) { // the nearest last, over the lines of others
+        const struct placed_label *l = &set.labels[i];
+        const struct marked *m = &set.marked[i];
+        ui->sides[number][m->thing] = l->side;
+        ui->boxes[number][m->thing] = l->box;
         if (l->side == LABEL_NO_SIDE)
-            ui_disc(b->ui, l->at, 4.5, faint(b->theme->accent, marked[i].opacity)); // there is no room for its name
+            ui_disc(b->ui, l->at, 4.5, faint(b->theme->accent, m->opacity)); // there is no room for its name
         else
-            draw_label(b, l, &marked[i], marked[i].thing == s->room.wanted);
+            draw_label(b, l, m, m->thing == s->wanted);
     }
-    for (int i = 0; i < shown; i++) {
+    for (int i = 0; i < set.count; i++) {
         char name[32];
-        snprintf(name, sizeof name, "label-%d-%d", number, marked[i].thing);
-        if (labels[i].side != LABEL_NO_SIDE && ui_area(b->ui, name, labels[i].box).tapped)
-            view_state_open_card(s, marked[i].thing, now_ns);
+        snprintf(name, sizeof name, "label-%d-%d", number, set.marked[i].thing);
+        if (set.labels[i].side != LABEL_NO_SIDE && ui_area(b->ui, name, set.labels[i].box).tapped)
+            touched = set.marked[i].thing;
     }
-    const struct placed_label *own = shown && marked[0].thing == s->room.wanted ? &labels[0] : NULL;
-    draw_wanted(b, s, page, view, own, bounds);
+    const bool has_own = set.count && set.marked[0].thing == s->wanted;
+    draw_wanted(b, s, page, where, has_own ? &set.labels[0] : NULL);
     ui_unclip(b->ui);
+    return touched;
 }

@@ -102,7 +102,7 @@ static struct ui_point on_screen(const struct glass *g, int thing)
     const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
     const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, l.picture), false};
     struct ui_point at = {-1, -1};
-    EXPECT_TRUE(figure_point(&view, g->viewer.room.things.things[thing].world_from_thing.translation, &at));
+    EXPECT_TRUE(figure_point(&view, g->viewer.room.things.known.things[thing].world_from_thing.translation, &at));
     return at;
 }
 
@@ -339,7 +339,7 @@ static void put_thing(struct glass *g, int thing, double beyond_m)
     const struct take_view_image *p = &g->viewer.image;
     const struct vec3 eye = p->world_from_camera.translation, trunk = p->skeleton.joint[JOINT_TORSO];
     const struct vec3 along = v3_unit(v3_sub(trunk, eye));
-    struct room_thing *t = &g->viewer.room.shown[thing];
+    struct room_thing *t = &g->viewer.room.things.shown[thing];
     t->world_from_thing = (struct pose){p->world_from_camera.rotation, v3_add(trunk, v3_scale(along, beyond_m))};
     t->width_m = t->height_m = 0.1;
     t->sigma_m = 0.005;
@@ -377,8 +377,8 @@ static void test_what_the_actor_hides_is_an_outline(void **state)
     struct glass g;
     open_with_hidden_things(&g, SHARE);
     const struct room_ui *ui = &g.viewer.screens.room;
-    EXPECT_TRUE(g.viewer.room.shown[BEHIND_ACTOR].hidden);
-    EXPECT_TRUE(!g.viewer.room.shown[BEFORE_ACTOR].hidden);
+    EXPECT_TRUE(g.viewer.room.things.shown[BEHIND_ACTOR].hidden);
+    EXPECT_TRUE(!g.viewer.room.things.shown[BEFORE_ACTOR].hidden);
     EXPECT_TRUE(ui->sides[0][BEHIND_ACTOR] != LABEL_NO_SIDE && ui->sides[0][BEFORE_ACTOR] != LABEL_NO_SIDE);
     const size_t bytes = (size_t)g.width * (size_t)g.height * 4;
     uint8_t *without = malloc(bytes), *with = malloc(bytes);
