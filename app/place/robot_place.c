@@ -19,6 +19,15 @@ struct fix { // of one picture
     double turn; // of the place's x axis against the world's, to the left
 };
 
+struct robot_place {
+    const struct place *place;
+    struct locator *locator; // of the cuts' lens; NULL: not opened yet
+    struct lens lens;
+    uint8_t *rgb; // of a cut
+    struct fix fixes[FIXES];
+    int count, next; // of them; where the next is put, the oldest goes first
+};
+
 static struct lens lens_of(const struct surround_picture *p)
 {
     if (!p->panorama)
@@ -65,39 +74,73 @@ static bool agree(const struct fix *a, const struct fix *b)
     return fabs(turn_between(a->turn, b->turn)) < APART_RAD && portable_hypot(off.x, off.y) < APART_M;
 }
 
-static enum status localize(const struct surround_picture *p, const struct place *place, struct fix *fixes, int *count)
+enum status robot_place_open(struct robot_place **out, const struct place *place)
 {
-    const struct lens lens = lens_of(p);
-    struct locator *locator;
-    enum status status = locator_open(&locator, place, &lens, NULL);
-    uint8_t *rgb = malloc((size_t)lens.width * (size_t)lens.height * 3);
-    if (status == OK && !rgb)
-        status = fail(ERR_MEMORY, "out of memory");
-    for (int turn = 0; turn < (p->panorama ? TURNS : 1) && status >= OK; turn++) {
-        const struct pose world_from_cut = turned(p, turn);
+    struct robot_place *r = *out = calloc(1, sizeof *r);
+    if (!r)
+        return fail(ERR_MEMORY, "out of memory");
+    r->place = place;
+    return OK;
+}
+
+void robot_place_close(struct robot_place **out)
+{
+    struct robot_place *r = *out;
+    if (!r)
+        return;
+    locator_close(&r->locator);
+    free(r->rgb);
+    free(r);
+    *out = NULL;
+}
+
+// The locator of the cuts of such a picture.
+static enum status fit_locator(struct robot_place *r, const struct lens *lens)
+{
+    if (r->locator && lens_equal(&r->lens, lens))
+        return OK;
+    locator_close(&r->locator);
+    free(r->rgb);
+    r->lens = *lens;
+    r->rgb = malloc((size_t)lens->width * (size_t)lens->height * 3);
+    return r->rgb ? locator_open(&r->locator, r->place, lens, NULL) : fail(ERR_MEMORY, "out of memory");
+}
+
+static void add_fix(struct robot_place *r, struct pose world_from_cut, struct pose place_from_cut)
+{
+    double m[3][3];
+    quat_to_matrix(pose_multiply(place_from_cut, pose_inverse(world_from_cut)).rotation, m);
+    if (!(m[2][2] > UPRIGHT))
+        return;
+    r->fixes[r->next] =
+        (struct fix){world_from_cut.translation, place_from_cut.translation, portable_atan2(m[1][0], m[0][0])};
+    r->next = (r->next + 1) % FIXES;
+    r->count += r->count < FIXES;
+}
+
+enum status robot_place_look(struct robot_place *r, const struct surround_picture *picture)
+{
+    const struct lens lens = lens_of(picture);
+    enum status status = fit_locator(r, &lens);
+    for (int turn = 0; turn < (picture->panorama ? TURNS : 1) && status >= OK; turn++) {
+        const struct pose world_from_cut = turned(picture, turn);
         struct location at;
-        double m[3][3];
-        cut(p, &lens, world_from_cut, rgb);
-        status = locator_localize(locator, rgb, NULL, &at);
-        if (status != OK)
-            continue;
-        quat_to_matrix(pose_multiply(at.world_from_camera, pose_inverse(world_from_cut)).rotation, m);
-        if (m[2][2] > UPRIGHT)
-            fixes[(*count)++] = (struct fix){world_from_cut.translation, at.world_from_camera.translation,
-                                             portable_atan2(m[1][0], m[0][0])};
+        cut(picture, &lens, world_from_cut, r->rgb);
+        status = locator_localize(r->locator, r->rgb, NULL, &at);
+        if (status == OK)
+            add_fix(r, world_from_cut, at.world_from_camera);
     }
-    free(rgb);
-    locator_close(&locator);
     return status < OK ? status : OK;
 }
 
 // The mean of the fixes that agree with the one with which most do.
-static enum status settle(const struct fix *fixes, int count, struct pose *place_from_world)
+enum status robot_place_settle(const struct robot_place *r, struct pose *place_from_world)
 {
+    const struct fix *fixes = r->fixes;
     int best = 0, most = 0;
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < r->count; i++) {
         int with = 0;
-        for (int k = 0; k < count; k++)
+        for (int k = 0; k < r->count; k++)
             with += agree(&fixes[i], &fixes[k]);
         best = with > most ? i : best;
         most = with > most ? with : most;
@@ -106,10 +149,10 @@ static enum status settle(const struct fix *fixes, int count, struct pose *place
         return NOTHING;
     double off = 0;
     struct vec3 shift = v3(0, 0, 0);
-    for (int k = 0; k < count; k++)
+    for (int k = 0; k < r->count; k++)
         off += agree(&fixes[best], &fixes[k]) ? turn_between(fixes[k].turn, fixes[best].turn) / most : 0;
     const double turn = fixes[best].turn + off;
-    for (int k = 0; k < count; k++)
+    for (int k = 0; k < r->count; k++)
         if (agree(&fixes[best], &fixes[k]))
             shift = v3_add(shift, v3_scale(v3_sub(fixes[k].in_place, rotated(turn, fixes[k].in_world)), 1.0 / most));
     shift.z = 0;
@@ -120,12 +163,14 @@ static enum status settle(const struct fix *fixes, int count, struct pose *place
 enum status robot_place_find(const struct surround_picture *pictures, int count, const struct place *place,
                              struct pose *place_from_world)
 {
-    struct fix fixes[FIXES];
-    int found = 0;
-    enum status status = OK;
+    struct robot_place *r;
+    enum status status = robot_place_open(&r, place);
     const int step = (count + MOST_PICTURES - 1) / MOST_PICTURES;
     for (int i = 0; i < count && status == OK; i += step)
         if (pictures[i].rgb)
-            status = localize(&pictures[i], place, fixes, &found);
-    return status == OK ? settle(fixes, found, place_from_world) : status;
+            status = robot_place_look(r, &pictures[i]);
+    if (status == OK)
+        status = robot_place_settle(r, place_from_world);
+    robot_place_close(&r);
+    return status;
 }
