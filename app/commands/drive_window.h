@@ -1,6 +1,7 @@
 // reenact drive's window: stick or arrow keys drive; a finger turns the viewpoint, the wheel brings it nearer; 1, 2, 3
 // (pad: X) choose first person, third person and from above; M (pad: Y) shows the map, the same surroundings with the
-// path driven from a viewpoint of its own, beside the picture; with a camera the tablet's own way turns and moves the
+// path driven from a viewpoint of its own, beside the picture, and what is known of a recorded place in which the robot
+// is (app/drive/drive_screen.h); with a camera the tablet's own way turns and moves the
 // picture's viewpoint, and C centres that. Main thread.
 #pragma once
 #include "capture/recording/place.h"
@@ -9,7 +10,8 @@
 struct drive_window_options {
     double seconds;            // leave after this time; 0: when the window is closed
     const char *camera;        // URI of the tablet's camera, the head tracker; NULL: none
-    const struct place *place; // in which it is localised; with camera
+    const char *file;          // a recording in whose place the robot and the tablet are; NULL: none
+    const struct place *place; // that place; borrowed; with file
     bool map;                  // shown from the start
 };
 

@@ -276,7 +276,9 @@ int reenact_drive(int argc, char **argv)
         "robot's captures, played in real time), or ros: or ros:http://HOST:PORT (a robot on a ROS master: topics "
         "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Stick or arrow keys drive, space "
         "stops; a finger turns the viewpoint; "
-        "1, 2 and 3 choose first person, third person and from above; M shows the map beside the picture.",
+        "1, 2 and 3 choose first person, third person and from above; M shows the map beside the picture.\n\n"
+        "FILE is a recording of the room in which the robot drives: the map then shows its things, its tags and its "
+        "actor, once the robot's pictures show enough of the place.",
         NULL,
         NULL,
         NULL};
@@ -288,14 +290,16 @@ int reenact_drive(int argc, char **argv)
     struct place place = {0};
     arguments.how.remap = arguments.remap;
     arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
-    enum status status = arguments.camera || arguments.keep ? place_input_read(arguments.file, &place) : OK;
+    const bool in_place = arguments.file && (arguments.keep || !arguments.out);
+    enum status status = in_place ? place_input_read_map(arguments.file, &place) : OK;
     if (status == NOTHING)
         status = fail(ERR_INPUT, "%s holds no place to localise %s in", arguments.file,
                       arguments.camera ? "the camera" : "the robot");
     if (status == OK)
         status = drive_session_open(&session, arguments.uri, &arguments.how);
     if (status == OK) {
-        const struct drive_window_options window = {arguments.seconds, arguments.camera, &place, arguments.map};
+        const struct drive_window_options window = {arguments.seconds, arguments.camera, arguments.file, &place,
+                                                    arguments.map};
         status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
         if (status == OK && arguments.keep)
             status = keep_drive(&session, &place, arguments.file);

@@ -153,3 +153,9 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
         before == OK && nearest_in_view(&o->depth, scene.overlay.world_from_body, scene.size_m, LOW_M, &thing) == OK;
     return draw_overlay(o, &scene.overlay, near ? &thing : NULL);
 }
+
+void operator_picture_view(const struct operator_picture *o, struct lens *lens, struct pose *world_from_view)
+{
+    *lens = o->renderer->lens;
+    *world_from_view = o->renderer->world_from_view;
+}

@@ -1,0 +1,134 @@
+#include "app/drive/drive_screen.h"
+
+#include "reenact/render/shaders.h"
+
+enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session, const char *file,
+                              const struct place *place)
+{
+    const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
+    *s = (struct drive_screen){.session = session,
+                               .gpu = gpu,
+                               .by_card = true,
+                               .has_place = file,
+                               .map_eye = {.orbit = true, .elevation = 1.1, .distance_m = 5}}; // chosen by hand
+    const enum status status = ui_open(&s->ui, gpu, &shaders, theme_faces(), FACE_COUNT);
+    return status == OK && file ? drive_place_open(&s->place, gpu, file, place) : status;
+}
+
+void drive_screen_close(struct drive_screen *s)
+{
+    drive_place_close(&s->place);
+    for (int k = 0; k < DRIVE_PANES; k++) {
+        operator_picture_close(&s->pane[k].picture);
+        gpu_texture_close(&s->pane[k].texture);
+    }
+    ui_close(&s->ui);
+    *s = (struct drive_screen){0};
+}
+
+struct ui_box drive_screen_box(const struct drive_screen *s, double width, double height, int pane)
+{
+    const double share = s->map ? 0.5 : 1, first = pane == DRIVE_MAP ? 0.5 : 0;
+    return width >= height ? (struct ui_box){first * width, 0, share * width, height}
+                           : (struct ui_box){0, first * height, width, share * height};
+}
+
+struct drive_eye *drive_screen_eye(struct drive_screen *s, int pane)
+{
+    return pane == DRIVE_MAP ? &s->map_eye : &s->session->eye;
+}
+
+// ---------------------------------------------------------------- the panes' pictures
+
+// In the pane's size; in the session's own where the driver draws by the processor.
+static enum status draw_by_card(struct drive_screen *s, const struct viewer_surface *surface, int pane)
+{
+    struct drive_pane *p = &s->pane[pane];
+    const struct lens *own = drive_session_lens(s->session);
+    const struct ui_box box = drive_screen_box(s, surface->width, surface->height, pane);
+    const bool small = gpu_is_software(s->gpu);
+    const int width = small ? own->width : (int)box.w, height = small ? own->height : (int)box.h;
+    enum status status = p->picture ? OK : operator_picture_open(&p->picture, s->gpu);
+    if (status == OK)
+        status = operator_picture_draw(p->picture, s->session, width, height, &p->shown);
+    if (status == OK)
+        operator_picture_view(p->picture, &p->lens, &p->world_from_view);
+    if (status != ERR_DEVICE)
+        return status;
+    s->by_card = false; // from now on by the processor
+    for (int k = 0; k < DRIVE_PANES; k++) {
+        operator_picture_close(&s->pane[k].picture);
+        s->pane[k].shown = NULL;
+    }
+    return OK;
+}
+
+static enum status draw_by_processor(struct drive_screen *s, int pane)
+{
+    struct drive_pane *p = &s->pane[pane];
+    const struct surround_view *view;
+    enum status status = drive_session_draw(s->session, &view);
+    if (status != OK)
+        return status;
+    const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
+    if (p->texture)
+        gpu_texture_write(p->texture, view->rgb);
+    else
+        status = gpu_texture_open(&p->texture, s->gpu, &layout, view->rgb);
+    p->shown = p->texture;
+    p->lens = view->lens;
+    p->world_from_view = view->world_from_view;
+    return status;
+}
+
+static enum status draw_panes(struct drive_screen *s, const struct viewer_surface *surface)
+{
+    const struct drive_eye eye = s->session->eye;
+    enum status status = OK;
+    for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++) {
+        s->session->eye = k == DRIVE_MAP ? s->map_eye : eye;
+        status = s->by_card ? draw_by_card(s, surface, k) : draw_by_processor(s, k);
+    }
+    s->session->eye = eye;
+    return status;
+}
+
+// ---------------------------------------------------------------- the screen
+
+// In the middle of its box, as large as fits.
+static struct figure_view view_of(const struct drive_pane *p, struct ui_box box)
+{
+    const double scale = fmin(box.w / p->lens.width, box.h / p->lens.height); // dp a pixel
+    const struct cover cover = {scale, box.x + (box.w - scale * p->lens.width) / 2,
+                                box.y + (box.h - scale * p->lens.height) / 2};
+    return (struct figure_view){p->lens, p->world_from_view, cover, false};
+}
+
+static enum status draw_pane(struct drive_screen *s, const struct brush *b, int pane)
+{
+    const struct drive_pane *p = &s->pane[pane];
+    const struct ui_box box = drive_screen_box(s, ui_width(b->ui), ui_height(b->ui), pane);
+    if (!p->shown)
+        return OK;
+    const struct figure_view view = view_of(p, box);
+    ui_image(b->ui, p->shown, figure_image_box(&view), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    return pane == DRIVE_MAP && s->has_place ? drive_place_draw(&s->place, b, &view) : OK;
+}
+
+enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns)
+{
+    const struct ui_input input = {
+        .width_px = surface->width, .height_px = surface->height, .px_per_dp = surface->px_per_dp, .now_ns = now_ns};
+    const struct brush brush = {s->ui, theme_of(true)};
+    enum status status = draw_panes(s, surface);
+    if (status == OK && s->has_place)
+        drive_place_update(&s->place, drive_session_surroundings(s->session));
+    if (status == OK)
+        status = ui_begin(s->ui, &input);
+    if (status != OK)
+        return status;
+    for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++)
+        status = draw_pane(s, &brush, k);
+    ui_end(s->ui);
+    return status == OK ? ui_draw(s->ui, surface->target, surface->quarter_turns) : status;
+}

@@ -1,0 +1,44 @@
+// What a robot's driver sees: the picture and, beside it or, where the screen is upright, below it, the map: the same
+// surroundings from a viewpoint of its own, and over them the recorded place in which the robot is driven, where one is
+// given. All of it but the window, so that it is drawn the same on a screen and, in tests, into memory. One thread, the
+// GPU's.
+#pragma once
+#include "app/drive/drive_place.h"
+#include "app/viewer.h"
+#include "reenact/surround/gpu/operator_picture.h"
+
+enum { DRIVE_PICTURE, DRIVE_MAP, DRIVE_PANES };
+
+struct drive_pane {
+    struct operator_picture *picture; // NULL: not opened yet, or the processor draws
+    struct gpu_texture *texture;      // the processor's picture
+    const struct gpu_texture *shown;  // either's; NULL: none yet
+    struct lens lens;                 // of what is shown
+    struct pose world_from_view;      // likewise; the robot's world
+};
+
+struct drive_screen {
+    struct drive_session *session;
+    struct gpu *gpu;
+    struct ui *ui;
+    struct drive_pane pane[DRIVE_PANES];
+    bool by_card;             // false: the graphics card cannot; the processor draws
+    bool map;                 // is shown
+    struct drive_eye map_eye; // from where
+    bool has_place;
+    struct drive_place place;
+};
+
+// Borrows the session. file: the recording in whose place the robot is driven; NULL: none; place: that place, borrowed.
+// ERR_DEVICE, ERR_MEMORY; errors of drive_place_open. On error drive_screen_close is needed, too.
+MUST_CHECK enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session,
+                                         const char *file, const struct place *place);
+void drive_screen_close(struct drive_screen *s); // zeroed is fine; before the session is closed
+
+// The pane's part of a screen of that size, in the size's unit.
+struct ui_box drive_screen_box(const struct drive_screen *s, double width, double height, int pane);
+// From where that pane is seen; may be changed.
+struct drive_eye *drive_screen_eye(struct drive_screen *s, int pane);
+
+// Draws the session as it is now. ERR_DEVICE, ERR_MEMORY, and as drive_session_draw.
+MUST_CHECK enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surface *surface, int64_t now_ns);
