@@ -54,6 +54,7 @@ struct driver {
     double cost[CELLS];    // of the way from there to the goal
     int heap[CELLS], place[CELLS], heap_count;
     double goal[2];
+    int aim;        // the cell that it has turned to; -1: none
     struct vec3 at; // the body, as it is believed to be
 };
 
@@ -252,12 +253,12 @@ static void find_ways(struct driver *d)
     }
 }
 
-// Whether the floor under the body's middle and sides was seen, on a way to which `across` is normal.
+// Whether all of the floor across the body and its margin was seen, on a way to which `across` is normal.
 static bool floor_seen(const struct driver *d, struct vec3 at, struct vec3 across)
 {
     bool seen = true;
-    for (int side = -1; side <= 1; side++) {
-        const struct vec3 p = v3_add(at, v3_scale(across, side * (BODY_M - CELL_M)));
+    for (double side = -BODY_M; side <= BODY_M; side += CELL_M / 2) {
+        const struct vec3 p = v3_add(at, v3_scale(across, side));
         const int cell = cell_of(p.x, p.y);
         seen &= cell >= 0 && d->occupied[cell] < 0;
     }
@@ -367,7 +368,8 @@ static double way_to_turn(const struct driver *d, struct pose body, int cell)
     return 0;
 }
 
-// Turns towards the next corner, if need be, and drives straight as far as the floor was seen. NOTHING: no way.
+// Turns towards the next corner; or, where it has turned to one to which there still is a way, drives straight as far
+// as the floor was seen. NOTHING: no way.
 static enum status go_on(struct driver *d, struct pose body, struct trial_result *out)
 {
     double seen = 0;
@@ -375,8 +377,9 @@ static enum status go_on(struct driver *d, struct pose body, struct trial_result
     for (size_t n = 0; n < COUNT_OF(trusted_m) && corner < 0; n++) {
         measure(d, trusted_m[n]);
         find_ways(d);
-        corner = next_corner(d, &seen);
+        corner = d->aim >= 0 && straight_to(d, d->aim, &seen) ? d->aim : next_corner(d, &seen);
     }
+    d->aim = -1;
     if (corner < 0)
         return NOTHING;
     const double bearing = bearing_of(body, corner), distance = apart(middle_of(corner), d->at);
@@ -385,12 +388,13 @@ static enum status go_on(struct driver *d, struct pose body, struct trial_result
         if (way != 0)
             return carry_out(d, (struct drive_command){way > 0 ? SPEED : -SPEED, 0}, fabs(way) / SPEED, out);
     }
-    enum status status = OK;
-    if (fabs(bearing) > TURN_RAD)
-        status = carry_out(d, (struct drive_command){0, bearing > 0 ? TURN_RATE : -TURN_RATE},
-                           fabs(bearing) / TURN_RATE, out);
+    if (fabs(bearing) > TURN_RAD) { // and look there before it goes
+        d->aim = corner;
+        return carry_out(d, (struct drive_command){0, bearing > 0 ? TURN_RATE : -TURN_RATE}, fabs(bearing) / TURN_RATE,
+                         out);
+    }
     const double length = fmin(distance, fmax(seen - DIAGONAL_M, CREEP_M));
-    return status == OK ? carry_out(d, (struct drive_command){SPEED, 0}, length / SPEED, out) : status;
+    return carry_out(d, (struct drive_command){SPEED, 0}, length / SPEED, out);
 }
 
 enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, struct trial_result *out)
@@ -402,6 +406,7 @@ enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, str
     const struct vec3 goal = pose_apply(pose_inverse(r->start), v3(5, -0.1, 0)); // the passage's end
     d->rover = r;
     d->view = view;
+    d->aim = -1;
     d->goal[0] = goal.x;
     d->goal[1] = goal.y;
     enum status status = OK;

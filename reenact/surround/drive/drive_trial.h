@@ -7,7 +7,8 @@
 //   show. What was shown from nearby counts more than what was shown from afar, what was never seen from within 2 m is
 //   doubted (from within less, where that leaves no way), and specks are overlooked. It turns towards the farthest
 //   point of the best way (short, over floor that was seen, at ease from what stands there) that it can go to straight,
-//   and drives there, as far as it has seen the floor under the body; where it has not, it goes 0.2 m and looks again.
+//   looks, and drives there, where the new look leaves that way, as far as it has seen the floor under the body and its
+//   margin; where it has not, it goes 0.2 m and looks again.
 //   Where the body's corners have no room to turn it first goes straight to where they have. Each turn and each way is
 //   one command.
 //
