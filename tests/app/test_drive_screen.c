@@ -28,6 +28,7 @@ static struct surround_picture pictures[ROBOT_CAPTURES];
 static struct scratch scratch;
 static char file[256];
 static struct recorded_thing things[THINGS];
+static double thing_side_m = 0.5; // large enough to be measured
 
 static void write_take(struct recording_writer *w)
 {
@@ -72,7 +73,7 @@ static int make(void **state)
     EXPECT_STATUS(recording_put_place(writer, &place), OK);
     write_take(writer);
     EXPECT_STATUS(recording_close(&writer), OK);
-    things[THING] = thing("dumbbell", v3(1.6, -1.2, 0.9), 0.5, 0.03);
+    things[THING] = thing("dumbbell", v3(1.6, -1.2, 0.9), thing_side_m, 0.03);
     things[GONE] = thing("chair", v3(-1.2, 0.6, 0.4), 0.6, GONE_SIGMA_M);
     things[GONE].gone = true;
     room_model(&things[THING].model.bytes, &things[THING].model.count);
@@ -370,6 +371,7 @@ static void save_image(const char *folder)
     static struct stage s;
     char path[600];
     open_stage(&s, "robot", file, true);
+    s.screen.map_eye.azimuth = -0.25;
     drive(&s);
     snprintf(path, sizeof path, "%s/drive.png", folder);
     EXPECT_STATUS(png_write(path, PNG_RGBA8, s.rgba, WIDTH, HEIGHT), OK);
@@ -379,6 +381,7 @@ static void save_image(const char *folder)
 int main(int argc, char **argv)
 {
     if (argc == 2) {
+        thing_side_m = 0.14;
         make(NULL);
         save_image(argv[1]);
         tidy(NULL);
