@@ -326,6 +326,9 @@ static void test_things_tags_and_actor_are_where_they_are(void **state)
     print_message("%d of %d tags\n", tags, (int)place.tag_count);
     EXPECT_AT_LEAST(tags, place.tag_count / 3); // others are behind the eye, beside the map, or under things
     expect_actor(&s);
+    s.screen.by_card = false; // the same over the processor's picture
+    draw(&s);
+    expect_outline(&s, "the thing", things[THING].world_from_thing, things[THING].width_m, t->accent);
     close_stage(&s);
 }
 
