@@ -33,8 +33,8 @@ struct surround_view {
 MUST_CHECK enum status surround_view_open(struct surround_view *view, const struct lens *lens);
 void surround_view_close(struct surround_view *view); // what was zeroed, too
 
-// How near a picture is to the view or to what it looks at, a few metres ahead, in metres; one that looks elsewhere is as
-// far as a metre for each right angle.
+// How near a picture is to the view or to what it looks at, a few metres ahead, in metres; one that looks elsewhere is
+// as far as a metre for each right angle.
 double surround_view_distance(struct pose world_from_view, const struct surround_picture *picture);
 // Sorts pictures by that. ERR_MEMORY.
 MUST_CHECK enum status surround_view_rank(struct pose world_from_view, const struct surround_picture **pictures,
