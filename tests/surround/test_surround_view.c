@@ -301,6 +301,46 @@ static void test_a_post_taller_than_its_points(void **state)
     box_room_close(&s);
 }
 
+// A post as wide as some pixels, of which there are few points, before a wall of which there are many, also of what the
+// post hides: measured from elsewhere. Most of the post stays the post.
+static void test_a_thin_post_hides_the_wall(void **state)
+{
+    (void)state;
+    static struct box_room s;
+    static float points[60000][3];
+    const double eye[3] = {0, 0, 1.15};
+    int count = 0, post = 0, right = 0, beside = 0, far = 0;
+    box_room_open(&s, &view_lens);
+    s.world.boxes[1] = (struct box){{1.5, -0.05, 0}, {1.6, 0.05, 2.4}, {30, 60, 200}, false};
+    room_picture(&s.world, room_camera(0, 0, eye[2]), &s.pictures[0]);
+    for (double y = -2; y < 2; y += 0.03)
+        for (double z = 0.2; z < 2.4; z += 0.03)
+            points[count][0] = 4, points[count][1] = (float)y, points[count++][2] = (float)z;
+    for (double y = -0.045; y < 0.05; y += 0.03)
+        for (double z = 0.2; z < 2.4; z += 0.04)
+            points[count][0] = 1.5, points[count][1] = (float)y, points[count++][2] = (float)z;
+    assert_true(count <= (int)COUNT_OF(points));
+    struct depth_options how = depth_default_options();
+    const struct world_points world = {.xyz = (const float(*)[3])points, .count = count};
+    struct surround_picture *p = &s.pictures[0];
+    assert_int_equal(dense_depth_make(p, &world, &how), OK);
+    for (int v = ROOM_HEIGHT / 2 - 16; v < ROOM_HEIGHT / 2 + 16; v++)
+        for (int u = ROOM_WIDTH / 2 - 12; u <= ROOM_WIDTH / 2 + 12; u++) {
+            float ray[3];
+            surround_picture_ray(p, u, v, ray);
+            const double away = box_world_cast(&s.world, eye, (double[3]){ray[2], -ray[0], -ray[1]}, NULL);
+            const bool agrees = fabs(away * (double)p->inverse[v * ROOM_WIDTH + u] - 1) < 0.05;
+            *(away * (double)ray[2] < 2 ? &post : &beside) += 1;
+            *(away * (double)ray[2] < 2 ? &right : &far) += agrees;
+        }
+    print_message("of %d pixels of the post %d have its depth, of %d beside it %d the wall's\n", post, right, beside,
+                  far);
+    EXPECT_AT_LEAST(post, 150);
+    EXPECT_AT_LEAST(right, 0.6 * post);
+    EXPECT_AT_LEAST(far, 0.95 * beside);
+    box_room_close(&s);
+}
+
 enum { ROW = 5 }; // pictures beside each other
 struct glass {
     struct box_room scene;
@@ -503,6 +543,7 @@ int main(void)
         cmocka_unit_test(test_what_others_look_through_is_unseen),
         cmocka_unit_test(test_silhouettes_finer_than_pixels),
         cmocka_unit_test(test_a_post_taller_than_its_points),
+        cmocka_unit_test(test_a_thin_post_hides_the_wall),
         cmocka_unit_test(test_no_capture_yet),
         cmocka_unit_test(test_poses_off),
         cmocka_unit_test(test_beyond_a_wall),

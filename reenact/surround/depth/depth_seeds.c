@@ -1,13 +1,15 @@
 #include "reenact/surround/depth/depth_seeds.h"
 
 #include "reenact/surround/depth/point_colors.h"
+#include "reenact/surround/picture/fast_angle.h"
 #include "base/memory.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { NEIGHBOURS = 40, ENOUGH = 14, WIDEST = 20, TRIPLES = 8 };
-// For what hides a point: a wider window, since the near surface may be the sparser one.
+// For what hides a point: a wider window, since the near surface may be the sparser one. Of 20 to 400 seeds in it, 50
+// made the small world's silhouettes best; wider ones hide what stands beside.
 enum { HIDING_NEIGHBOURS = 160, HIDING_ENOUGH = 50, ALIKE = 40 /* most difference of a colour's channel */ };
 
 // Points within this share of a pixel's nearest are one surface and are averaged: the nearest alone of many noisy ones
@@ -134,13 +136,39 @@ static bool solve3(const double m[3][3], const double b[3], float x[3])
     return true;
 }
 
-static float support(const struct depth_seeds *s, const int *near, int n, const float plane[3], float tolerance)
+// The seeds about one that its plane is fitted to, with their weights.
+struct neighbours {
+    int at[NEIGHBOURS], count;
+    float weight[NEIGHBOURS];
+};
+
+// A seed of another colour may be of another surface, and at the edge of a thin one most are: together they would have
+// a plane that joins both. The one value that was tried.
+#define OTHER_COLOR 0.25f
+
+static void find_neighbours(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed,
+                            struct neighbours *out)
+{
+    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
+    const uint8_t *own = p->rgb + 3 * ((size_t)seed->v * (size_t)p->width + (size_t)seed->u);
+    out->count = gather(s, p, &w, NEIGHBOURS, out->at);
+    for (int i = 0; i < out->count; i++) {
+        const struct seed *o = &s->list[out->at[i]];
+        const uint8_t *rgb = p->rgb + 3 * ((size_t)o->v * (size_t)p->width + (size_t)o->u);
+        bool other = false;
+        for (int c = 0; c < 3; c++)
+            other |= abs((int)own[c] - (int)rgb[c]) > ALIKE;
+        out->weight[i] = other ? OTHER_COLOR * o->weight : o->weight;
+    }
+}
+
+static float support(const struct depth_seeds *s, const struct neighbours *near, const float plane[3], float tolerance)
 {
     float sum = 0;
-    for (int i = 0; i < n; i++) {
-        const struct seed *o = &s->list[near[i]];
+    for (int i = 0; i < near->count; i++) {
+        const struct seed *o = &s->list[near->at[i]];
         const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
-        sum += e * e < 1 ? (1 - e * e) * o->weight : 0;
+        sum += e * e < 1 ? (1 - e * e) * near->weight[i] : 0;
     }
     return sum;
 }
@@ -157,14 +185,14 @@ static bool plane_of_three(const struct seed *a, const struct seed *b, const str
 }
 
 // Least squares over those within the tolerance, twice; a weak pull towards the plane given keeps it regular.
-static void polish(const struct depth_seeds *s, const int *near, int n, float tolerance, float plane[3])
+static void polish(const struct depth_seeds *s, const struct neighbours *near, float tolerance, float plane[3])
 {
     for (int pass = 0; pass < 2; pass++) {
         double m[3][3] = {{0}}, b[3] = {0}, sum = 0;
-        for (int i = 0; i < n; i++) {
-            const struct seed *o = &s->list[near[i]];
+        for (int i = 0; i < near->count; i++) {
+            const struct seed *o = &s->list[near->at[i]];
             const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
-            const double weight = e * e < 1 ? (double)(1 - e * e) * (double)((1 - e * e) * o->weight) : 0;
+            const double weight = e * e < 1 ? (double)(1 - e * e) * (double)((1 - e * e) * near->weight[i]) : 0;
             sum += weight;
             for (int j = 0; j < 3; j++) {
                 b[j] += weight * o->ray[j] * o->inverse;
@@ -187,9 +215,9 @@ static void polish(const struct depth_seeds *s, const int *near, int n, float to
 static void fit(struct depth_seeds *s, const struct surround_picture *p, int index, float tolerance)
 {
     struct seed *seed = &s->list[index];
-    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
-    int near[NEIGHBOURS];
-    const int n = gather(s, p, &w, NEIGHBOURS, near);
+    struct neighbours near;
+    find_neighbours(s, p, seed, &near);
+    const uint32_t n = (uint32_t)near.count;
     float best = -1, candidate[3];
     uint32_t random = 2463534242u + (uint32_t)index * 2654435761u;
     for (int c = 0; c < TRIPLES + 3; c++) {
@@ -208,14 +236,14 @@ static void fit(struct depth_seeds *s, const struct surround_picture *p, int ind
             memcpy(candidate, s->list[index - 1].plane, sizeof candidate);
         } else {
             random ^= random << 13, random ^= random >> 17, random ^= random << 5; // xorshift (Marsaglia 2003)
-            if (n < 3 || !plane_of_three(seed, &s->list[near[random % (uint32_t)n]],
-                                         &s->list[near[(random >> 12) % (uint32_t)n]], candidate))
+            if (n < 3 ||
+                !plane_of_three(seed, &s->list[near.at[random % n]], &s->list[near.at[(random >> 12) % n]], candidate))
                 continue;
         }
         const float own = (dot(candidate, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
         if (own * own > OWN_APART * OWN_APART)
             continue;
-        const float score = support(s, near, n, candidate, tolerance) + (c == 1 ? 0.5f * seed->weight : 0);
+        const float score = support(s, &near, candidate, tolerance) + (c == 1 ? 0.5f * seed->weight : 0);
         if (score > best) {
             best = score;
             memcpy(seed->plane, candidate, sizeof candidate);
@@ -223,38 +251,95 @@ static void fit(struct depth_seeds *s, const struct surround_picture *p, int ind
     }
     float polished[3];
     memcpy(polished, seed->plane, sizeof polished);
-    polish(s, near, n, tolerance, polished);
+    polish(s, &near, tolerance, polished);
     const float own = (dot(polished, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
     if (own * own <= OWN_APART * OWN_APART)
         memcpy(seed->plane, polished, sizeof polished);
 }
 
-static bool alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
+// Whether the picture has, on the mean of the way from one seed to another, a colour.
+static bool has_color(const struct surround_picture *p, const struct seed *a, const struct seed *b,
+                      const float color[3])
 {
-    const uint8_t *x = p->rgb + 3 * ((size_t)a->v * (size_t)p->width + (size_t)a->u);
-    const uint8_t *y = p->rgb + 3 * ((size_t)b->v * (size_t)p->width + (size_t)b->u);
+    const int du = b->u - a->u, dv = b->v - a->v, steps = abs(du) > abs(dv) ? abs(du) : abs(dv);
+    int sum[3] = {0};
+    for (int i = 0; i < steps; i++) {
+        const int u = a->u + (2 * i * du + (du < 0 ? -steps : steps)) / (2 * steps);
+        const int v = a->v + (2 * i * dv + (dv < 0 ? -steps : steps)) / (2 * steps);
+        const uint8_t *y = p->rgb + 3 * ((size_t)v * (size_t)p->width + (size_t)u);
+        for (int c = 0; c < 3; c++)
+            sum[c] += y[c];
+    }
     for (int c = 0; c < 3; c++)
-        if (abs((int)x[c] - (int)y[c]) > ALIKE)
+        if (fabsf((float)sum[c] / (float)steps - color[c]) > ALIKE)
             return false;
     return true;
 }
 
-// Hidden: in three of the four quarters around it a surface of the colour that the picture has here passes in front.
+enum { SECTORS = 16 };
+
+// Hidden: on opposite sides of it a surface passes in front whose mean colour the picture has between.
 // (Between the posts of a fence the picture has another colour than at the posts.)
 static bool is_hidden(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed)
 {
     const struct window w = window_of(s, p, seed->u, seed->v, HIDING_ENOUGH);
-    int near[HIDING_NEIGHBOURS], in_front[4] = {0};
+    int near[HIDING_NEIGHBOURS], front = 0;
+    bool in_front[SECTORS] = {0};
+    float color[3] = {0};
     const int n = gather(s, p, &w, HIDING_NEIGHBOURS, near);
     for (int i = 0; i < n; i++) {
         const struct seed *o = &s->list[near[i]];
-        if (o->inverse > 1.05f * seed->inverse && dot(o->plane, seed->ray) > 1.05f * seed->inverse && alike(p, seed, o))
-            in_front[(o->u > seed->u) + 2 * (o->v > seed->v)]++;
+        if (!(o->inverse > 1.05f * seed->inverse && dot(o->plane, seed->ray) > 1.05f * seed->inverse))
+            continue;
+        near[front++] = near[i];
+        for (int c = 0; c < 3; c++)
+            color[c] += p->rgb[3 * ((size_t)o->v * (size_t)p->width + (size_t)o->u) + (size_t)c];
     }
-    int quarters = 0;
-    for (int q = 0; q < 4; q++)
-        quarters += in_front[q] > 0;
-    return quarters >= 3;
+    for (int c = 0; c < 3; c++)
+        color[c] /= (float)(front + !front);
+    for (int i = 0; i < front; i++) {
+        const struct seed *o = &s->list[near[i]];
+        const float angle = fast_atan2((float)(o->v - seed->v), (float)(o->u - seed->u));
+        const int sector = floor_of(angle * (float)(SECTORS / 6.2831853) + SECTORS) % SECTORS;
+        if (in_front[sector] || !has_color(p, seed, o, color))
+            continue;
+        in_front[sector] = true;
+        for (int k = -1; k <= 1; k++)
+            if (in_front[(sector + SECTORS / 2 + k) % SECTORS])
+                return true;
+    }
+    return false;
+}
+
+// Whether a plane was fitted among seeds that turned out to be hidden.
+static bool is_misled(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed)
+{
+    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
+    int near[NEIGHBOURS];
+    const int n = gather(s, p, &w, NEIGHBOURS, near);
+    bool misled = false;
+    for (int i = 0; i < n && !misled; i++)
+        misled = s->list[near[i]].hidden;
+    return misled && !seed->hidden;
+}
+
+// Fits planes again, now among visible seeds only. ERR_MEMORY.
+static enum status fit_visible(struct depth_seeds *s, const struct surround_picture *p, float tolerance)
+{
+    bool *misled = malloc((size_t)s->count + 1);
+    if (!misled)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < s->count; i++)
+        misled[i] = is_misled(s, p, &s->list[i]);
+    for (int i = 0; i < s->count; i++)
+        if (s->list[i].hidden)
+            s->at[(size_t)s->list[i].v * (size_t)p->width + (size_t)s->list[i].u] = -1;
+    sum_area(s, p->width, p->height);
+    for (int i = 0; i < s->count; i++)
+        if (misled[i])
+            fit(s, p, i, tolerance);
+    free(misled);
+    return OK;
 }
 
 static void set_up(struct depth_seeds *s, const struct surround_picture *p)
@@ -283,7 +368,10 @@ enum status depth_seeds_make(struct depth_seeds *s, const struct surround_pictur
         fit(s, p, i, (float)how->tolerance);
     for (int i = 0; i < s->count; i++)
         s->list[i].hidden = is_hidden(s, p, &s->list[i]);
-    return OK;
+    const enum status status = fit_visible(s, p, (float)how->tolerance);
+    if (status != OK)
+        depth_seeds_free(s);
+    return status;
 }
 
 void depth_seeds_free(struct depth_seeds *s)

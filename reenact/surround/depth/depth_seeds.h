@@ -14,7 +14,7 @@ struct seed {
 struct depth_seeds {
     struct seed *list;
     int count;
-    int32_t *at;     // width * height: index of the pixel's seed, or -1
+    int32_t *at;     // width * height: index of the pixel's seed, or -1: none, or a hidden one
     int32_t *before; // (width + 1) * (height + 1): seeds above and left (summed-area table)
     float up[3];     // world's up in camera axes
 };
