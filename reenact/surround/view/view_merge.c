@@ -249,10 +249,12 @@ static void decide(struct surround_view *view, const struct surround_picture *co
     for (int from = 0, end; from < c->count && least > HALF; from = end) {
         end = from ? surface_end(c->list, c->count, from, how->apart) : c->end;
         const struct candidate mean = from ? surface_mean(c->list, from, end) : c->first;
-        double world[3];
-        surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, mean.inverse_z, world);
-        if (how->depth_test && mean.layer >= asked && is_imagined(pictures, asked, c->list + from, end - from, world))
-            continue;
+        if (how->depth_test && mean.layer >= asked) { // few: the point is not made for the others
+            double world[3];
+            surround_view_point(view, pixel % view->lens.width, pixel / view->lens.width, mean.inverse_z, world);
+            if (is_imagined(pictures, asked, c->list + from, end - from, world))
+                continue;
+        }
         const bool test = how->depth_test && (from || through);
         const double error = test ? error_of(view, pictures, asked, pixel, mean.inverse_z) : 0;
         if (error < least) {
