@@ -31,6 +31,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
     if (kind == SURROUNDINGS_ROBOT) {
         how.depth.farthest_m = 30;
         how.depth.walls = true;
+        how.depth.sparse = false; // depth cameras see a post whole
         how.view.geometry_pictures = SURROUND_MOST_LAYERS;
     }
     return how;

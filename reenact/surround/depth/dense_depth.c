@@ -12,7 +12,7 @@
 struct depth_options depth_default_options(void)
 {
     return (struct depth_options){
-        .upright = true, .reach = 24, .tolerance = 0.012, .nearest_m = 0.3, .farthest_m = 150};
+        .upright = true, .sparse = true, .reach = 24, .tolerance = 0.012, .nearest_m = 0.3, .farthest_m = 150};
 }
 
 // A pixel of the sky is reached from the top row without an edge, and coloured like the top.

@@ -12,6 +12,7 @@ struct depth_options {
     bool sky;                     // outdoors: look for the sky
     bool upright;                 // continue what stands upright above the last point
     bool walls;                   // indoors: large upright planes are flat (large_planes.h)
+    bool sparse;                  // points of scanners' lines, with gaps between them that others show through
     int reach;                    // most pixels from a point that its segment grows, of a panorama 1024 high; 24
     double tolerance;             // of a point against a local plane, share of its distance; 0.012
     double nearest_m, farthest_m; // points outside are left out

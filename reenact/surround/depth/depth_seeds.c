@@ -158,7 +158,7 @@ static void find_neighbours(const struct depth_seeds *s, const struct surround_p
         bool other = false;
         for (int c = 0; c < 3; c++)
             other |= abs((int)own[c] - (int)rgb[c]) > ALIKE;
-        out->weight[i] = other ? OTHER_COLOR * o->weight : o->weight;
+        out->weight[i] = other && s->sparse ? OTHER_COLOR * o->weight : o->weight;
     }
 }
 
@@ -276,6 +276,30 @@ static bool has_color(const struct surround_picture *p, const struct seed *a, co
     return true;
 }
 
+static bool alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
+{
+    const uint8_t *x = p->rgb + 3 * ((size_t)a->v * (size_t)p->width + (size_t)a->u);
+    const uint8_t *y = p->rgb + 3 * ((size_t)b->v * (size_t)p->width + (size_t)b->u);
+    for (int c = 0; c < 3; c++)
+        if (abs((int)x[c] - (int)y[c]) > ALIKE)
+            return false;
+    return true;
+}
+
+// Of dense points: in three of the four quarters around it a surface of the colour that the picture has here passes in
+// front; near: those that do, but for their colour.
+static bool is_surrounded(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed,
+                          const int *near, int count)
+{
+    bool in_front[4] = {0};
+    for (int i = 0; i < count; i++) {
+        const struct seed *o = &s->list[near[i]];
+        if (alike(p, seed, o))
+            in_front[(o->u > seed->u) + 2 * (o->v > seed->v)] = true;
+    }
+    return in_front[0] + in_front[1] + in_front[2] + in_front[3] >= 3;
+}
+
 enum { SECTORS = 16 };
 
 // Hidden: on opposite sides of it a surface passes in front whose mean colour the picture has between.
@@ -295,6 +319,8 @@ static bool is_hidden(const struct depth_seeds *s, const struct surround_picture
         for (int c = 0; c < 3; c++)
             color[c] += p->rgb[3 * ((size_t)o->v * (size_t)p->width + (size_t)o->u) + (size_t)c];
     }
+    if (!s->sparse)
+        return is_surrounded(s, p, seed, near, front);
     for (int c = 0; c < 3; c++)
         color[c] /= (float)(front + !front);
     for (int i = 0; i < front; i++) {
@@ -362,13 +388,14 @@ enum status depth_seeds_make(struct depth_seeds *s, const struct surround_pictur
     }
     memset(s->at, 0xff, pixels * sizeof *s->at);
     set_up(s, p);
+    s->sparse = how->sparse;
     project_points(s, p, points, how);
     sum_area(s, p->width, p->height);
     for (int i = 0; i < s->count; i++)
         fit(s, p, i, (float)how->tolerance);
     for (int i = 0; i < s->count; i++)
         s->list[i].hidden = is_hidden(s, p, &s->list[i]);
-    const enum status status = fit_visible(s, p, (float)how->tolerance);
+    const enum status status = !s->sparse ? OK : fit_visible(s, p, (float)how->tolerance);
     if (status != OK)
         depth_seeds_free(s);
     return status;

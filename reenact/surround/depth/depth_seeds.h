@@ -17,6 +17,7 @@ struct depth_seeds {
     int32_t *at;     // width * height: index of the pixel's seed, or -1: none, or a hidden one
     int32_t *before; // (width + 1) * (height + 1): seeds above and left (summed-area table)
     float up[3];     // world's up in camera axes
+    bool sparse;     // depth_options
 };
 
 // The nearest point of each pixel, with the planes fitted and the hidden marked. ERR_MEMORY.
