@@ -23,7 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const struct ffmpeg_library *ffmpeg; // set before the first file is opened
+static const struct ffmpeg_library *_Atomic ffmpeg; // the same for all; set before the first file is opened
 
 enum { QUEUED_MOST = 64 }; // images of one track that may lie before their partners of the other
 

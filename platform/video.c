@@ -5,7 +5,7 @@
 
 #include <stdlib.h>
 
-static const struct ffmpeg_library *ffmpeg; // set before the first writer is made
+static const struct ffmpeg_library *_Atomic ffmpeg; // the same for all; set before the first writer is made
 
 enum { TICKS = 90000, IO_BYTES = 1 << 16, FRAGMENT_FRAMES = 30 }; // TICKS: a second's, as MPEG's clock has them
 

@@ -115,21 +115,13 @@ static enum status run_trial(int number, double *clearance_m)
     return status;
 }
 
-// One path with the picture alone and with the map; starts differ as above.
+// One path with the picture alone and with the map.
 static enum status count_commands(int number, struct trial_result out[TRIAL_VIEWS])
 {
     enum status status = OK;
     for (int view = 0; view < TRIAL_VIEWS && status == OK; view++) {
-        struct box_world world;
-        struct pose start;
         struct simulated_rover rover;
-        struct rover_options how = rover_default_options();
-        how.seed = (uint32_t)number + 1;
-        how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
-        rover_trial_world(2, &world, &start);
-        start.translation.y = 0.04 * (number % 5) - 0.08;
-        start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));
-        status = simulated_rover_open(&rover, &world, start, &how);
+        status = drive_trial_open(&rover, number);
         if (status == OK)
             status = drive_trial_run(&rover, (enum trial_view)view, &out[view]);
         simulated_rover_close(&rover);

@@ -37,7 +37,7 @@ static void write_take(struct recording_writer *w)
     for (int i = 0; i < FRAMES; i++) {
         struct take_frame f = {
             .time_ns = i * 500000000LL, .world_from_camera = world_sensor_pose(world), .located = true};
-        f.has_skeleton = i > 0; // the first frame shows nobody yet
+        f.has_skeleton = i > 0; // the first frame has no skeleton
         f.skeleton = world_joints_in_camera(world, 0.5 * i, f.world_from_camera);
         EXPECT_STATUS(recording_add_frame(w, &f), OK);
     }

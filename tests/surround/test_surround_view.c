@@ -55,9 +55,9 @@ static void test_the_unseen_is_marked(void **state)
     box_room_close(&s);
 }
 
-// Eight pictures see the box from the front. A ninth, asked no more, has the room's walls and floor go on behind it:
-// where no point says so they are not drawn.
-static void test_what_is_only_continued_is_unseen(void **state)
+// Eight pictures see the box from the front. A ninth, asked no more, has the room's walls and floor behind it: they are
+// drawn where it measured them, not where it extrapolated them.
+static void test_what_is_only_extrapolated_is_unseen(void **state)
 {
     (void)state;
     enum { NEAR = 8 };
@@ -67,7 +67,7 @@ static void test_what_is_only_continued_is_unseen(void **state)
     struct view_options how = view_default_options();
     const struct pose eye = room_camera(0.8, 1.4, 1.3);
     how.geometry_pictures = NEAR + 1;
-    int drawn[2] = {0, 0}, unseen = 0;
+    int drawn[2] = {0, 0}, unseen_count = 0;
     box_room_open(&s, &view_lens);
     box_room_film(&s);
     struct box_world empty = s.world;
@@ -77,21 +77,22 @@ static void test_what_is_only_continued_is_unseen(void **state)
         list[i] = &s.pictures[0];
     list[NEAR] = &ninth;
     box_room_draw(&s, eye, 1);
-    bool *nobody = malloc(160 * 120 * sizeof *nobody);
+    bool *unseen = malloc(160 * 120 * sizeof *unseen);
     for (int i = 0; i < 160 * 120; i++)
-        unseen += nobody[i] = s.view.source[i] == SOURCE_UNSEEN;
-    for (int continued = 0; continued < 2; continued++) {
+        unseen_count += unseen[i] = s.view.source[i] == SOURCE_UNSEEN;
+    for (int extrapolated = 0; extrapolated < 2; extrapolated++) {
         for (int i = 0; i < ROOM_WIDTH * ROOM_HEIGHT; i++)
-            ninth.joined[i] |= continued ? DEPTH_CONTINUED : 0;
+            ninth.joined[i] |= extrapolated ? DEPTH_EXTRAPOLATED : 0;
         assert_int_equal(surround_view_draw(&s.view, eye, list, NEAR + 1, &how), OK);
         for (int i = 0; i < 160 * 120; i++)
-            drawn[continued] += nobody[i] && s.view.source[i] != SOURCE_UNSEEN;
+            drawn[extrapolated] += unseen[i] && s.view.source[i] != SOURCE_UNSEEN;
     }
-    print_message("of %d unseen pixels %d drawn where points say so, %d where none does\n", unseen, drawn[0], drawn[1]);
-    EXPECT_AT_LEAST(unseen, 500);
-    EXPECT_AT_LEAST(drawn[0], 0.8 * unseen);
-    EXPECT_AT_MOST(drawn[1], 0.1 * unseen);
-    free(nobody);
+    print_message("of %d unseen pixels %d drawn where it is measured, %d where it is extrapolated\n", unseen_count,
+                  drawn[0], drawn[1]);
+    EXPECT_AT_LEAST(unseen_count, 500);
+    EXPECT_AT_LEAST(drawn[0], 0.8 * unseen_count);
+    EXPECT_AT_MOST(drawn[1], 0.1 * unseen_count);
+    free(unseen);
     surround_picture_free(&ninth);
     box_room_close(&s);
 }
@@ -539,7 +540,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_from_elsewhere),
         cmocka_unit_test(test_the_unseen_is_marked),
-        cmocka_unit_test(test_what_is_only_continued_is_unseen),
+        cmocka_unit_test(test_what_is_only_extrapolated_is_unseen),
         cmocka_unit_test(test_what_others_look_through_is_unseen),
         cmocka_unit_test(test_silhouettes_finer_than_pixels),
         cmocka_unit_test(test_a_post_taller_than_its_points),

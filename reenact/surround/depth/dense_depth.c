@@ -190,8 +190,8 @@ static void fill_row(struct surround_picture *p, const struct depth_seeds *s, in
     }
 }
 
-// Continues the segments' surfaces into what no segment reaches, and marks it so.
-static enum status continue_surfaces(struct surround_picture *p, const struct depth_seeds *s, int32_t *label)
+// Extrapolates the segments' surfaces into what no segment reaches, and marks it so.
+static enum status extrapolate_surfaces(struct surround_picture *p, const struct depth_seeds *s, int32_t *label)
 {
     const size_t pixels = (size_t)p->width * (size_t)p->height;
     int32_t *segment = grow_upright(p, s, label);
@@ -211,7 +211,7 @@ static enum status continue_surfaces(struct surround_picture *p, const struct de
     surround_picture_join(p);
     for (size_t i = 0; i < pixels; i++)
         if (!reached[i])
-            p->joined[i] |= DEPTH_CONTINUED;
+            p->joined[i] |= DEPTH_EXTRAPOLATED;
     free(reached);
     return OK;
 }
@@ -237,7 +237,7 @@ static enum status make(struct surround_picture *p, const struct depth_seeds *s,
         return status;
     fill_segments(p, s, label);
     if (how->upright)
-        return continue_surfaces(p, s, label);
+        return extrapolate_surfaces(p, s, label);
     surround_picture_join(p);
     return OK;
 }

@@ -397,6 +397,19 @@ static enum status go_on(struct driver *d, struct pose body, struct trial_result
     return carry_out(d, (struct drive_command){SPEED, 0}, length / SPEED, out);
 }
 
+enum status drive_trial_open(struct simulated_rover *r, int number)
+{
+    struct box_world world;
+    struct pose start;
+    struct rover_options how = rover_default_options();
+    how.seed = (uint32_t)number + 1;
+    how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
+    rover_trial_world(2, &world, &start);
+    start.translation.y = 0.04 * (number % 5) - 0.08;
+    start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));
+    return simulated_rover_open(r, &world, start, &how);
+}
+
 enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, struct trial_result *out)
 {
     struct driver *d = calloc(1, sizeof *d);

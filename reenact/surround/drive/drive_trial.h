@@ -25,5 +25,8 @@ struct trial_result {
     double length_m; // driven
 };
 
-// Drives the bent passage (rover_trial_world(2)) from its start to its end. ERR_MEMORY.
+// A simulated robot before the bent passage (rover_trial_world(2)), at start `number` from 0 on: starts differ in place
+// across the passage, in heading and in the sensors' noise, by fixed steps. The caller closes it. ERR_MEMORY.
+MUST_CHECK enum status drive_trial_open(struct simulated_rover *r, int number);
+// Drives that passage from its start to its end. ERR_MEMORY.
 MUST_CHECK enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, struct trial_result *out);

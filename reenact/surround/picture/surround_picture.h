@@ -17,8 +17,8 @@
 enum {
     JOINED_RIGHT = 1,
     JOINED_DOWN = 2,
-    JOINED_DIAGONAL = 4, // all of the four pixels right and down of this one
-    DEPTH_CONTINUED = 8  // no point is near it in the picture: the surface beside it is thought to go on
+    JOINED_DIAGONAL = 4,   // all of the four pixels right and down of this one
+    DEPTH_EXTRAPOLATED = 8 // not measured: no point is near it in the picture, the surface beside it was extended
 };
 
 struct surround_picture {
@@ -48,7 +48,7 @@ void surround_picture_free(struct surround_picture *p); // what was zeroed, too
 void surround_picture_place(struct surround_picture *p, struct pose world_from_camera);
 
 // Marks the pixels that lie on one surface: neighbours whose depth continues each other's slope within 3 %.
-// Needs inverse; fills joined, without DEPTH_CONTINUED.
+// Needs inverse; fills joined, without DEPTH_EXTRAPOLATED.
 void surround_picture_join(struct surround_picture *p);
 
 // Unit vector in camera axes through a pixel.
