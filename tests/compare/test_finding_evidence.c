@@ -89,11 +89,40 @@ static void test_pauses_by_turns_are_none(void **state)
     comparison_free(&one);
 }
 
+// A pause that is hardly noticed comes after a joint that was wrong for a while; a long one before it.
+static void test_a_short_pause_comes_last(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise elbow = a;
+    elbow.right_elbow_rad = 0.32; // 18 degrees
+    elbow.wrong_from_s = 1.2;
+    elbow.wrong_to_s = 2.0;
+    for (int longer = 0; longer < 2; longer++) {
+        struct rng rng = {7};
+        struct joint_samples sa, sb;
+        exercise_samples(&a, &rng, &sa);
+        exercise_samples(&elbow, &rng, &sb);
+        struct comparison c = compare(&sa, &sb);
+        EXPECT_INT(c.finding_count, 1);
+        print_message("the posture's weight is %.1f\n", c.findings[0].weight);
+        c.finding_count = 0;
+        c.pace.pieces = calloc(1, sizeof *c.pace.pieces);
+        c.pace.piece_count = 1;
+        c.pace.pieces[0] = (struct piece){PIECE_PAUSE, 20, 21, 20, longer ? 66 : 27, 0};
+        EXPECT_STATUS(findings_make(&c), OK);
+        EXPECT_INT(c.finding_count, 2);
+        EXPECT_INT(c.findings[0].kind, longer ? FINDING_TIMING : FINDING_POSTURE);
+        comparison_free(&c);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_off_all_along_comes_second),
         cmocka_unit_test(test_pauses_by_turns_are_none),
+        cmocka_unit_test(test_a_short_pause_comes_last),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
