@@ -1,10 +1,11 @@
 // A Kinect-like sensor gives a few hundred distinct depths, so each pixel is replaced by the rank of its depth among
 // those of the image (its level), predicted from the levels left, above and above left (the median predictor of
 // LOCO-I), and the residual is entropy-coded (rans_coder.h) with a context quantised from the slopes about the pixel.
-// Where all four neighbours are equal, a run length is coded instead, up to the first pixel that differs.
+// Blocks of a row that are all holes or all as predicted are coded as one number.
 #include "capture/recording/depth_codec.h"
 
 #include "capture/recording/little_endian.h"
+#include "capture/recording/depth_earlier.h"
 #include "capture/recording/depth_pixels.h"
 #include "capture/recording/rans_coder.h"
 
@@ -17,9 +18,10 @@ enum status depth_coder_open(struct depth_coder **out)
     *out = NULL;
     if (!c)
         return fail(ERR_MEMORY, "no memory for the depth coder");
+    c->slopes_noise = -1;
     enum status status = compressor_open(&c->compressor);
     if (status == OK)
-        status = rans_open(&c->range, DEPTH_CONTEXTS);
+        status = rans_open(&c->rans, DEPTH_CONTEXTS);
     if (status == OK)
         *out = c;
     else
@@ -32,7 +34,7 @@ void depth_coder_close(struct depth_coder **c)
     if (!*c)
         return;
     compressor_close(&(*c)->compressor);
-    rans_close(&(*c)->range);
+    rans_close(&(*c)->rans);
     free((*c)->out);
     free((*c)->head);
     free((*c)->rows);
@@ -108,14 +110,14 @@ static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int w
 // The header: palette (each depth as its difference from the one before) and symbol frequencies.
 static enum status make_head(struct depth_coder *c, int levels, size_t *head_bytes)
 {
-    size_t most = 3 * (size_t)levels + rans_frequencies_max(c->range);
+    size_t most = 3 * (size_t)levels + rans_frequencies_max(DEPTH_CONTEXTS);
     enum status status = depth_coder_grow(&c->head, &c->head_capacity, most);
     if (status != OK)
         return status;
     uint8_t *at = c->head;
     for (int i = 1; i < levels; i++)
         at = put_varint(at, (uint32_t)(c->depth_of[i] - c->depth_of[i - 1]));
-    at = rans_put_frequencies(c->range, at);
+    at = rans_put_frequencies(c->rans, at);
     *head_bytes = (size_t)(at - c->head);
     return OK;
 }
@@ -124,35 +126,34 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
                          size_t *count)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
-    size_t n = (size_t)width * (size_t)height, head_plain, head_packed, bits, words;
+    size_t n = (size_t)width * (size_t)height, head_plain, head_packed, words[RANS_STREAMS];
     int largest, levels = find_levels(c, depth, n, &largest);
     int noise = levels ? 0 : measure_noise(c, depth, width, height);
-    enum status status = rans_begin(c->range, n);
+    const struct depth_layout layout = {width, height, noise, levels};
+    enum status status = rans_begin(c->rans, (size_t)(height + 1) / 2 * depth_row_numbers(width));
     if (status == OK)
-        status = (levels ? levels : largest + 1) <= DEPTH_NARROW_LEVELS
-                     ? depth_encode_narrow(c, depth, &(struct depth_layout){width, height, noise, levels})
-                     : depth_encode_wide(c, depth, &(struct depth_layout){width, height, noise, levels});
+        status = (levels ? levels : largest + 1) <= DEPTH_NARROW_LEVELS ? depth_encode_narrow(c, depth, &layout)
+                                                                        : depth_encode_wide(c, depth, &layout);
     if (status == OK)
-        status = rans_finish(c->range, &bits, &words);
+        status = rans_finish(c->rans, words);
     if (status == OK)
         status = make_head(c, levels, &head_plain);
     if (status != OK)
         return status;
     size_t bound = compress_bound(head_plain);
-    if (bits + words + bound >= 2 * n)
+    if (words[0] + words[1] + bound >= 2 * n)
         return store_raw(c, depth, width, height, bytes, count);
-    status = depth_coder_grow(&c->out, &c->out_capacity, DEPTH_HEADER + bound + bits + words);
+    status = depth_coder_grow(&c->out, &c->out_capacity, DEPTH_HEADER + bound + words[0] + words[1]);
     if (status == OK)
         status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + DEPTH_HEADER, &head_packed);
     if (status != OK)
         return status;
-    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_TWO_STATES), (uint16_t)width), (uint16_t)height);
+    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_BLOCKS), (uint16_t)width), (uint16_t)height);
     at = put_u32(put_u8(at, (uint8_t)noise), (uint32_t)levels);
-    at = put_u32(put_u32(put_u32(at, (uint32_t)head_plain), (uint32_t)head_packed), (uint32_t)bits);
-    at += head_packed;
-    rans_copy(c->range, at, at + bits);
+    at = put_u32(put_u32(put_u32(at, (uint32_t)head_plain), (uint32_t)head_packed), (uint32_t)words[0]);
+    rans_copy(c->rans, at + head_packed);
     *bytes = c->out;
-    *count = DEPTH_HEADER + head_packed + bits + words;
+    *count = DEPTH_HEADER + head_packed + words[0] + words[1];
     return OK;
 }
 
@@ -160,7 +161,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
 
 static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth image's code is damaged"); }
 
-static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *end, uint32_t levels)
+static bool read_head(struct depth_coder *c, int contexts, const uint8_t *at, const uint8_t *end, uint32_t levels)
 {
     for (int d = 0; !levels && d < 65536; d++)
         c->depth_of[d] = (uint16_t)d;
@@ -171,36 +172,44 @@ static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *e
         depth += step;
         c->depth_of[i] = (uint16_t)depth;
     }
-    return rans_get_frequencies(c->range, at, end);
+    return rans_get_frequencies(c->rans, contexts, at, end);
+}
+
+static enum status decode_pixels(struct depth_coder *c, int method, const struct depth_code *code,
+                                 const struct depth_layout *l, uint16_t *depth)
+{
+    if (method != DEPTH_BLOCKS)
+        return depth_decode_earlier(c, method == DEPTH_ONE_STATE ? 1 : 2, code, l, depth);
+    const size_t streams[RANS_STREAMS] = {code->first_count, code->count - code->first_count};
+    enum status status = rans_start(c->rans, code->bytes, streams, RANS_NUMBER_BYTES * depth_row_numbers(l->width));
+    if (status != OK)
+        return status;
+    return l->levels && l->levels <= DEPTH_NARROW_LEVELS ? depth_decode_narrow(c, l, depth)
+                                                         : depth_decode_wide(c, l, depth);
 }
 
 // Behind the method and the size.
-static enum status decode_coded(struct depth_coder *c, int states, const uint8_t *at, const uint8_t *end,
+static enum status decode_coded(struct depth_coder *c, int method, const uint8_t *at, const uint8_t *end,
                                 const struct depth_size *size, uint16_t *depth)
 {
     if (end - at < DEPTH_HEADER - 5)
         return damaged();
-    int noise = *at++;
-    uint32_t levels = get_u32(&at), head_plain = get_u32(&at), head_packed = get_u32(&at), bits = get_u32(&at);
+    const int noise = *at++, contexts = method == DEPTH_BLOCKS ? DEPTH_CONTEXTS : DEPTH_EARLIER_CONTEXTS;
+    uint32_t levels = get_u32(&at), head_plain = get_u32(&at), head_packed = get_u32(&at), first = get_u32(&at);
     size_t left = (size_t)(end - at);
-    if (levels > 65536 || head_plain > 3 * (size_t)levels + rans_frequencies_max(c->range) || head_packed > left ||
-        bits > left - head_packed)
+    if (levels > 65536 || head_plain > 3 * (size_t)levels + rans_frequencies_max(contexts) || head_packed > left ||
+        first > left - head_packed)
         return damaged();
     enum status status = depth_coder_grow(&c->head, &c->head_capacity, head_plain + 1);
     if (status == OK)
         status = decompress_bytes(c->compressor, at, head_packed, c->head, head_plain);
     if (status != OK)
         return status;
-    const struct depth_layout layout = {size->width, size->height, noise, (int)levels};
-    const struct rans_code code = {.bits = at + head_packed,
-                                   .words = at + head_packed + bits,
-                                   .bit_count = bits,
-                                   .word_count = left - head_packed - bits,
-                                   .states = states};
-    if (!read_head(c, c->head, c->head + head_plain, levels) || !rans_start(c->range, &code))
+    if (!read_head(c, contexts, c->head, c->head + head_plain, levels))
         return damaged();
-    status = levels && levels <= DEPTH_NARROW_LEVELS ? depth_decode_narrow(c, &layout, depth)
-                                                     : depth_decode_wide(c, &layout, depth);
+    const struct depth_code code = {at + head_packed, left - head_packed, first};
+    status =
+        decode_pixels(c, method, &code, &(struct depth_layout){size->width, size->height, noise, (int)levels}, depth);
     return status == NOTHING ? damaged() : status;
 }
 
@@ -216,9 +225,8 @@ enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t cou
     if (coded_width != width || coded_height != height)
         return fail(ERR_CORRUPT, "a depth image has %d x %d pixels where %d x %d were expected", coded_width,
                     coded_height, width, height);
-    if (bytes[0] == DEPTH_ONE_STATE || bytes[0] == DEPTH_TWO_STATES)
-        return decode_coded(c, bytes[0] == DEPTH_ONE_STATE ? 1 : 2, at, end, &(struct depth_size){width, height},
-                            depth);
+    if (bytes[0] > DEPTH_RAW && bytes[0] <= DEPTH_BLOCKS)
+        return decode_coded(c, bytes[0], at, end, &(struct depth_size){width, height}, depth);
     if (bytes[0] != DEPTH_RAW || count != 5 + 2 * n)
         return damaged();
     for (size_t i = 0; i < n; i++)

@@ -5,7 +5,7 @@
 #pragma once
 #include "base/status.h"
 
-struct depth_coder; // scratch memory kept between images: 0.8 MB and at most 24 bytes a pixel
+struct depth_coder; // scratch memory kept between images: 1.5 MB and at most 24 bytes a pixel
 
 MUST_CHECK enum status depth_coder_open(struct depth_coder **out); // ERR_MEMORY: *out is then NULL
 void depth_coder_close(struct depth_coder **c);                    // NULL is fine; sets *c = NULL

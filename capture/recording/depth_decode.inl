@@ -1,96 +1,277 @@
-// Decoding of a depth image's pixels.
+// Decoding of a depth image's pixels. Two rows are decoded together, the lower one at least LAG blocks behind the upper
+// one, on which it depends: what one pixel waits for is then done beside the other's.
 
-// The state of decoding between one row and the next.
-struct pixel_decoder {
-    int64_t run; // remaining pixels of the run; -1: not read yet
-    int width, levels;
+enum { LAG = 2 };
+
+// A pixel's context is looked up by an index, the sum of one from the row above and one from the pixel to the left: of
+// slopes 0..124; of holes above 125 + 5 (their bits / 2 - 1) + 0..4; behind a hole LEFT_HOLE more. The left pixel gives
+// its slope + 2.
+enum { INDEX_STRAIGHT = 60, INDEX_HOLES = 120, LEFT_HOLE = 140, INDICES = 2 * LEFT_HOLE };
+
+// Where the decoding of a stream has come to: the even or the odd rows.
+struct cursor {
+    struct rans_reader reader;
+    struct row *row, *above;
+    int y, block; // the next
+    bool knows;   // the block's kind has been decoded
 };
 
-static void look_above(struct rows *r, int width)
+struct pixel_decoder {
+    struct row *rows;
+    struct cursor cursor[RANS_STREAMS];
+    const struct rans_context *contexts, *context_of[INDICES];
+    uint8_t mirrored[INDICES];         // of each context: 0, or RANS_PLAIN if residuals are negated
+    int8_t residual[2 * RANS_PLAIN];   // of the numbers that are symbols; mirrored
+    const uint8_t *slopes[2];          // of a difference of fills, behind a pixel or a hole
+    int width, height, levels, blocks; // blocks: of a row
+    LEVEL noise;
+    bool damaged;
+};
+
+static void set_context(struct pixel_decoder *d, int index)
 {
-    for (int x = 1; x <= width; x += LANES) {
-        store(r->slopes + x, slopes_above(r, x));
-        store(r->holes + x, holes_above(r, x));
-        store(r->even + x, even_at(r, x));
+    const int left = index >= LEFT_HOLE, within = index - left * LEFT_HOLE, slopes = within - INDEX_STRAIGHT - 2;
+    const int above = within < 125 ? 0 : (within - INDEX_HOLES) / 5; // holes
+    const bool straight = !left && !above;
+    d->context_of[index] = d->contexts + (straight ? abs(slopes) : HOLE_CONTEXTS + left + 2 * above);
+    d->mirrored[index] = straight && slopes < 0 ? RANS_PLAIN : 0;
+}
+
+static int residual_of(uint32_t number, bool mirrored)
+{
+    const int residual = unfold(number - 1);
+    return mirrored ? -residual : residual;
+}
+
+// Of each difference of fills, -DIFFERENCE_MAX and up, its slope (depth_rows.inl's slopes_of) + 2.
+enum { DIFFERENCE_MAX = UINT16_MAX };
+static void set_slopes(struct depth_coder *c, int noise)
+{
+    const int edge = 3 * noise + 1, ends[] = {-edge - 1, -noise - 1, noise, edge, DIFFERENCE_MAX}; // of slopes -2 .. 2
+    for (int hole = 0; hole < 2; hole++)
+        for (int slope = 0, from = -DIFFERENCE_MAX; slope < 5; from = ends[slope++] + 1)
+            memset(c->slopes[hole] + DIFFERENCE_MAX + from, slope + hole * LEFT_HOLE, (size_t)(ends[slope] + 1 - from));
+    c->slopes_noise = noise;
+}
+
+static void decoder_begin(struct pixel_decoder *d, struct depth_coder *c)
+{
+    d->contexts = c->rans->context;
+    for (uint32_t n = 1; n < RANS_PLAIN; n++)
+        for (int mirrored = 0; mirrored < 2; mirrored++)
+            d->residual[mirrored * RANS_PLAIN + (int)n] = (int8_t)residual_of(n, mirrored);
+    for (int i = 0; i < INDICES; i++)
+        set_context(d, i);
+    if (c->slopes_noise != d->noise)
+        set_slopes(c, d->noise);
+    for (int hole = 0; hole < 2; hole++)
+        d->slopes[hole] = c->slopes[hole] + DIFFERENCE_MAX;
+}
+
+struct left_pixel {
+    ptrdiff_t fill; // as wide as an address: it is part of an index
+    const uint8_t *slopes;
+};
+
+static inline __attribute__((always_inline)) void decode_pixel(const struct pixel_decoder *d, struct row *row,
+                                                               const struct row *above, ptrdiff_t x,
+                                                               struct rans_reader *from, struct left_pixel *left)
+{
+    const ptrdiff_t b = above->filled[x], c = above->filled[x - 1];
+    const size_t index = (unsigned)row->index[x] + left->slopes[c - left->fill];
+    const ptrdiff_t predicted = predict(left->fill, b, c);
+    const struct rans_context *context = d->context_of[index];
+    size_t symbol = rans_look(context, from);
+    LEVEL level;
+    if (symbol - 1 < RANS_PLAIN - 1) { // by far the most
+        rans_take(context, from, symbol);
+        left->fill = (predicted + d->residual[d->mirrored[index] + symbol]) & LEVEL_MASK;
+        left->slopes = d->slopes[0];
+        level = (LEVEL)left->fill;
+    } else {
+        if (symbol >= RANS_SYMBOLS)
+            symbol = rans_search(context, from);
+        rans_take(context, from, symbol);
+        const uint32_t number = symbol < RANS_PLAIN ? (uint32_t)symbol : rans_pull_large(from, (uint32_t)symbol);
+        left->fill = symbol ? (predicted + residual_of(number, d->mirrored[index])) & LEVEL_MASK : predicted;
+        left->slopes = d->slopes[!symbol];
+        level = symbol ? (LEVEL)left->fill : HOLE;
+    }
+    row->level[x] = level;
+    row->filled[x] = (LEVEL)left->fill;
+}
+
+static inline struct left_pixel left_of(const struct pixel_decoder *d, const struct row *row, int x)
+{
+    return (struct left_pixel){row->filled[x - 1], d->slopes[row->level[x - 1] == HOLE]};
+}
+
+static inline void look_above(const struct pixel_decoder *d, struct row *row, const struct row *above, int x)
+{
+    for (const int end = x + BLOCK; x < end; x += LANES) {
+        const lanes holes = holes_above(above, x); // 2 or 4 or both
+        const lanes straight = slopes_above(above, x, d->noise) + INDEX_STRAIGHT;
+        store(row->index + x, select_lanes(holes == 0, straight, holes + holes + (holes >> 1) + INDEX_HOLES));
     }
 }
 
-// Pixels of a run from x on: as far as the row above stays the same, they are the left pixel's. Returns the last.
-static inline int decode_run(struct pixel_decoder *d, struct rows *r, int x, LEVEL here, LEVEL fill)
+// All pixels of a block are as predicted.
+static void predict_block(struct row *row, const struct row *above, int x, int count)
 {
-    const int first = x, last = d->run < d->width - x + 1 ? x + (int)d->run - 1 : d->width;
-    const lanes here_lanes = (lanes){0} + here, fill_lanes = (lanes){0} + fill;
-    r->level[x] = here;
-    r->filled[x] = fill;
-    while (x + LANES <= last && all_bits(load(r->even + x + 1))) {
-        store(r->level + x + 1, here_lanes);
-        store(r->filled + x + 1, fill_lanes);
-        x += LANES;
+    LEVEL fill = row->filled[x - 1];
+    if (above->filled[x - 1] == fill && all_are(above->filled + x, BLOCK, fill)) {
+        fill_all(row->filled + x, fill);
+        fill_all(row->level + x, fill);
+        return;
     }
-    while (x < last && r->even[x + 1]) {
-        r->level[++x] = here;
-        r->filled[x] = fill;
+    for (const int end = x + count; x < end; x++) {
+        fill = (LEVEL)predict(fill, above->filled[x], above->filled[x - 1]);
+        row->level[x] = row->filled[x] = fill;
     }
-    d->run -= x - first + 1;
-    return x;
 }
 
-// states: range->states, a constant.
-static inline bool decode_row(struct pixel_decoder *d, struct rans_coder *range, struct rows *r, int states)
+// The cursor's next block.
+static void decode_block(const struct pixel_decoder *d, struct cursor *at)
 {
-    struct rans_coder in = *range; // a copy, which nothing else points to
-    const int width = d->width, noise = r->noise;
-    const unsigned levels = (unsigned)d->levels;
-    int here = r->level[0], fill = r->filled[0]; // of the pixel to the left
-    uint32_t value;
-    for (int x = 1; x <= width; x++) {
-        int context = FLAT_MISS, below = 0;
-        if (r->even[x] && here == r->level_above[x]) {
-            if (d->run < 0) {
-                if (!rans_pull(&in, states, FLAT_RUN, &value))
-                    return false;
-                d->run = value;
-            }
-            if (d->run > 0) {
-                x = decode_run(d, r, x, (LEVEL)here, (LEVEL)fill);
-                continue;
-            }
-            d->run = -1;
-        } else {
-            const int index = r->slopes[x] + slope_of(r->filled_above[x - 1] - fill, noise);
-            const int holes = r->holes[x] | (here == HOLE);
-            below = -(index < 0) & -!holes; // no branch: it would be badly predicted
-            context = holes ? HOLE_CONTEXTS + holes : (index ^ below) - below;
-        }
-        const int predicted = predict(fill, r->filled_above[x], r->filled_above[x - 1]);
-        if (!rans_pull(&in, states, context, &value))
-            return false;
-        const int residual = unfold(value - 1);
-        here = value ? predicted + ((residual ^ below) - below) : HOLE;
-        if ((unsigned)here >= levels || (value && here == HOLE))
-            return false;
-        fill = value ? here : predicted;
-        r->level[x] = (LEVEL)here;
-        r->filled[x] = (LEVEL)fill;
+    struct row *row = at->row;
+    const int x = 1 + at->block * BLOCK, count = d->width - x + 1 < BLOCK ? d->width - x + 1 : BLOCK;
+    const enum block_kind kind = row->kind[at->block++];
+    at->knows = false;
+    if (kind == BLOCK_CODED) {
+        struct rans_reader from = at->reader;
+        struct left_pixel left = left_of(d, row, x);
+        look_above(d, row, at->above, x);
+        for (int i = 0; i < count; i++)
+            decode_pixel(d, row, at->above, x + i, &from, &left);
+        at->reader = from;
+    } else if (kind == BLOCK_PREDICTED) {
+        predict_block(row, at->above, x, count);
+    } else {
+        fill_all(row->filled + x, row->filled[x - 1]);
+        fill_all(row->level + x, HOLE);
     }
-    *range = in;
+}
+
+static inline __attribute__((always_inline)) void decode_kind(struct pixel_decoder *d, struct cursor *at,
+                                                              struct rans_reader *from)
+{
+    const size_t kind = rans_pull_symbol(&d->contexts[kind_context(at->row, at->above, at->block)], from);
+    d->damaged |= kind >= BLOCK_KINDS;
+    at->row->kind[at->block] = kind < BLOCK_KINDS ? (uint8_t)kind : BLOCK_CODED;
+    at->knows = true;
+}
+
+// The next blocks of both cursors, which are whole and coded; and what kinds those after them are.
+static void decode_two_blocks(struct pixel_decoder *d)
+{
+    struct cursor *a = &d->cursor[0], *b = &d->cursor[1];
+    struct rans_reader from_a = a->reader, from_b = b->reader;
+    struct row *row_a = a->row, *row_b = b->row;
+    const struct row *above_a = a->above, *above_b = b->above;
+    const int x_a = 1 + a->block++ * BLOCK, x_b = 1 + b->block++ * BLOCK;
+    struct left_pixel left_a = left_of(d, row_a, x_a), left_b = left_of(d, row_b, x_b);
+    look_above(d, row_a, above_a, x_a);
+    look_above(d, row_b, above_b, x_b);
+    for (int i = 0; i < BLOCK; i++) {
+        decode_pixel(d, row_a, above_a, x_a + i, &from_a, &left_a);
+        decode_pixel(d, row_b, above_b, x_b + i, &from_b, &left_b);
+    }
+    a->knows = b->knows = false;
+    if (a->block < d->blocks)
+        decode_kind(d, a, &from_a);
+    if (b->block < d->blocks)
+        decode_kind(d, b, &from_b);
+    a->reader = from_a;
+    b->reader = from_b;
+}
+
+// One that is no level comes from a damaged code.
+static bool are_levels(const struct row *row, int width, int levels)
+{
+    const lanes largest = (lanes){0} + (LEVEL)(levels - 1);
+    lanes beyond = {0};
+    int x = 1;
+    for (; x + LANES <= width + 1; x += LANES)
+        beyond |= load(row->level + x) > largest;
+    for (; x <= width; x++)
+        beyond |= (lanes){0} + row->level[x] > largest;
+    return no_bits(beyond);
+}
+
+static void begin_row(struct pixel_decoder *d, struct cursor *at, int y)
+{
+    at->y = y;
+    at->block = 0;
+    at->knows = false;
+    at->row = row_at(d->rows, y);
+    at->above = row_at(d->rows, y - 1);
+}
+
+static void end_row(struct pixel_decoder *d, struct cursor *at, const uint16_t *depth_of, uint16_t *depth)
+{
+    set_right(at->row, d->width);
+    d->damaged |= !are_levels(at->row, d->width, d->levels) || !rans_is_within(&at->reader);
+    depth += (ptrdiff_t)at->y * d->width;
+    const LEVEL *level = at->row->level + 1;
+#pragma GCC unroll 8
+    for (int x = 0; x < d->width; x++)
+        depth[x] = depth_of[level[x]];
+    begin_row(d, at, at->y + RANS_STREAMS);
+}
+
+// Whether the row above, in which `other` may be, has come far enough for the next block. Makes that known.
+static inline bool is_ready(struct pixel_decoder *d, struct cursor *at, const struct cursor *other)
+{
+    if (at->y >= d->height || (other->y < at->y && other->block < at->block + LAG))
+        return false;
+    if (at->block == 0)
+        set_left(at->row, at->above);
+    if (!at->knows)
+        decode_kind(d, at, &at->reader);
     return true;
+}
+
+static inline bool is_coded(const struct pixel_decoder *d, const struct cursor *at)
+{
+    return at->row->kind[at->block] == BLOCK_CODED && (at->block + 1) * BLOCK <= d->width;
+}
+
+// Blocks that are not coded are cheap: at one, that cursor goes ahead, so that nearly all coded blocks meet one of the
+// other cursor's.
+static inline void decode_next(struct pixel_decoder *d)
+{
+    struct cursor *a = &d->cursor[0], *b = &d->cursor[1];
+    const bool ready_a = is_ready(d, a, b), ready_b = is_ready(d, b, a);
+    if (ready_a && ready_b && is_coded(d, a) && is_coded(d, b))
+        decode_two_blocks(d);
+    else
+        decode_block(d, ready_a && (!ready_b || !is_coded(d, a)) ? a : b);
 }
 
 enum status DEPTH_DECODE(struct depth_coder *c, const struct depth_layout *l, uint16_t *depth)
 {
-    struct rows *r;
-    enum status status = rows_begin(c, &r, l);
+    struct pixel_decoder d = {.width = l->width,
+                              .height = l->height,
+                              .levels = l->levels ? l->levels : 65536,
+                              .blocks = depth_row_blocks(l->width),
+                              .noise = (LEVEL)l->noise};
+    enum status status = rows_begin(c, &d.rows, l->width);
     if (status != OK)
         return status;
-    struct pixel_decoder d = {-1, l->width, l->levels ? l->levels : 65536};
-    for (int y = 0; y < l->height; y++) {
-        rows_next(r, l->width);
-        look_above(r, l->width);
-        if (!(c->range->states > 1 ? decode_row(&d, c->range, r, 2) : decode_row(&d, c->range, r, 1)))
-            return NOTHING;
-        for (int x = 0; x < l->width; x++)
-            depth[(size_t)y * (size_t)l->width + (size_t)x] = c->depth_of[r->level[x + 1]];
+    decoder_begin(&d, c);
+    struct cursor *a = &d.cursor[0], *b = &d.cursor[1];
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        d.cursor[i].reader = c->rans->reader[i];
+        begin_row(&d, &d.cursor[i], i);
     }
-    return d.run <= 0 && rans_is_done(c->range) ? OK : NOTHING;
+    while (!d.damaged && (a->y < l->height || b->y < l->height)) {
+        decode_next(&d);
+        if (a->block == d.blocks)
+            end_row(&d, a, c->depth_of, depth);
+        if (b->block == d.blocks)
+            end_row(&d, b, c->depth_of, depth);
+    }
+    c->rans->reader[0] = a->reader;
+    c->rans->reader[1] = b->reader;
+    return !d.damaged && rans_is_done(c->rans) ? OK : NOTHING;
 }

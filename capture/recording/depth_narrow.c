@@ -2,6 +2,7 @@
 #include "capture/recording/depth_pixels.h"
 
 #define LEVEL        int16_t
+#define LEVEL_MASK   (DEPTH_NARROW_LEVELS - 1)
 #define DEPTH_ENCODE depth_encode_narrow
 #define DEPTH_DECODE depth_decode_narrow
 #include "capture/recording/depth_rows.inl"

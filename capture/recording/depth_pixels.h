@@ -5,12 +5,26 @@
 #include "capture/recording/codec_internal.h"
 
 enum {
-    HOLE = 0,           // the level of depth 0, whether it occurs or not
-    HOLE_CONTEXTS = 63, // + a bit each for left, above, above right being holes: 64..70
-    FLAT_MISS = 71,
-    FLAT_RUN = 72,
-    DEPTH_CONTEXTS = 73,
+    DEPTH_BLOCK = 16,    // pixels of a row that are coded together
+    HOLE = 0,            // the level of depth 0, whether it occurs or not
+    HOLE_CONTEXTS = 63,  // + a bit each for left, above, above right being holes: 64..70
+    BLOCK_CONTEXTS = 71, // of the kinds of blocks: + 9 left + 3 above + above right: 71..97
+    DEPTH_CONTEXTS = 98,
     DEPTH_NARROW_LEVELS = 1 << 14, // at most so many: twice a difference then fits 16 bits
+};
+
+// A block: up to DEPTH_BLOCK pixels of a row.
+enum block_kind {
+    BLOCK_CODED,     // pixel by pixel
+    BLOCK_PREDICTED, // no pixel is a hole, and all are as predicted
+    BLOCK_HOLES,     // all pixels are holes
+    BLOCK_KINDS,
+};
+
+// Behind the head: two parts, the first of first_count bytes.
+struct depth_code {
+    const uint8_t *bytes;
+    size_t count, first_count;
 };
 
 struct depth_size {
@@ -23,10 +37,14 @@ struct depth_layout {
     int levels; // 0: a level is the depth itself
 };
 
-// Pushes all numbers of an image to c->range, which was begun. ERR_MEMORY.
+// Pushes all numbers of an image to c->rans, which was begun: those of even rows to stream 0, of odd rows to stream 1.
+// ERR_MEMORY.
 MUST_CHECK enum status depth_encode_narrow(struct depth_coder *c, const uint16_t *depth, const struct depth_layout *l);
 MUST_CHECK enum status depth_encode_wide(struct depth_coder *c, const uint16_t *depth, const struct depth_layout *l);
 
-// Pulls them from c->range, which was started. NOTHING: the code is damaged. ERR_MEMORY.
+// Pulls them from c->rans, which was started. NOTHING: the code is damaged. ERR_MEMORY.
 MUST_CHECK enum status depth_decode_narrow(struct depth_coder *c, const struct depth_layout *l, uint16_t *depth);
 MUST_CHECK enum status depth_decode_wide(struct depth_coder *c, const struct depth_layout *l, uint16_t *depth);
+
+static inline int depth_row_blocks(int width) { return (width + DEPTH_BLOCK - 1) / DEPTH_BLOCK; }
+static inline size_t depth_row_numbers(int width) { return (size_t)(depth_row_blocks(width) + width); }

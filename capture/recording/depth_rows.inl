@@ -4,10 +4,11 @@
 // them.
 #include "capture/recording/rans_coder.h"
 
+#include <stdlib.h>
 #include <string.h>
 
-enum { VECTOR_BYTES = 16, LANES = VECTOR_BYTES / (int)sizeof(LEVEL), BLOCK = 16, PAD = 2 * BLOCK };
-enum { ROW = 16384 + 2 + PAD }; // the widest image's
+enum { VECTOR_BYTES = 16, LANES = VECTOR_BYTES / (int)sizeof(LEVEL), BLOCK = DEPTH_BLOCK, PAD = 2 * BLOCK };
+enum { WIDEST = 16384, ROW = WIDEST + 2 + PAD, BLOCKS_MOST = WIDEST / BLOCK };
 
 typedef LEVEL lanes __attribute__((vector_size(VECTOR_BYTES))); // comparisons give all bits of a lane, or none
 
@@ -18,6 +19,8 @@ static inline lanes load(const LEVEL *from)
     return v;
 }
 static inline void store(LEVEL *to, lanes v) { memcpy(to, &v, sizeof v); }
+
+static inline lanes select_lanes(lanes where, lanes one, lanes other) { return (one & where) | (other & ~where); }
 
 static inline bool all_bits(lanes v)
 {
@@ -32,43 +35,72 @@ static inline bool no_bits(lanes v)
     return !(half[0] | half[1]);
 }
 
-// The current row and the one above. [0] is left of the image, [width + 1] right of it. Above the first row is a row of
-// holes. Arrays of fixed size, so that one register addresses all of them.
-struct rows {
-    LEVEL level[ROW], filled[ROW], level_above[ROW], filled_above[ROW];
-    // For decoding, of each pixel, from the row above:
-    LEVEL slopes[ROW]; // 25 slope(d - b) + 5 slope(b - c) of the fills
-    LEVEL holes[ROW];  // bits 1 and 2: b and d are holes
-    LEVEL even[ROW];   // all bits: the levels of b, c and d are equal
-    LEVEL noise;
+static inline bool all_are(const LEVEL *values, int count, LEVEL value)
+{
+    if (count == BLOCK) {
+        lanes same = load(values) == value;
+        for (int i = LANES; i < BLOCK; i += LANES)
+            same &= load(values + i) == value;
+        return all_bits(same);
+    }
+    for (int i = 0; i < count; i++)
+        if (values[i] != value)
+            return false;
+    return true;
+}
+
+static inline void fill_all(LEVEL *values, LEVEL value) // a whole block
+{
+    for (int i = 0; i < BLOCK; i += LANES)
+        store(values + i, (lanes){0} + value);
+}
+
+// [0] is left of the image, [width + 1] right of it. Arrays of fixed size, so that one register addresses all of them.
+struct row {
+    LEVEL level[ROW], filled[ROW];
+    LEVEL index[ROW];              // decoding: of each pixel the part of its context's index that the row above gives
+    uint8_t kind[BLOCKS_MOST + 1]; // enum block_kind; BLOCK_CODED behind the last
 };
 
+// The latest rows, row y in [y % ROWS]. Above the first row is a row of holes.
+enum { ROWS = 4 };
+
+static inline struct row *row_at(struct row *rows, int y) { return rows + ((unsigned)y % ROWS); }
+
 // *out belongs to the coder.
-static enum status rows_begin(struct depth_coder *c, struct rows **out, const struct depth_layout *l)
+static enum status rows_begin(struct depth_coder *c, struct row **out, int width)
 {
-    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, sizeof **out);
+    enum status status = depth_coder_grow(&c->rows, &c->rows_capacity, ROWS * sizeof **out);
     if (status != OK)
         return status;
-    struct rows *r = *out = (struct rows *)(void *)c->rows; // aligned: from realloc
-    const size_t used = ((size_t)l->width + 2 + PAD) * sizeof(LEVEL);
-    memset(r->level, 0, used);
-    memset(r->filled, 0, used);
-    memset(r->level_above, 0, used);
-    memset(r->filled_above, 0, used);
-    r->noise = (LEVEL)l->noise;
+    struct row *rows = *out = (struct row *)(void *)c->rows; // aligned: from realloc
+    const size_t used = ((size_t)width + 2 + PAD) * sizeof(LEVEL);
+    for (int i = 0; i < ROWS; i++) {
+        memset(rows[i].level, 0, used);
+        memset(rows[i].filled, 0, used);
+        memset(rows[i].kind, BLOCK_CODED, sizeof rows[i].kind);
+    }
     return OK;
 }
 
-// The current row becomes the one above.
-static void rows_next(struct rows *r, int width)
+// The left neighbours of a row's first pixel.
+static inline void set_left(struct row *row, struct row *above)
 {
-    const size_t bytes = (size_t)width * sizeof(LEVEL);
-    memcpy(r->level_above + 1, r->level + 1, bytes);
-    memcpy(r->filled_above + 1, r->filled + 1, bytes);
-    r->level[0] = r->level_above[0] = r->level_above[1];
-    r->filled[0] = r->filled_above[0] = r->filled_above[1];
-    r->level_above[width + 1] = r->level_above[width];
-    r->filled_above[width + 1] = r->filled_above[width];
+    row->level[0] = above->level[0] = above->level[1];
+    row->filled[0] = above->filled[0] = above->filled[1];
+}
+
+// The neighbour above right of the next row's last pixel.
+static inline void set_right(struct row *row, int width)
+{
+    row->level[width + 1] = row->level[width];
+    row->filled[width + 1] = row->filled[width];
+}
+
+static inline int kind_context(const struct row *row, const struct row *above, int block)
+{
+    const int left = block ? row->kind[block - 1] : BLOCK_CODED;
+    return BLOCK_CONTEXTS + (left * BLOCK_KINDS + above->kind[block]) * BLOCK_KINDS + above->kind[block + 1];
 }
 
 // The quantised slopes of differences of two fills, -2 .. 2: 0 up to `noise`, 1 up to 3 noise + 1.
@@ -78,39 +110,22 @@ static inline lanes slopes_of(lanes difference, LEVEL noise)
     return (difference < below) + (difference < far_below) - (difference > noise) - (difference > edge);
 }
 
-static inline int slope_of(int difference, int noise)
+static inline lanes slopes_above(const struct row *above, int x, LEVEL noise)
 {
-    const int edge = 3 * noise + 1;
-    return (difference > noise) + (difference > edge) - (difference < -noise) - (difference < -edge);
+    const lanes b = load(above->filled + x);
+    return 25 * slopes_of(load(above->filled + x + 1) - b, noise) +
+           5 * slopes_of(b - load(above->filled + x - 1), noise);
 }
 
-static inline lanes even_at(const struct rows *r, int x)
+static inline lanes holes_above(const struct row *above, int x)
 {
-    const lanes b = load(r->level_above + x);
-    return (b == load(r->level_above + x - 1)) & (b == load(r->level_above + x + 1));
+    return ((load(above->level + x) == HOLE) & 2) | ((load(above->level + x + 1) == HOLE) & 4);
 }
 
-static inline lanes slopes_above(const struct rows *r, int x)
+static inline ptrdiff_t predict(ptrdiff_t a, ptrdiff_t b, ptrdiff_t c)
 {
-    const lanes b = load(r->filled_above + x);
-    return 25 * slopes_of(load(r->filled_above + x + 1) - b, r->noise) +
-           5 * slopes_of(b - load(r->filled_above + x - 1), r->noise);
-}
-
-static inline lanes holes_above(const struct rows *r, int x)
-{
-    return ((load(r->level_above + x) == HOLE) & 2) | ((load(r->level_above + x + 1) == HOLE) & 4);
-}
-
-static inline int predict(int a, int b, int c)
-{
-    const int low = a < b ? a : b, high = a < b ? b : a, plane = a + b - c;
+    const ptrdiff_t low = a < b ? a : b, high = a < b ? b : a, plane = a + b - c;
     return plane < low ? low : plane > high ? high : plane;
-}
-
-static inline uint32_t fold(int residual) // 0, -1, 1, -2, 2 ... become 0, 1, 2, 3, 4 ...
-{
-    return ((uint32_t)residual << 1) ^ (uint32_t) - (residual < 0);
 }
 
 static inline int unfold(uint32_t folded) { return (int)(folded >> 1) ^ -(int)(folded & 1); }

@@ -2,6 +2,7 @@
 #include "capture/recording/depth_pixels.h"
 
 #define LEVEL        int32_t
+#define LEVEL_MASK   UINT16_MAX
 #define DEPTH_ENCODE depth_encode_wide
 #define DEPTH_DECODE depth_decode_wide
 #include "capture/recording/depth_rows.inl"

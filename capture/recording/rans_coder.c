@@ -11,10 +11,9 @@ enum status rans_open(struct rans_coder **out, int contexts)
     *out = r;
     if (r) {
         r->contexts = contexts;
-        r->shares = calloc((size_t)contexts, sizeof *r->shares);
+        r->context = calloc((size_t)contexts, sizeof *r->context);
         r->counts = calloc(2 * (size_t)contexts * RANS_SYMBOLS, sizeof *r->counts);
-        r->first = calloc((size_t)contexts, sizeof *r->first);
-        if (r->shares && r->counts && r->first)
+        if (r->context && r->counts)
             return OK;
         rans_close(out);
     }
@@ -25,31 +24,40 @@ void rans_close(struct rans_coder **r)
 {
     if (!*r)
         return;
-    free((*r)->shares);
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        free((*r)->numbers[i].codes);
+        free((*r)->numbers[i].large);
+    }
+    free((*r)->context);
     free((*r)->counts);
-    free((*r)->first);
-    free((*r)->codes);
-    free((*r)->large);
-    free((*r)->bits);
     free((*r)->words);
+    free((*r)->padded);
     free(*r);
     *r = NULL;
 }
 
 // ------------------------------------------------------------- encoding
 
-enum status rans_begin(struct rans_coder *r, size_t pixels)
+enum status rans_begin(struct rans_coder *r, size_t numbers)
 {
-    size_t wanted = 2 * pixels + 2 + 16; // whole blocks are written
-    r->count = r->large_count = 0;
-    if (wanted <= r->capacity)
-        return OK;
-    free(r->codes);
-    free(r->large);
-    r->codes = malloc(wanted * sizeof *r->codes);
-    r->large = malloc((wanted + 1) * sizeof *r->large); // one more is written to, though not kept
-    r->capacity = r->codes && r->large ? wanted : 0;
-    return r->capacity ? OK : fail(ERR_MEMORY, "no memory to code an image of %zu pixels", pixels);
+    const bool fits = numbers <= r->capacity;
+    if (!fits)
+        r->capacity = 0;
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        struct rans_numbers *n = &r->numbers[i];
+        n->count = n->large_count = 0;
+        if (fits)
+            continue;
+        free(n->codes);
+        free(n->large);
+        n->codes = malloc((numbers + RANS_SLACK) * sizeof *n->codes);
+        n->large = malloc((numbers + 1) * sizeof *n->large); // one more is written to, though not kept
+    }
+    for (int i = 0; i < RANS_STREAMS; i++)
+        if (!r->numbers[i].codes || !r->numbers[i].large)
+            return fail(ERR_MEMORY, "no memory to code an image");
+    r->capacity = fits ? r->capacity : numbers;
+    return OK;
 }
 
 // Scales the counts so that a context's frequencies sum to RANS_SUM and no symbol that occurs has 0.
@@ -112,72 +120,87 @@ static struct symbol_code make_symbol_code(uint32_t frequency, uint32_t start)
     return code;
 }
 
-// Writes the bits of large numbers that are not coded. Returns their end.
-static uint8_t *write_bits(struct rans_coder *r)
-{
-    uint8_t *at = r->bits;
-    uint64_t held_bits = 0;
-    int held = 0;
-    for (size_t i = 0; i < r->large_count; i++) {
-        const uint32_t number = r->large[i];
-        if (!number)
-            continue;
-        const int extra = 30 - __builtin_clz(number);
-        held_bits |= (uint64_t)(number & ((UINT32_C(1) << extra) - 1)) << held;
-        for (held += extra; held >= 8; held -= 8) {
-            *at++ = (uint8_t)held_bits;
-            held_bits >>= 8;
-        }
-    }
-    if (held)
-        *at++ = (uint8_t)held_bits;
-    return at;
-}
-
 // Counts into two tables in turn: a code that follows itself would wait for its own count.
 static void count_codes(struct rans_coder *r)
 {
     const size_t codes = (size_t)r->contexts * RANS_SYMBOLS;
     uint32_t *even = r->counts, *odd = r->counts + codes;
     memset(r->counts, 0, 2 * codes * sizeof *r->counts);
-    size_t i = 0;
-    for (; i + 1 < r->count; i += 2) {
-        even[r->codes[i]]++;
-        odd[r->codes[i + 1]]++;
+    for (int s = 0; s < RANS_STREAMS; s++) {
+        const struct rans_numbers *n = &r->numbers[s];
+        size_t i = 0;
+        for (; i + 1 < n->count; i += 2) {
+            even[n->codes[i]]++;
+            odd[n->codes[i + 1]]++;
+        }
+        if (i < n->count)
+            even[n->codes[i]]++;
     }
-    if (i < r->count)
-        even[r->codes[i]]++;
     for (size_t c = 0; c < codes; c++)
         even[c] += odd[c];
 }
 
-// Encodes one symbol into a state. The word that may leave it is written in any case and kept by moving `at`: a branch
-// would be badly predicted.
-static inline uint32_t code_symbol(uint32_t state, const struct symbol_code *code, uint8_t **at)
+// The state's lower half leaves it, if `leaves`. It is written in any case and kept by moving `at`: a branch would be
+// badly predicted.
+static inline uint32_t put_word(uint32_t state, bool leaves, uint8_t **at)
 {
-    const uint32_t leaves = state >= code->most;
     put_u16(*at - 2, (uint16_t)state);
     *at -= 2 * leaves;
-    state >>= 16 * leaves;
-    const uint32_t quotient = (uint32_t)((uint64_t)state * code->reciprocal >> 32) >> code->shift;
-    return state + code->bias + quotient * code->complement;
+    return state >> 16 * leaves;
 }
 
-static void code_symbols(struct rans_coder *r, const struct symbol_code *codes)
+// What is being encoded of a stream, from its end on.
+struct stream_encoder {
+    const uint16_t *code;
+    const uint32_t *large;
+    uint8_t *at;
+    uint32_t state;
+};
+
+// The bits of a number from RANS_PLAIN on that its symbol does not hold.
+static inline void code_large(struct stream_encoder *s)
 {
-    uint8_t *at = r->words + r->words_capacity;
-    uint32_t state[2] = {RANS_LOW, RANS_LOW}; // of the numbers with an even and an odd index
-    size_t i = r->count;
-    if (i % 2) {
-        i--;
-        state[0] = code_symbol(state[0], &codes[r->codes[i]], &at);
+    const uint32_t number = *--s->large;
+    const int remaining = 30 - __builtin_clz(number);
+    for (int at = (remaining - 1) / RANS_RAW_BITS * RANS_RAW_BITS; at >= 0; at -= RANS_RAW_BITS) {
+        const int count = remaining - at < RANS_RAW_BITS ? remaining - at : RANS_RAW_BITS;
+        const uint32_t bits = number >> at & ((UINT32_C(1) << count) - 1);
+        s->state = put_word(s->state, s->state >> (31 - count) != 0, &s->at) << count | bits;
     }
-    for (; i > 0; i -= 2) {
-        state[1] = code_symbol(state[1], &codes[r->codes[i - 1]], &at);
-        state[0] = code_symbol(state[0], &codes[r->codes[i - 2]], &at);
+}
+
+static inline void code_number(struct stream_encoder *s, const struct symbol_code *codes)
+{
+    const uint32_t code = *--s->code;
+    if (code % RANS_SYMBOLS >= RANS_PLAIN)
+        code_large(s);
+    const struct symbol_code *symbol = &codes[code];
+    const uint32_t state = put_word(s->state, s->state >= symbol->most, &s->at);
+    const uint32_t quotient = (uint32_t)((uint64_t)state * symbol->reciprocal >> 32) >> symbol->shift;
+    s->state = state + symbol->bias + quotient * symbol->complement;
+}
+
+static struct stream_encoder stream_begin(const struct rans_coder *r, int i)
+{
+    const struct rans_numbers *n = &r->numbers[i];
+    return (struct stream_encoder){n->codes + n->count, n->large + n->large_count, r->words_end[i], RANS_LOW};
+}
+
+// What one stream has more than the other, then both in turn.
+static void code_streams(struct rans_coder *r, const struct symbol_code *codes)
+{
+    struct stream_encoder a = stream_begin(r, 0), b = stream_begin(r, 1);
+    size_t left = r->numbers[0].count, other = r->numbers[1].count;
+    for (; left > other; left--)
+        code_number(&a, codes);
+    for (; other > left; other--)
+        code_number(&b, codes);
+    for (; left > 0; left--) {
+        code_number(&a, codes);
+        code_number(&b, codes);
     }
-    put_u32(put_u32(at - 8, state[0]), state[1]);
-    r->words_begin = at - 8;
+    put_u32(r->words_begin[0] = a.at - 4, a.state);
+    put_u32(r->words_begin[1] = b.at - 4, b.state);
 }
 
 static void make_codes(struct rans_coder *r, struct symbol_code *codes)
@@ -185,84 +208,90 @@ static void make_codes(struct rans_coder *r, struct symbol_code *codes)
     for (int c = 0; c < r->contexts; c++) {
         uint16_t frequencies[RANS_SYMBOLS] = {0};
         scale_frequencies(frequencies, r->counts + (size_t)c * RANS_SYMBOLS);
-        set_shares(r->shares[c], frequencies);
+        set_shares(r->context[c].shares, frequencies);
         for (int s = 0; s < RANS_SYMBOLS; s++)
             if (frequencies[s])
-                codes[c * RANS_SYMBOLS + s] = make_symbol_code(frequencies[s], r->shares[c][s].start);
+                codes[c * RANS_SYMBOLS + s] = make_symbol_code(frequencies[s], r->context[c].shares[s].start);
     }
 }
 
-enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words)
+enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS])
 {
-    // A number leaves at most 27 uncoded bits and one 16-bit word.
-    size_t bits_wanted = 4 * r->count + 8, words_wanted = 2 * r->count + 16;
-    if (bits_wanted > r->bits_capacity) {
-        free(r->bits);
-        r->bits = malloc(bits_wanted);
-        r->bits_capacity = r->bits ? bits_wanted : 0;
-    }
-    if (words_wanted > r->words_capacity) {
+    size_t wanted = 0, most[RANS_STREAMS];
+    for (int i = 0; i < RANS_STREAMS; i++)
+        wanted += most[i] = 2 * r->numbers[i].count + (RANS_NUMBER_BYTES - 2) * r->numbers[i].large_count + 8;
+    if (wanted > r->words_capacity) {
         free(r->words);
-        r->words = malloc(words_wanted);
-        r->words_capacity = r->words ? words_wanted : 0;
+        r->words = malloc(wanted);
+        r->words_capacity = r->words ? wanted : 0;
     }
     struct symbol_code *codes = malloc((size_t)r->contexts * RANS_SYMBOLS * sizeof *codes);
-    enum status status = OK;
-    if (!r->bits || !r->words || !codes) {
-        status = fail(ERR_MEMORY, "no memory to code an image");
-    } else {
-        r->bits_count = (size_t)(write_bits(r) - r->bits);
-        count_codes(r);
-        make_codes(r, codes);
-        code_symbols(r, codes);
-        r->words_count = (size_t)(r->words + r->words_capacity - r->words_begin);
-        *bits = r->bits_count;
-        *words = r->words_count;
+    if (!r->words || !codes) {
+        free(codes);
+        return fail(ERR_MEMORY, "no memory to code an image");
     }
+    r->words_end[0] = r->words + most[0]; // words grow down from there
+    r->words_end[1] = r->words_end[0] + most[1];
+    count_codes(r);
+    make_codes(r, codes);
+    code_streams(r, codes);
+    for (int i = 0; i < RANS_STREAMS; i++)
+        bytes[i] = (size_t)(r->words_end[i] - r->words_begin[i]);
     free(codes);
-    return status;
+    return OK;
 }
 
-void rans_copy(const struct rans_coder *r, uint8_t *bits, uint8_t *words)
+void rans_copy(const struct rans_coder *r, uint8_t *to)
 {
-    memcpy(bits, r->bits, r->bits_count);
-    memcpy(words, r->words_begin, r->words_count);
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        const size_t bytes = (size_t)(r->words_end[i] - r->words_begin[i]);
+        memcpy(to, r->words_begin[i], bytes);
+        to += bytes;
+    }
 }
 
 // ------------------------------------------------------------- the frequencies
 
-size_t rans_frequencies_max(const struct rans_coder *r) { return (size_t)r->contexts * (1 + 2 * RANS_SYMBOLS); }
+size_t rans_frequencies_max(int contexts) { return (size_t)contexts * (1 + 2 * RANS_SYMBOLS); }
 
 uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at)
 {
     for (int c = 0; c < r->contexts; c++) {
         int used = RANS_SYMBOLS;
-        while (used && !r->shares[c][used - 1].frequency)
+        while (used && !r->context[c].shares[used - 1].frequency)
             used--;
         at = put_u8(at, (uint8_t)used);
         for (int s = 0; s < used; s++)
-            at = put_varint(at, r->shares[c][s].frequency);
+            at = put_varint(at, r->context[c].shares[s].frequency);
     }
     return at;
 }
 
-// For each group of slots the symbol that its first slot belongs to.
-static void find_first(uint8_t first[RANS_SUM >> RANS_COARSE], const struct rans_share shares[RANS_SYMBOLS])
+// The symbols of each group of slots: first those that lie within one symbol's share, then those where shares meet.
+static void find_groups(struct rans_group groups[RANS_SUM >> RANS_COARSE], const struct rans_share shares[RANS_SYMBOLS])
 {
-    int symbol = 0;
-    for (int group = 0; group < RANS_SUM >> RANS_COARSE; group++) {
-        const int slot = group << RANS_COARSE;
-        while (symbol < RANS_SYMBOLS - 1 && slot >= shares[symbol].start + shares[symbol].frequency)
-            symbol++;
-        first[group] = (uint8_t)symbol;
+    const int slots = 1 << RANS_COARSE;
+    for (int symbol = 0, end = 0; end < RANS_SUM; symbol++) {
+        const int start = end;
+        end += shares[symbol].frequency;
+        for (int group = (start + slots - 1) / slots; group < end / slots; group++)
+            groups[group] = (struct rans_group){(uint8_t)symbol, (uint8_t)slots};
+        if (end == start || end % slots == 0)
+            continue;
+        const bool first = start <= end / slots * slots; // of its group
+        const bool two =
+            shares[symbol + 1].frequency && end + shares[symbol + 1].frequency >= (end / slots + 1) * slots;
+        groups[end / slots] = first && two ? (struct rans_group){(uint8_t)symbol, (uint8_t)(end % slots)}
+                                           : (struct rans_group){RANS_SYMBOLS, 0};
     }
 }
 
-bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t *end)
+bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at, const uint8_t *end)
 {
-    for (int c = 0; c < r->contexts; c++) {
+    assert(contexts <= r->contexts);
+    for (int c = 0; c < contexts; c++) {
         uint16_t frequencies[RANS_SYMBOLS] = {0};
-        if (at == end || *at > RANS_SYMBOLS)
+        if (at == end || *at > RANS_SYMBOLS_USED)
             return false;
         uint32_t used = *at++, sum = 0;
         for (uint32_t s = 0, frequency; s < used; s++) {
@@ -273,8 +302,10 @@ bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t
         }
         if (used && sum != RANS_SUM)
             return false;
-        set_shares(r->shares[c], frequencies);
-        find_first(r->first[c], r->shares[c]);
+        if (!used)
+            frequencies[0] = RANS_SUM;
+        set_shares(r->context[c].shares, frequencies);
+        find_groups(r->context[c].groups, r->context[c].shares);
     }
     return at == end;
 }
@@ -283,24 +314,36 @@ bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t
 
 static bool is_state(uint32_t state) { return state >= RANS_LOW && state < (uint32_t)RANS_LOW << 16; }
 
-bool rans_start(struct rans_coder *r, const struct rans_code *code)
+enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS], size_t ahead)
 {
-    if (code->word_count < 4 * (size_t)code->states || code->word_count % 2)
-        return false;
-    r->bit = code->bits;
-    r->bit_end = code->bits + code->bit_count;
-    r->held_bits = 0;
-    r->held = 0;
-    r->word = code->words;
-    r->word_end = code->words + code->word_count;
-    r->states = code->states;
-    r->state[0] = get_u32(&r->word);
-    r->state[1] = code->states > 1 ? get_u32(&r->word) : r->state[0];
-    return is_state(r->state[0]) && is_state(r->state[1]);
+    const size_t all = bytes[0] + bytes[1], wanted = all + ahead;
+    if (wanted > r->padded_capacity) {
+        free(r->padded);
+        r->padded = malloc(wanted);
+        r->padded_capacity = r->padded ? wanted : 0;
+    }
+    if (!r->padded)
+        return fail(ERR_MEMORY, "no memory to decode an image");
+    memcpy(r->padded, words, all);
+    memset(r->padded + all, 0, ahead);
+    const uint8_t *at = r->padded;
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        struct rans_reader *s = &r->reader[i];
+        if (bytes[i] < 4 || bytes[i] % 2)
+            return NOTHING;
+        s->word = at;
+        s->end = at += bytes[i];
+        s->state = get_u32(&s->word);
+        if (!is_state(s->state))
+            return NOTHING;
+    }
+    return OK;
 }
 
 bool rans_is_done(const struct rans_coder *r)
 {
-    return r->word == r->word_end && r->bit == r->bit_end && !r->held_bits && r->state[0] == RANS_LOW &&
-           (r->states == 1 || r->state[1] == RANS_LOW);
+    for (int i = 0; i < RANS_STREAMS; i++)
+        if (r->reader[i].word != r->reader[i].end || r->reader[i].state != RANS_LOW)
+            return false;
+    return true;
 }

@@ -1,24 +1,28 @@
 // Entropy coder of the depth codec: rANS (Duda 2013) with static symbol frequencies for each context; division by
-// reciprocal multiplication after Giesen's ryg_rans. Numbers are pushed with their context; rans_finish counts the
-// frequencies and encodes in reverse order, so that decoding runs forwards. Two states take turns with the numbers
-// (Giesen 2014, "Interleaved entropy coders"), so that one's arithmetic goes on while the other waits; older images
-// have one, which can still be decoded. Decoding is safe on any bytes. One coder, one thread; deterministic. Memory: 12
-// bytes a pixel, 6 a number and 2.3 kB a context.
+// reciprocal multiplication after Giesen's ryg_rans. Two streams of numbers, of a state each, are coded in turn (Giesen
+// 2014, "Interleaved entropy coders"), so that one's arithmetic goes on while the other's waits. Numbers are pushed
+// with their context; rans_finish counts the frequencies and encodes in reverse order, so that decoding runs forwards.
+// Decoding is safe on any bytes, if rans_start is told how much is read between two calls of rans_is_within. One coder,
+// one thread; deterministic. Memory: at most 16 bytes a number, and 1.3 kB a context.
 //
 // A number 0..7 is its own symbol; above, the symbol holds the position of the highest bit and the bit after it, and
-// the remaining bits follow uncoded. Numbers are < 2^29.
+// the remaining bits follow in the state, all equally likely.
 #pragma once
 #include "base/status.h"
 
 #include <string.h>
 
 enum {
-    RANS_SYMBOLS = 64,
-    RANS_BITS = 12, // the frequencies of a context sum to 1 << RANS_BITS
+    RANS_STREAMS = 2,
+    RANS_SYMBOLS = 64,      // the step between contexts in tables
+    RANS_SYMBOLS_USED = 60, // of numbers < 2^29
+    RANS_BITS = 12,         // the frequencies of a context sum to 1 << RANS_BITS
     RANS_SUM = 1 << RANS_BITS,
-    RANS_LOW = 1 << 15, // the state stays in [RANS_LOW, RANS_LOW << 16)
-    RANS_PLAIN = 8,     // numbers below are symbols
-    RANS_COARSE = 4,    // bits of a slot that the table of first symbols leaves out: it then fits the nearest cache
+    RANS_LOW = 1 << 15,        // the state stays in [RANS_LOW, RANS_LOW << 16)
+    RANS_PLAIN = 8,            // numbers below are symbols
+    RANS_RAW_BITS = 8,         // so many of a number's remaining bits at once
+    RANS_NUMBER_BYTES = 5 * 2, // that a number takes at most
+    RANS_COARSE = 4,           // bits of a slot that the table of groups leaves out: it then fits the nearest cache
 };
 
 // A symbol's share of the slots of its context.
@@ -26,108 +30,130 @@ struct rans_share {
     uint16_t start, frequency;
 };
 
+struct rans_numbers {
+    uint16_t *codes; // of each number: its context, times RANS_SYMBOLS, and symbol
+    uint32_t *large; // in order the numbers from RANS_PLAIN on
+    size_t count, large_count;
+};
+
+struct rans_reader {
+    uint32_t state;
+    const uint8_t *word, *end;
+};
+
+// Decoding: the slots of a group below `split` belong to the symbol `first`, the others to the one after it. first:
+// RANS_SYMBOLS: there are more symbols.
+struct rans_group {
+    uint8_t first, split;
+};
+
+struct rans_context {
+    struct rans_group groups[RANS_SUM >> RANS_COARSE];
+    // An unused context: encoding, all 0; decoding, symbol 0 alone.
+    struct rans_share shares[RANS_SYMBOLS];
+};
+
 struct rans_coder {
     int contexts;
-    struct rans_share (*shares)[RANS_SYMBOLS]; // of each context; all 0: unused
+    struct rans_context *context;
     // encoding
-    uint16_t *codes; // of each number: its context, times RANS_SYMBOLS, and symbol
-    uint32_t *large; // in the numbers' order those that leave uncoded bits; 0: a reserved number that leaves none
-    size_t count, large_count, capacity;
-    uint32_t *counts;                    // two tables of how often each code occurs
-    uint8_t *bits, *words, *words_begin; // words grow down from the buffer's end
-    size_t bits_capacity, words_capacity, bits_count, words_count;
+    struct rans_numbers numbers[RANS_STREAMS];
+    size_t capacity;  // of a stream's numbers
+    uint32_t *counts; // two tables of how often each code occurs
+    uint8_t *words, *words_begin[RANS_STREAMS], *words_end[RANS_STREAMS];
+    size_t words_capacity;
     // decoding
-    uint8_t (*first)[RANS_SUM >> RANS_COARSE]; // the first symbol of a group of slots
-    const uint8_t *word, *word_end, *bit, *bit_end;
-    uint64_t held_bits;
-    int held, states;  // states: 1 or 2
-    uint32_t state[2]; // [0]: of the next number
+    struct rans_reader reader[RANS_STREAMS];
+    uint8_t *padded; // the words, and behind them what damaged ones may make to be read
+    size_t padded_capacity;
 };
 
 MUST_CHECK enum status rans_open(struct rans_coder **out, int contexts); // at most 255. ERR_MEMORY: *out is then NULL
 void rans_close(struct rans_coder **r);                                  // NULL is fine; sets *r = NULL
 
-// ---- encoding: at most 2 * pixels + 2 numbers. ERR_MEMORY: rans_begin must be called again before pushing.
-MUST_CHECK enum status rans_begin(struct rans_coder *r, size_t pixels);
+// ---- encoding: at most `numbers` a stream, and RANS_SLACK codes behind them may be overwritten. ERR_MEMORY:
+// rans_begin must be called again before pushing.
+enum { RANS_SLACK = 16 };
+MUST_CHECK enum status rans_begin(struct rans_coder *r, size_t numbers);
 static inline uint32_t rans_symbol(uint32_t number)
 {
     const int size = 31 - __builtin_clz(number | RANS_PLAIN);
     return number < RANS_PLAIN ? number : RANS_PLAIN + 2 * (uint32_t)(size - 3) + (number >> (size - 1) & 1);
 }
-static inline void rans_push(struct rans_coder *r, int context, uint32_t number)
+static inline void rans_push(struct rans_numbers *n, int context, uint32_t number)
 {
-    r->codes[r->count++] = (uint16_t)((uint32_t)context * RANS_SYMBOLS + rans_symbol(number));
-    r->large[r->large_count] = number;
-    r->large_count += number >= RANS_PLAIN;
+    n->codes[n->count++] = (uint16_t)((uint32_t)context * RANS_SYMBOLS + rans_symbol(number));
+    n->large[n->large_count] = number;
+    n->large_count += number >= RANS_PLAIN;
 }
-// Reserves the position of a number that is known only later; rans_fill sets it.
-struct rans_position {
-    size_t code, large;
-};
-static inline struct rans_position rans_reserve(struct rans_coder *r)
-{
-    return (struct rans_position){r->count++, r->large_count++};
-}
-static inline void rans_fill(struct rans_coder *r, struct rans_position at, int context, uint32_t number)
-{
-    r->codes[at.code] = (uint16_t)((uint32_t)context * RANS_SYMBOLS + rans_symbol(number));
-    r->large[at.large] = number < RANS_PLAIN ? 0 : number;
-}
-// Encodes everything; gives the number of bytes of uncoded bits and of rANS words. ERR_MEMORY.
-MUST_CHECK enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words);
-void rans_copy(const struct rans_coder *r, uint8_t *bits, uint8_t *words);
-size_t rans_frequencies_max(const struct rans_coder *r); // bytes that rans_put_frequencies may need
+// Encodes everything; gives the number of bytes of each stream. ERR_MEMORY.
+MUST_CHECK enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS]);
+void rans_copy(const struct rans_coder *r, uint8_t *to); // all streams in order
+size_t rans_frequencies_max(int contexts);               // bytes that rans_put_frequencies may need
 uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at);
 
 // ---- decoding
-// False: not frequencies as rans_put_frequencies writes them, or [at, end) is longer or shorter than they are.
-bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t *end);
-struct rans_code {
-    const uint8_t *bits, *words;
-    size_t bit_count, word_count;
-    int states; // 1 or 2
-};
-bool rans_start(struct rans_coder *r, const struct rans_code *code);
+// False: not frequencies of so many contexts as rans_put_frequencies writes them, or [at, end) is longer or shorter.
+bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at, const uint8_t *end);
+// Copies the streams; at most `ahead` bytes are then pulled from a stream before rans_is_within is asked. NOTHING: they
+// are damaged. ERR_MEMORY.
+MUST_CHECK enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS],
+                                  size_t ahead);
+static inline bool rans_is_within(const struct rans_reader *s) { return s->word <= s->end; }
 bool rans_is_done(const struct rans_coder *r); // all bytes are used up, and the states are the encoder's initial ones
 
-// Of a number from RANS_PLAIN on: its uncoded bits. False: they are used up.
-static inline bool rans_pull_bits(struct rans_coder *r, uint32_t symbol, uint32_t *number)
+// A word is taken without a branch, which would be badly predicted.
+static inline void rans_refill(struct rans_reader *s)
 {
-    const int extra = (int)(symbol - RANS_PLAIN) / 2 + 2;
-    while (r->held < extra) {
-        if (r->bit == r->bit_end)
-            return false;
-        r->held_bits |= (uint64_t)*r->bit++ << r->held;
-        r->held += 8;
-    }
-    *number = (2 + (symbol & 1)) << extra | (uint32_t)(r->held_bits & ((UINT64_C(1) << extra) - 1));
-    r->held_bits >>= extra;
-    r->held -= extra;
-    return true;
+    const uint32_t low = -(uint32_t)(s->state < RANS_LOW), word = s->word[0] | (uint32_t)s->word[1] << 8;
+    s->state = s->state << (low & 16) | (word & low);
+    s->word += low & 2;
 }
 
-// states: r->states, as a constant where the caller can. False: the bytes are used up or invalid.
-static inline __attribute__((always_inline)) bool rans_pull(struct rans_coder *r, int states, int context,
-                                                            uint32_t *number)
+// A number from RANS_PLAIN on, behind its symbol.
+static inline uint32_t rans_pull_large(struct rans_reader *s, uint32_t symbol)
 {
-    uint32_t state = r->state[0];
-    const uint32_t slot = state & (RANS_SUM - 1);
-    uint32_t symbol = r->first[context][slot >> RANS_COARSE];
-    struct rans_share share = r->shares[context][symbol];
-    while (slot - share.start >= share.frequency && symbol < RANS_SYMBOLS - 1)
-        share = r->shares[context][++symbol];
-    state = share.frequency * (state >> RANS_BITS) + slot - share.start;
-    // A word is taken without a branch, which would be badly predicted.
-    const bool low = state < RANS_LOW;
-    if (r->word < r->word_end) {
-        const uint32_t next = state << 16 | r->word[0] | (uint32_t)r->word[1] << 8;
-        state = low ? next : state;
-        r->word += 2 * low;
-    } else if (low) {
-        return false;
+    const int remaining = (int)(symbol - RANS_PLAIN) / 2 + 2;
+    uint32_t number = (2 + (symbol & 1)) << remaining;
+    for (int at = 0; at < remaining; at += RANS_RAW_BITS) {
+        const int count = remaining - at < RANS_RAW_BITS ? remaining - at : RANS_RAW_BITS;
+        number |= (s->state & ((UINT32_C(1) << count) - 1)) << at;
+        s->state >>= count;
+        rans_refill(s);
     }
-    r->state[0] = states > 1 ? r->state[1] : state;
-    r->state[1] = state;
-    *number = symbol;
-    return share.frequency && (symbol < RANS_PLAIN || rans_pull_bits(r, symbol, number));
+    return number;
+}
+
+// The next symbol, which rans_take then takes: a number below RANS_PLAIN, or what rans_pull_large makes one of. From
+// RANS_SYMBOLS on: rans_search finds it. s: best a copy of one of r->reader, which nothing else points to.
+static inline __attribute__((always_inline)) size_t rans_look(const struct rans_context *context,
+                                                              const struct rans_reader *s)
+{
+    const struct rans_group group = context->groups[s->state >> RANS_COARSE & ((RANS_SUM >> RANS_COARSE) - 1)];
+    return group.first + (size_t)((s->state & ((1 << RANS_COARSE) - 1)) >= group.split);
+}
+
+static inline size_t rans_search(const struct rans_context *context, const struct rans_reader *s)
+{
+    size_t symbol = 0;
+    while ((s->state & (RANS_SUM - 1)) >= context->shares[symbol + 1].start)
+        symbol++;
+    return symbol;
+}
+
+static inline __attribute__((always_inline)) void rans_take(const struct rans_context *context, struct rans_reader *s,
+                                                            size_t symbol)
+{
+    const struct rans_share share = context->shares[symbol];
+    s->state = share.frequency * (s->state >> RANS_BITS) + (s->state & (RANS_SUM - 1)) - share.start;
+    rans_refill(s);
+}
+
+static inline size_t rans_pull_symbol(const struct rans_context *context, struct rans_reader *s)
+{
+    size_t symbol = rans_look(context, s);
+    if (symbol >= RANS_SYMBOLS)
+        symbol = rans_search(context, s);
+    rans_take(context, s, symbol);
+    return symbol;
 }

@@ -9,7 +9,7 @@
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
 
-enum { RECORDING_SCHEMA = 2 };
+enum { RECORDING_SCHEMA = 3 };
 
 struct recording_writer;
 struct recording;

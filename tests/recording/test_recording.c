@@ -325,10 +325,10 @@ static void test_wrong_files(void **state)
     sample_recording_write(sample_path("newer"));
     EXPECT_STATUS(opened(sample_path("newer")), OK);
     EXPECT_STATUS(database_open(&db, sample_path("newer"), DATABASE_WRITE), OK);
-    EXPECT_STATUS(database_run(db, "PRAGMA user_version = 3"), OK);
+    EXPECT_STATUS(database_run(db, "PRAGMA user_version = 4"), OK);
     database_close(&db);
     EXPECT_STATUS(opened(sample_path("newer")), ERR_FORMAT);
-    EXPECT_SAYS("schema 3");
+    EXPECT_SAYS("schema 4");
     struct recording_writer *w;
     EXPECT_STATUS(recording_append(&w, sample_path("newer")), ERR_FORMAT);
     EXPECT_TRUE(w == NULL);
