@@ -1,8 +1,8 @@
 #include "app/camera/relocalizer.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,15 +18,13 @@ struct relocalizer_frame {
 struct relocalizer {
     size_t bytes;
     struct present_gap *gap;
-    pthread_t thread;
-    bool runs;
     struct relocalizer_frame current; // used by the thread while it runs
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // protects the fields below; never held while an image is processed
-    pthread_cond_t changed;
+    // Under its lock, which is never held while an image is processed:
     struct camera_tracker *tracker; // lent; NULL: none
     struct relocalizer_frame newer;
-    bool newer_pending, closing;
+    bool newer_pending;
     int max_finds, finds;
     int64_t gap_count;      // when the tracker was lent
     struct failure failure; // of the last run
@@ -54,17 +52,17 @@ static enum status track_frame(struct camera_tracker *tracker, const struct relo
 // Makes the newest image the current one; wait: blocks until there is a newer one. False: there is none.
 static bool take_newer(struct relocalizer *r, bool wait)
 {
-    pthread_mutex_lock(&r->lock);
-    while (wait && !r->newer_pending && !r->closing)
-        pthread_cond_wait(&r->changed, &r->lock);
-    const bool newer = r->newer_pending && !r->closing;
+    pthread_mutex_lock(&r->worker.lock);
+    while (wait && !r->newer_pending && !r->worker.closing)
+        pthread_cond_wait(&r->worker.changed, &r->worker.lock);
+    const bool newer = r->newer_pending && !r->worker.closing;
     if (newer) {
         const struct relocalizer_frame swap = r->current;
         r->current = r->newer;
         r->newer = swap;
         r->newer_pending = false;
     }
-    pthread_mutex_unlock(&r->lock);
+    pthread_mutex_unlock(&r->worker.lock);
     return newer;
 }
 
@@ -91,27 +89,27 @@ static void *run(void *self)
 {
     struct relocalizer *r = self;
     thread_lower_priority();
-    pthread_mutex_lock(&r->lock);
-    while (!r->closing) {
+    pthread_mutex_lock(&r->worker.lock);
+    while (!r->worker.closing) {
         struct camera_tracker *tracker = r->tracker;
         if (!tracker) {
-            pthread_cond_wait(&r->changed, &r->lock);
+            pthread_cond_wait(&r->worker.changed, &r->worker.lock);
             continue;
         }
         const int max_finds = r->max_finds;
         const int64_t gap_count = r->gap_count;
-        pthread_mutex_unlock(&r->lock);
+        pthread_mutex_unlock(&r->worker.lock);
         if (r->gap)
             present_gap_wait(r->gap, gap_count);
         int finds;
         enum status status = search(r, tracker, max_finds, &finds);
-        pthread_mutex_lock(&r->lock);
+        pthread_mutex_lock(&r->worker.lock);
         r->finds = finds;
         failure_keep(&r->failure, status);
         r->newer_pending = false;
         r->tracker = NULL;
     }
-    pthread_mutex_unlock(&r->lock);
+    pthread_mutex_unlock(&r->worker.lock);
     return NULL;
 }
 
@@ -122,17 +120,17 @@ enum status relocalizer_open(struct relocalizer **out, int width, int height, st
     struct relocalizer *r = *out = calloc(1, sizeof *r);
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&r->lock, NULL);
-    pthread_cond_init(&r->changed, NULL);
+    worker_thread_open(&r->worker);
     r->gap = gap;
     r->bytes = 3 * (size_t)width * (size_t)height;
     r->current.color = malloc(r->bytes);
     r->newer.color = malloc(r->bytes);
-    r->runs = r->current.color && r->newer.color && !pthread_create(&r->thread, NULL, run, r);
-    if (r->runs)
-        return OK;
-    relocalizer_close(out);
-    return fail(ERR_MEMORY, "out of memory");
+    enum status status = r->current.color && r->newer.color ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = worker_thread_start(&r->worker, run, r, "to find the camera again");
+    if (status != OK)
+        relocalizer_close(out);
+    return status;
 }
 
 void relocalizer_close(struct relocalizer **out)
@@ -140,14 +138,7 @@ void relocalizer_close(struct relocalizer **out)
     struct relocalizer *r = *out;
     if (!r)
         return;
-    pthread_mutex_lock(&r->lock);
-    r->closing = true;
-    pthread_cond_broadcast(&r->changed);
-    pthread_mutex_unlock(&r->lock);
-    if (r->runs)
-        pthread_join(r->thread, NULL);
-    pthread_cond_destroy(&r->changed);
-    pthread_mutex_destroy(&r->lock);
+    worker_thread_close(&r->worker);
     free(r->current.color);
     free(r->newer.color);
     free(r);
@@ -164,35 +155,35 @@ void relocalizer_begin(struct relocalizer *r, struct camera_tracker *tracker, co
                        int finds)
 {
     const int64_t gap_count = r->gap ? present_gap_count(r->gap) : 0;
-    pthread_mutex_lock(&r->lock);
+    pthread_mutex_lock(&r->worker.lock);
     assert(!r->tracker);
     r->gap_count = gap_count;
     store_frame(&r->current, r, color, time_ns);
     r->tracker = tracker;
     r->max_finds = finds;
-    pthread_cond_broadcast(&r->changed);
-    pthread_mutex_unlock(&r->lock);
+    pthread_cond_broadcast(&r->worker.changed);
+    pthread_mutex_unlock(&r->worker.lock);
 }
 
 bool relocalizer_busy(struct relocalizer *r, const uint8_t *color, int64_t time_ns)
 {
-    pthread_mutex_lock(&r->lock);
+    pthread_mutex_lock(&r->worker.lock);
     const bool busy = r->tracker;
     if (busy) {
         store_frame(&r->newer, r, color, time_ns);
         r->newer_pending = true;
-        pthread_cond_broadcast(&r->changed);
+        pthread_cond_broadcast(&r->worker.changed);
     }
-    pthread_mutex_unlock(&r->lock);
+    pthread_mutex_unlock(&r->worker.lock);
     return busy;
 }
 
 enum status relocalizer_finish(struct relocalizer *r, int *finds)
 {
-    pthread_mutex_lock(&r->lock);
+    pthread_mutex_lock(&r->worker.lock);
     assert(!r->tracker);
     const enum status status = failure_restore(&r->failure);
     *finds = r->finds;
-    pthread_mutex_unlock(&r->lock);
+    pthread_mutex_unlock(&r->worker.lock);
     return status;
 }

@@ -2,9 +2,9 @@
 
 #include "base/clock.h"
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "capture/body_points.h"
 
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,13 +16,11 @@ struct live_points {
     struct live_points_options options;
     struct pose_network *network; // used by the thread only
     uint8_t *image;               // the thread's while `busy`
-    pthread_t thread;
-    bool runs;
-    int64_t offered; // images since the last look began
+    int64_t offered;              // images since the last look began
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // protects the fields below
-    pthread_cond_t changed;
-    bool ready, busy, closing, restart;
+    // Under its lock:
+    bool ready, busy, restart;
     int64_t image_ns;      // time of `image`
     int64_t rest_until_ns; // by clock_now_ns
     bool found;            // `points` has not been taken
@@ -41,29 +39,29 @@ static enum status find(struct live_points *p, struct body_points *out)
 
 static void give_up(struct live_points *p)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->ready = false;
     snprintf(p->state.why_not, sizeof p->state.why_not, "%.255s", status_message());
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 // False: closing. *restart: the image is the first of a film.
 static bool wait_for_image(struct live_points *p, bool *restart)
 {
-    pthread_mutex_lock(&p->lock);
-    while (!p->busy && !p->closing)
-        pthread_cond_wait(&p->changed, &p->lock);
+    pthread_mutex_lock(&p->worker.lock);
+    while (!p->busy && !p->worker.closing)
+        pthread_cond_wait(&p->worker.changed, &p->worker.lock);
     *restart = p->restart;
     p->restart = false;
-    const bool closing = p->closing;
-    pthread_mutex_unlock(&p->lock);
+    const bool closing = p->worker.closing;
+    pthread_mutex_unlock(&p->worker.lock);
     return !closing;
 }
 
 static void publish(struct live_points *p, enum status status, const struct body_points *points, int64_t begun_ns)
 {
     const int64_t now_ns = clock_now_ns();
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->state.looked++;
     p->state.looked_ms += (double)(now_ns - begun_ns) * 1e-6;
     p->rest_until_ns = now_ns + REST * (now_ns - begun_ns);
@@ -73,7 +71,7 @@ static void publish(struct live_points *p, enum status status, const struct body
         p->found = true;
     }
     p->busy = false;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 static void *look(void *self)
@@ -81,9 +79,9 @@ static void *look(void *self)
     struct live_points *p = self;
     thread_lower_priority();
     enum status status = p->options.find ? OK : pose_network_open(&p->network, NULL, POSE_NETWORK_LITE);
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->ready = status == OK;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     for (bool restart; status >= 0 && wait_for_image(p, &restart);) {
         struct body_points points;
         const int64_t begun_ns = clock_now_ns();
@@ -105,13 +103,11 @@ enum status live_points_open(struct live_points **out, const struct live_points_
     if (!p)
         return fail(ERR_MEMORY, "no memory to look for body points");
     p->options = *options;
-    pthread_mutex_init(&p->lock, NULL);
-    pthread_cond_init(&p->changed, NULL);
+    worker_thread_open(&p->worker);
     p->image = malloc(3 * (size_t)options->width * (size_t)options->height + 1);
     enum status status = p->image ? OK : fail(ERR_MEMORY, "no memory to look for body points");
-    if (status == OK && pthread_create(&p->thread, NULL, look, p))
-        status = fail(ERR_MEMORY, "no thread to look for body points");
-    p->runs = status == OK;
+    if (status == OK)
+        status = worker_thread_start(&p->worker, look, p, "to look for body points");
     *out = p;
     if (status != OK)
         live_points_close(out);
@@ -123,14 +119,7 @@ void live_points_close(struct live_points **out)
     struct live_points *p = *out;
     if (!p)
         return;
-    pthread_mutex_lock(&p->lock);
-    p->closing = true;
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->lock);
-    if (p->runs)
-        pthread_join(p->thread, NULL);
-    pthread_cond_destroy(&p->changed);
-    pthread_mutex_destroy(&p->lock);
+    worker_thread_close(&p->worker);
     free(p->image);
     free(p);
     *out = NULL;
@@ -138,45 +127,45 @@ void live_points_close(struct live_points **out)
 
 void live_points_offer(struct live_points *p, int64_t time_ns, const uint8_t *rgb)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     const bool is_free = p->ready && !p->busy && clock_now_ns() >= p->rest_until_ns;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     if (++p->offered < LOOK_EVERY || !is_free)
         return;
     memcpy(p->image, rgb, 3 * (size_t)p->options.width * (size_t)p->options.height);
     p->offered = 0;
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->image_ns = time_ns;
     p->busy = true;
-    pthread_cond_signal(&p->changed);
-    pthread_mutex_unlock(&p->lock);
+    pthread_cond_signal(&p->worker.changed);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 bool live_points_take(struct live_points *p, int64_t *time_ns, struct body_points *out)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     const bool found = p->found;
     if (found) {
         *time_ns = p->points_ns;
         *out = p->points;
     }
     p->found = false;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     return found;
 }
 
 void live_points_restart(struct live_points *p)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->restart = true;
     p->found = false;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 struct live_points_state live_points_query(struct live_points *p)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     const struct live_points_state state = p->state;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     return state;
 }

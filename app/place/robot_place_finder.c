@@ -1,8 +1,8 @@
 #include "app/place/robot_place_finder.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -12,14 +12,12 @@ enum { SELDOM = 8 };
 
 struct robot_place_finder {
     struct robot_place *place; // the thread's
-    pthread_t thread;
-    bool runs;
-    int offered; // captures there were when one was put last
+    int offered;               // captures there were when one was put last
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // guards what follows; never held while a picture is looked at
-    pthread_cond_t changed;
+    // Under its lock, which is never held while a picture is looked at:
     struct surround_picture picture; // to be looked at
-    bool pending, closing;
+    bool pending;
     struct robot_place_answer answer;
 };
 
@@ -40,23 +38,23 @@ static void *run(void *self)
 {
     struct robot_place_finder *f = self;
     thread_lower_priority();
-    pthread_mutex_lock(&f->lock);
-    while (!f->closing) {
+    pthread_mutex_lock(&f->worker.lock);
+    while (!f->worker.closing) {
         if (!f->pending) {
-            pthread_cond_wait(&f->changed, &f->lock);
+            pthread_cond_wait(&f->worker.changed, &f->worker.lock);
             continue;
         }
         const struct surround_picture picture = f->picture;
-        pthread_mutex_unlock(&f->lock);
+        pthread_mutex_unlock(&f->worker.lock);
         struct pose place_from_world = POSE_IDENTITY;
         enum status status = robot_place_look(f->place, &picture);
         if (status == OK || status == ERR_SOLVER) // a solver that failed did so on this picture only
             status = robot_place_settle(f->place, &place_from_world);
-        pthread_mutex_lock(&f->lock);
+        pthread_mutex_lock(&f->worker.lock);
         note(f, status, place_from_world);
         f->pending = false;
     }
-    pthread_mutex_unlock(&f->lock);
+    pthread_mutex_unlock(&f->worker.lock);
     return NULL;
 }
 
@@ -65,12 +63,10 @@ enum status robot_place_finder_start(struct robot_place_finder **out, const stru
     struct robot_place_finder *f = *out = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&f->lock, NULL);
-    pthread_cond_init(&f->changed, NULL);
+    worker_thread_open(&f->worker);
     enum status status = robot_place_open(&f->place, place);
-    f->runs = status == OK && !pthread_create(&f->thread, NULL, run, f);
-    if (status == OK && !f->runs)
-        status = fail(ERR_MEMORY, "no thread to look for the robot in its place");
+    if (status == OK)
+        status = worker_thread_start(&f->worker, run, f, "to look for the robot in its place");
     if (status != OK)
         robot_place_finder_close(out);
     return status;
@@ -81,15 +77,8 @@ void robot_place_finder_close(struct robot_place_finder **out)
     struct robot_place_finder *f = *out;
     if (!f)
         return;
-    pthread_mutex_lock(&f->lock);
-    f->closing = true;
-    pthread_cond_signal(&f->changed);
-    pthread_mutex_unlock(&f->lock);
-    if (f->runs)
-        pthread_join(f->thread, NULL);
+    worker_thread_close(&f->worker);
     robot_place_close(&f->place);
-    pthread_cond_destroy(&f->changed);
-    pthread_mutex_destroy(&f->lock);
     free(f);
     *out = NULL;
 }
@@ -97,15 +86,15 @@ void robot_place_finder_close(struct robot_place_finder **out)
 void robot_place_finder_update(struct robot_place_finder *f, const struct surround_picture *pictures, int count,
                                struct robot_place_answer *out)
 {
-    pthread_mutex_lock(&f->lock);
+    pthread_mutex_lock(&f->worker.lock);
     const enum robot_place_state state = f->answer.state;
     const int due = f->offered + (state == ROBOT_PLACE_FOUND ? SELDOM : 1);
     if (!f->pending && state != ROBOT_PLACE_FAILED && count >= due) {
         f->picture = pictures[count - 1];
         f->pending = true;
         f->offered = count;
-        pthread_cond_signal(&f->changed);
+        pthread_cond_signal(&f->worker.changed);
     }
     *out = f->answer;
-    pthread_mutex_unlock(&f->lock);
+    pthread_mutex_unlock(&f->worker.lock);
 }

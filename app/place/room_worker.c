@@ -1,11 +1,11 @@
 #include "app/place/room_worker.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "capture/recording/recording.h"
 #include "reenact/surround/filmed/filmed_room.h"
 #include "reenact/surround/picture/surround_mesh.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,12 +19,10 @@ struct room_worker {
     char *path;
     void (*notify)(void *self);
     void *notify_self;
-    pthread_t thread;
-    bool runs;
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // guards what follows; not held during work
-    pthread_cond_t changed;
-    bool closing, asked, busy;
+    // Under its lock, which is not held during work:
+    bool asked, busy;
     struct lens lens;
     struct pose world_from_view;
     int64_t asked_number;
@@ -47,9 +45,9 @@ struct room_worker {
 static bool goes_on(void *self)
 {
     struct room_worker *w = self;
-    pthread_mutex_lock(&w->lock);
-    const bool on = !w->closing;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
+    const bool on = !w->worker.closing;
+    pthread_mutex_unlock(&w->worker.lock);
     return on;
 }
 
@@ -131,18 +129,18 @@ static enum status draw_step(struct room_worker *w, const struct lens *wanted, s
         status = filmed_room_trim(&w->room, pose, ROOM_DEPTHS);
     if (status != OK)
         return status;
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     const int into = spare(w);
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     struct room_picture *p = &w->pictures[into]; // untouched by the others
     status = fill(p, &w->room.view, pose);
     if (status != OK)
         return status;
     p->number = ++w->made;
     p->final = size == &fine;
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     w->ready = into;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     tell(w);
     return OK;
 }
@@ -188,10 +186,10 @@ static enum status hand_one(struct room_worker *w, const struct surround_picture
         return status;
     }
     memcpy(copy.inverse, p->inverse, bytes);
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     former = w->waiting[slot];
     w->waiting[slot] = copy;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     room_worker_free_picture(&former);
     w->held[slot] = p;
     return OK;
@@ -210,19 +208,19 @@ static enum status hand_step(struct room_worker *w, struct pose pose, int most)
         status = filmed_room_trim(&w->room, pose, ROOM_DEPTHS);
     if (status != OK)
         return status;
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     for (int i = 0; i < ROOM_DEPTHS; i++)
         if (w->held[i])
             memcpy(w->gains[i], w->held[i]->gain, sizeof w->gains[i]);
     w->handed++;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     tell(w);
     return OK;
 }
 
 bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_picture *out)
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     for (*slot = 0; *slot < ROOM_DEPTHS && !w->waiting[*slot].inverse;)
         ++*slot;
     const bool any = *slot < ROOM_DEPTHS;
@@ -230,7 +228,7 @@ bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_
         *out = w->waiting[*slot];
         w->waiting[*slot] = (struct surround_picture){0};
     }
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return any;
 }
 
@@ -242,10 +240,10 @@ void room_worker_free_picture(struct surround_picture *p)
 
 int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3])
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     memcpy(gains, w->gains, sizeof w->gains);
     const int64_t handed = w->handed;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return handed;
 }
 
@@ -254,9 +252,9 @@ int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3])
 // Whether something newer was asked for meanwhile, or the thread is to end.
 static bool overtaken(struct room_worker *w, int64_t number)
 {
-    pthread_mutex_lock(&w->lock);
-    const bool is = w->closing || w->asked_number != number;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
+    const bool is = w->worker.closing || w->asked_number != number;
+    pthread_mutex_unlock(&w->worker.lock);
     return is;
 }
 
@@ -298,10 +296,10 @@ static enum status prepare(struct room_worker *w)
         status = recording_read_place(recording, &place);
     recording_free(&recording);
     const bool has_mesh = status == OK && place_mesh_make(&mesh, &place, goes_on, w) == OK;
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     w->mesh = mesh;
     w->has_mesh = has_mesh;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     tell(w);
     how.alignment.surface_m = SURFACE_M;
     how.threads = 1;
@@ -309,9 +307,9 @@ static enum status prepare(struct room_worker *w)
     if (views && goes_on(w) && filmed_room_open(&w->room, &place, &small, &how) != OK)
         views = 0;
     place_free(&place);
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     w->views = views;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return views ? OK : NOTHING;
 }
 
@@ -320,12 +318,12 @@ static void *run(void *self)
     struct room_worker *w = self;
     thread_lower_priority();
     enum status status = prepare(w);
-    pthread_mutex_lock(&w->lock);
-    while (!w->closing) {
+    pthread_mutex_lock(&w->worker.lock);
+    while (!w->worker.closing) {
         if (!w->asked || status != OK) {
             w->busy = false;
             tell(w);
-            pthread_cond_wait(&w->changed, &w->lock);
+            pthread_cond_wait(&w->worker.changed, &w->worker.lock);
             continue;
         }
         const struct lens lens = w->lens;
@@ -333,11 +331,11 @@ static void *run(void *self)
         const int64_t number = w->asked_number;
         w->asked = false;
         w->busy = true;
-        pthread_mutex_unlock(&w->lock);
+        pthread_mutex_unlock(&w->worker.lock);
         status = draw(w, &lens, pose, number); // without memory there is no room behind the actor, and no more is tried
-        pthread_mutex_lock(&w->lock);
+        pthread_mutex_lock(&w->worker.lock);
     }
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     surroundings_close(&w->room);
     return NULL;
 }
@@ -355,13 +353,11 @@ enum status room_worker_start(struct room_worker **out, const struct room_worker
     w->hand_over = options->hand_over;
     w->shown = w->ready = -1;
     w->busy = true;
-    pthread_mutex_init(&w->lock, NULL);
-    pthread_cond_init(&w->changed, NULL);
-    w->runs = pthread_create(&w->thread, NULL, run, w) == 0;
-    if (w->runs)
-        return OK;
-    room_worker_close(out);
-    return fail(ERR_MEMORY, "no thread for the room behind the actor");
+    worker_thread_open(&w->worker);
+    enum status status = worker_thread_start(&w->worker, run, w, "for the room behind the actor");
+    if (status != OK)
+        room_worker_close(out);
+    return status;
 }
 
 void room_worker_close(struct room_worker **out)
@@ -369,14 +365,7 @@ void room_worker_close(struct room_worker **out)
     struct room_worker *w = *out;
     if (!w)
         return;
-    pthread_mutex_lock(&w->lock);
-    w->closing = true;
-    pthread_cond_signal(&w->changed);
-    pthread_mutex_unlock(&w->lock);
-    if (w->runs)
-        pthread_join(w->thread, NULL);
-    pthread_mutex_destroy(&w->lock);
-    pthread_cond_destroy(&w->changed);
+    worker_thread_close(&w->worker);
     for (int i = 0; i < PICTURES; i++) {
         free(w->pictures[i].inverse_z);
         free(w->pictures[i].rgba);
@@ -391,44 +380,44 @@ void room_worker_close(struct room_worker **out)
 
 void room_worker_ask(struct room_worker *w, const struct lens *lens, struct pose world_from_view)
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     w->lens = *lens;
     w->world_from_view = world_from_view;
     w->asked = true;
     w->asked_number++;
     w->busy = true;
-    pthread_cond_signal(&w->changed);
-    pthread_mutex_unlock(&w->lock);
+    pthread_cond_signal(&w->worker.changed);
+    pthread_mutex_unlock(&w->worker.lock);
 }
 
 const struct room_picture *room_worker_latest(struct room_worker *w)
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     if (w->ready >= 0)
         w->shown = w->ready;
     const int shown = w->shown;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return shown >= 0 ? &w->pictures[shown] : NULL;
 }
 
 bool room_worker_take_mesh(struct room_worker *w, struct place_mesh *out)
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     const bool has = w->has_mesh;
     if (has) {
         *out = w->mesh;
         w->mesh = (struct place_mesh){0};
         w->has_mesh = false;
     }
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return has;
 }
 
 bool room_worker_idle(struct room_worker *w, int *views)
 {
-    pthread_mutex_lock(&w->lock);
+    pthread_mutex_lock(&w->worker.lock);
     const bool idle = !w->busy;
     *views = w->views;
-    pthread_mutex_unlock(&w->lock);
+    pthread_mutex_unlock(&w->worker.lock);
     return idle;
 }

@@ -1,9 +1,9 @@
 #include "app/view/frame_prefetch.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "base/clock.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,18 +14,15 @@ struct frame_prefetch {
     const struct take *take;
     const struct take_skeletons *skeletons;
     const struct avatar *avatar;
-    pthread_t thread;
-    bool runs;
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // guards what follows; never held while a frame is loaded
-    pthread_cond_t changed;
+    // Under its lock, which is never held while a frame is loaded:
     int64_t wanted[PREFETCH_MAX];
     int wanted_count;
     struct frame_layer ready[PREFETCH_MAX];
     int ready_count;
     int64_t loading; // NO_FRAME
     int64_t load_ns;
-    bool closing;
 };
 
 static bool is_wanted(const struct frame_prefetch *a, int64_t frame)
@@ -75,11 +72,11 @@ static void load_one(struct frame_prefetch *a, struct frame_layer_loader *loader
 {
     struct frame_layer loaded;
     const int64_t frame = a->loading;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     const int64_t began_ns = clock_now_ns();
     enum status status = frame_layer_loader_load(loader, frame, &loaded);
     const int64_t ended_ns = clock_now_ns();
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     a->load_ns = ended_ns - began_ns;
     a->loading = NO_FRAME;
     if (status != OK)
@@ -88,20 +85,20 @@ static void load_one(struct frame_prefetch *a, struct frame_layer_loader *loader
         a->ready[a->ready_count++] = loaded;
     else
         frame_layer_free(&loaded);
-    pthread_cond_broadcast(&a->changed);
+    pthread_cond_broadcast(&a->worker.changed);
 }
 
 static void load_wanted(struct frame_prefetch *a, struct frame_layer_loader *loader)
 {
-    pthread_mutex_lock(&a->lock);
-    while (!a->closing) {
+    pthread_mutex_lock(&a->worker.lock);
+    while (!a->worker.closing) {
         a->loading = next_wanted(a);
         if (a->loading == NO_FRAME)
-            pthread_cond_wait(&a->changed, &a->lock);
+            pthread_cond_wait(&a->worker.changed, &a->worker.lock);
         else
             load_one(a, loader);
     }
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
 }
 
 // Where opening fails nothing is prefetched; the renderer then loads each frame when it is shown.
@@ -137,18 +134,18 @@ enum status prefetch_start(struct frame_prefetch **out, const struct frame_prefe
     struct frame_prefetch *a = *out = calloc(1, sizeof *a);
     if (!a)
         return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&a->lock, NULL);
-    pthread_cond_init(&a->changed, NULL);
+    worker_thread_open(&a->worker);
     a->take = options->take;
     a->skeletons = options->skeletons;
     a->avatar = options->avatar;
     a->loading = NO_FRAME;
     a->path = strdup(options->path);
-    a->runs = a->path && pthread_create(&a->thread, NULL, run, a) == 0;
-    if (a->runs)
-        return OK;
-    prefetch_close(out);
-    return fail(ERR_MEMORY, "out of memory");
+    enum status status = a->path ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = worker_thread_start(&a->worker, run, a, "to load frames ahead");
+    if (status != OK)
+        prefetch_close(out);
+    return status;
 }
 
 void prefetch_close(struct frame_prefetch **out)
@@ -156,16 +153,9 @@ void prefetch_close(struct frame_prefetch **out)
     struct frame_prefetch *a = *out;
     if (!a)
         return;
-    pthread_mutex_lock(&a->lock);
-    a->closing = true;
-    pthread_cond_broadcast(&a->changed);
-    pthread_mutex_unlock(&a->lock);
-    if (a->runs)
-        pthread_join(a->thread, NULL);
+    worker_thread_close(&a->worker);
     for (int i = 0; i < a->ready_count; i++)
         frame_layer_free(&a->ready[i]);
-    pthread_cond_destroy(&a->changed);
-    pthread_mutex_destroy(&a->lock);
     free(a->path);
     free(a);
     *out = NULL;
@@ -174,7 +164,7 @@ void prefetch_close(struct frame_prefetch **out)
 void prefetch_request(struct frame_prefetch *a, const int64_t *frames, int count)
 {
     assert(count <= PREFETCH_MAX);
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     memcpy(a->wanted, frames, sizeof *frames * (size_t)count);
     a->wanted_count = count;
     for (int i = a->ready_count - 1; i >= 0; i--)
@@ -182,23 +172,23 @@ void prefetch_request(struct frame_prefetch *a, const int64_t *frames, int count
             frame_layer_free(&a->ready[i]);
             remove_ready(a, i);
         }
-    pthread_cond_broadcast(&a->changed);
-    pthread_mutex_unlock(&a->lock);
+    pthread_cond_broadcast(&a->worker.changed);
+    pthread_mutex_unlock(&a->worker.lock);
 }
 
 int64_t prefetch_load_ns(struct frame_prefetch *a)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     int64_t load_ns = a->load_ns;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     return load_ns;
 }
 
 bool prefetch_has(struct frame_prefetch *a, int64_t frame)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     const bool there = find_ready(a, frame) < a->ready_count;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     return there;
 }
 
@@ -213,18 +203,18 @@ static bool take_ready(struct frame_prefetch *a, int i, struct frame_layer *out)
 
 bool prefetch_take(struct frame_prefetch *a, int64_t frame, struct frame_layer *out)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     while (a->loading == frame)
-        pthread_cond_wait(&a->changed, &a->lock);
+        pthread_cond_wait(&a->worker.changed, &a->worker.lock);
     bool there = take_ready(a, find_ready(a, frame), out);
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     return there;
 }
 
 bool prefetch_take_any(struct frame_prefetch *a, struct frame_layer *out)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     bool there = take_ready(a, 0, out);
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     return there;
 }

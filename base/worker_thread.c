@@ -1,0 +1,26 @@
+#include "base/worker_thread.h"
+
+void worker_thread_open(struct worker_thread *w)
+{
+    *w = (struct worker_thread){.runs = false};
+    pthread_mutex_init(&w->lock, NULL);
+    condition_open(&w->changed);
+}
+
+enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task)
+{
+    w->runs = pthread_create(&w->thread, NULL, run, self) == 0;
+    return w->runs ? OK : fail(ERR_MEMORY, "no thread %s", task);
+}
+
+void worker_thread_close(struct worker_thread *w)
+{
+    pthread_mutex_lock(&w->lock);
+    w->closing = true;
+    pthread_cond_broadcast(&w->changed);
+    pthread_mutex_unlock(&w->lock);
+    if (w->runs)
+        pthread_join(w->thread, NULL);
+    pthread_cond_destroy(&w->changed);
+    pthread_mutex_destroy(&w->lock);
+}
