@@ -10,11 +10,13 @@ layout(location = 0) in vec4 ray_inverse; // in the picture's axes; the point is
 uniform vec4 view_from_picture[3]; // rows, metres
 uniform vec4 view_lens;            // fx, fy, cx, cy
 uniform vec4 view_range;           // width, height, nearest z drawn
-uniform vec4 order;                // of this picture; 1: it is judged; share that a later one is put back by
-uniform sampler2DArray ranges;     // least and most inverse distance about each 2 x 2 pixels; most < 0: not known
+uniform vec4 order; // of this picture; 1: it is judged; share that a later one is put back by; its layer
+// Least and most inverse distance about each 2 x 2 pixels; least < 0: none of the four is measured; most < 0: not known.
+uniform sampler2DArray ranges;
 
 out float inverse;
 out float through; // share that looks through the surface here
+out vec3 own_ray;  // in the picture's axes, for surround_surface_unasked.frag
 
 #include "surround_picture.glsl"
 
@@ -28,7 +30,7 @@ void judge(int i, vec3 p, float per_near, inout float sum, inout float weights)
     float per_far = inversesqrt(dot(q, q) + 1e-18), wanted = ray_inverse.w * per_far;
     float cosine = dot(turned, q) * per_far * per_near;
     float weight = 1.0 / (sqrt(max(1.0 - cosine * cosine, 0.0)) + 0.05);
-    bool silent = !in_frame(i, q) || range.y < 0.0 || range.x > wanted * 1.03 + 1e-4;
+    bool silent = !in_frame(i, q) || range.y < 0.0 || abs(range.x) > wanted * 1.03 + 1e-4;
     weights += silent ? 0.0 : weight;
     sum += silent || range.y >= wanted * 0.97 - 1e-4 ? 0.0 : weight;
 }
@@ -46,6 +48,7 @@ void main()
     vec4 a = view_from_picture[0], b = view_from_picture[1], c = view_from_picture[2];
     vec3 ray = ray_inverse.xyz;
     inverse = ray_inverse.w;
+    own_ray = ray;
     vec3 p = vec3(dot(a.xyz, ray), dot(b.xyz, ray), dot(c.xyz, ray)) + inverse * vec3(a.w, b.w, c.w);
     vec2 px = view_lens.xy * p.xy + (view_lens.zw + 0.5) * p.z;
     through = order.y > 0.0 ? share_through(p) : 0.0;

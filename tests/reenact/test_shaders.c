@@ -14,12 +14,12 @@ static bool ends(const char *name, const char *ending)
     return n >= e && !strcmp(name + n - e, ending);
 }
 
-// The vertex shader of a fragment shader: of the same name, or of the name before its '_', or fullscreen.vert.
+// The vertex shader of a fragment shader: of the same name, or of the name before one of its '_', or fullscreen.vert.
 static const char *vertex_of(const char *name)
 {
-    for (const char *end = strrchr(name, '.'); end; end = memchr(name, '_', (size_t)(end - name)))
+    for (const char *end = strrchr(name, '.'); end > name; end--)
         for (int i = 0; i < shader_text_count; i++)
-            if (!strncmp(shader_texts[i].name, name, (size_t)(end - name)) &&
+            if ((*end == '.' || *end == '_') && !strncmp(shader_texts[i].name, name, (size_t)(end - name)) &&
                 !strcmp(shader_texts[i].name + (end - name), ".vert"))
                 return shader_texts[i].text;
     return shader_find("fullscreen.vert");

@@ -132,6 +132,53 @@ static void test_what_others_look_through_is_unseen(void **state)
     close_stage(&s);
 }
 
+// Eight pictures see the box from the front. A ninth, asked no more, has the room's walls and floor behind it: measured
+// everywhere, nowhere, or on one side of a line down the wall.
+static void test_what_is_only_extrapolated_is_unseen(void **state)
+{
+    (void)state;
+    enum { NEAR = 8 };
+    static uint8_t source[PIXELS];
+    static const int from_column[] = {ROOM_WIDTH, 0, 240}; // what is extrapolated
+    struct stage s;
+    struct surround_picture ninth;
+    const struct surround_picture *list[NEAR + 1];
+    const struct gpu_texture *texture;
+    struct surround_image image = {view_lens, room_camera(0.8, 1.4, 1.3), view_default_options(), true, 0};
+    image.how.geometry_pictures = NEAR + 1;
+    open_stage(&s, true);
+    struct box_world empty = s.room.world;
+    empty.count = 1; // the room alone
+    room_picture(&empty, s.room.pictures[0].world_from_camera, &ninth);
+    for (int i = 0; i < NEAR; i++)
+        list[i] = &s.room.pictures[0];
+    list[NEAR] = &ninth;
+    for (int k = 0; k < 3; k++) {
+        int by_processor = 0, by_card = 0, other = 0;
+        for (int i = 0; i < ROOM_WIDTH * ROOM_HEIGHT; i++)
+            ninth.joined[i] =
+                (uint8_t)((ninth.joined[i] & 7) | (i % ROOM_WIDTH >= from_column[k] ? DEPTH_EXTRAPOLATED : 0));
+        ninth.depth_number = 10 + k;
+        assert_int_equal(surround_view_draw(&s.room.view, image.world_from_view, list, NEAR + 1, &image.how), OK);
+        memcpy(source, s.room.view.source, sizeof source);
+        assert_int_equal(surround_renderer_draw(s.renderer, &image, list, NEAR + 1, &texture), OK);
+        assert_int_equal(surround_renderer_read(s.renderer, &s.room.view), OK);
+        for (int i = 0; i < PIXELS; i++) {
+            by_processor += source[i] == SOURCE_UNSEEN;
+            by_card += s.room.view.source[i] == SOURCE_UNSEEN;
+            other += source[i] != s.room.view.source[i];
+        }
+        print_message(
+            "extrapolated from column %d on: %d unseen by the processor, %d by the graphics card, %d differ\n",
+            from_column[k], by_processor, by_card, other);
+        if (k > 0)
+            EXPECT_AT_LEAST(by_processor, 1000);
+        EXPECT_AT_MOST(other, 0.01 * PIXELS);
+    }
+    surround_picture_free(&ninth);
+    close_stage(&s);
+}
+
 static void test_no_capture_yet(void **state)
 {
     (void)state;
@@ -242,6 +289,7 @@ int main(void)
         cmocka_unit_test(test_inside_and_beyond_a_wall),
         cmocka_unit_test(test_what_others_look_through),
         cmocka_unit_test(test_what_others_look_through_is_unseen),
+        cmocka_unit_test(test_what_is_only_extrapolated_is_unseen),
         cmocka_unit_test(test_uploads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,6 @@
 #include "reenact/surround/gpu/picture_store.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -68,13 +69,15 @@ int picture_store_find(struct picture_store *s, int64_t depth_number)
 
 // ---------------------------------------------------------------- putting in
 
-static float inverse_in(const struct surround_picture *p, int x, int y)
+// 1/m: has a sign in 16 bits, and counts as infinitely far in surround_surface.vert, whose tolerance is 1e-4.
+#define LEAST_SIGNED 6.2e-5f
+
+// The pixel's number; negative: it is outside.
+static int64_t pixel_at(const struct surround_picture *p, int x, int y)
 {
     if (p->panorama)
         x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
-    if (x < 0 || x >= p->width || y < 0 || y >= p->height)
-        return DEPTH_UNKNOWN;
-    return p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
+    return x < 0 || x >= p->width || y < 0 || y >= p->height ? -1 : (int64_t)y * p->width + x;
 }
 
 // Of each 2 x 2 pixels and those around them, so that it holds the 3 x 3 about each of the four.
@@ -83,13 +86,17 @@ static void fill_ranges(const struct surround_picture *p, float (*out)[2])
     for (int y = 0; y < p->height; y += 2)
         for (int x = 0; x < p->width; x += 2, out++) {
             float least = 6e4f, most = DEPTH_UNKNOWN; // the largest that 16 bits hold
+            bool measured = false;
             for (int j = -1; j <= 2; j++)
                 for (int i = -1; i <= 2; i++) {
-                    const float inverse = inverse_in(p, x + i, y + j);
-                    least = inverse >= 0 && inverse < least ? inverse : least;
-                    most = inverse > most ? inverse : most;
+                    const int64_t at = pixel_at(p, x + i, y + j);
+                    if (at < 0 || p->inverse[at] < 0)
+                        continue;
+                    least = fminf(least, p->inverse[at]);
+                    most = fmaxf(most, p->inverse[at]);
+                    measured |= i >= 0 && i < 2 && j >= 0 && j < 2 && !(p->joined[at] & DEPTH_EXTRAPOLATED);
                 }
-            (*out)[0] = least;
+            (*out)[0] = measured ? least : -fmaxf(least, LEAST_SIGNED);
             (*out)[1] = most;
         }
 }

@@ -21,7 +21,8 @@ struct picture_store {
     struct gpu *gpu;
     struct stored_picture *pictures; // one a layer
     int layers, width, height;       // of the arrays; 0: none yet
-    // RGB; inverse distances, 1/m; least and most of those about each 2 x 2 pixels, half as wide and high.
+    // RGB; inverse distances, 1/m; least and most of those about each 2 x 2 pixels, half as wide and high, the least
+    // negated where none of the four is measured.
     struct gpu_texture *colors, *depths, *ranges;
     int64_t now;
 };

@@ -29,33 +29,46 @@ static const char *const surface_names[SURFACE_UNIFORMS] = {[VIEW_FROM_PICTURE] 
                                                             [SURFACE_PICTURES] = "pictures"};
 static const char *const texture_names[TEXTURE_UNIFORMS] = {
     [TEXTURE_LENS] = "view_lens", [LOOK] = "look", [TEXTURE_CAMERA] = "camera", [TEXTURE_PICTURES] = "pictures"};
-static const char *const surface_samplers[] = {"ranges"}, *const texture_samplers[] = {"surface", "colors", "depths"};
+static const char *const surface_samplers[] = {"ranges", "depths"};
+static const char *const texture_samplers[] = {"surface", "colors", "depths"};
+static const struct gpu_program_source surface_text = {.name = "surround_surface",
+                                                       .uniforms = surface_names,
+                                                       .uniform_count = SURFACE_UNIFORMS,
+                                                       .samplers = surface_samplers,
+                                                       .sampler_count = 1},
+                                       unasked_text = {.name = "surround_surface_unasked",
+                                                       .uniforms = surface_names,
+                                                       .uniform_count = SURFACE_UNIFORMS,
+                                                       .samplers = surface_samplers,
+                                                       .sampler_count = 2},
+                                       texture_text = {.name = "surround_texture",
+                                                       .uniforms = texture_names,
+                                                       .uniform_count = TEXTURE_UNIFORMS,
+                                                       .samplers = texture_samplers,
+                                                       .sampler_count = COUNT_OF(texture_samplers)};
 
 // Opens the program for so many pictures where it is not open yet.
-static enum status fit_program(struct surround_renderer *r, struct gpu_program **program, bool surface, int pictures)
+static enum status fit_program(struct surround_renderer *r, struct gpu_program **program,
+                               const struct gpu_program_source *like, int pictures)
 {
-    char word[32];
-    const struct gpu_program_source text = {
-        .name = surface ? "surround_surface" : "surround_texture",
-        .vertex = shader_find(surface ? "surround_surface.vert" : "fullscreen.vert"),
-        .fragment = shader_find(surface ? "surround_surface.frag" : "surround_texture.frag"),
-        .uniforms = surface ? surface_names : texture_names,
-        .uniform_count = surface ? SURFACE_UNIFORMS : TEXTURE_UNIFORMS,
-        .samplers = surface ? surface_samplers : texture_samplers,
-        .sampler_count = surface ? COUNT_OF(surface_samplers) : COUNT_OF(texture_samplers),
-        .word = word};
+    char word[32], fragment[40];
+    struct gpu_program_source text = *like;
     snprintf(word, sizeof word, "PICTURES %d", pictures);
+    snprintf(fragment, sizeof fragment, "%s.frag", like->name);
+    text.vertex = shader_find(like == &texture_text ? "fullscreen.vert" : "surround_surface.vert");
+    text.fragment = shader_find(fragment);
+    text.word = word;
     return *program ? OK : gpu_program_open(program, r->gpu, &text);
 }
 
 static enum status fit_surface_program(struct surround_renderer *r, int pictures)
 {
-    return fit_program(r, &r->surface_programs[pictures], true, pictures);
+    return fit_program(r, &r->surface_programs[pictures], &surface_text, pictures);
 }
 
 static enum status fit_texture_program(struct surround_renderer *r, int pictures)
 {
-    return fit_program(r, &r->texture_programs[pictures], false, pictures);
+    return fit_program(r, &r->texture_programs[pictures], &texture_text, pictures);
 }
 
 enum status surround_renderer_open(struct surround_renderer **out, struct gpu *gpu)
@@ -88,6 +101,7 @@ void surround_renderer_close(struct surround_renderer **out)
         gpu_program_close(&r->surface_programs[i]);
         gpu_program_close(&r->texture_programs[i]);
     }
+    gpu_program_close(&r->unasked_program);
     gpu_program_close(&r->tint_program);
     gpu_program_close(&r->sample_program);
     gpu_mesh_close(&r->fullscreen);
@@ -211,7 +225,7 @@ static void draw_surface(struct surround_renderer *r, const struct surround_imag
                          int number)
 {
     const struct stored_picture *stored = &r->store.pictures[r->layers[number]];
-    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart, 0};
+    const float order[4] = {(float)number, image->how.depth_test, (float)image->how.apart, (float)r->layers[number]};
     float rows[12];
     surround_rows_of(pose_multiply(pose_inverse(image->world_from_view), r->pictures[number]->world_from_camera), rows);
     gpu_program_set(program, VIEW_FROM_PICTURE, rows, 3);
@@ -221,7 +235,7 @@ static void draw_surface(struct surround_renderer *r, const struct surround_imag
             gpu_draw(&(struct gpu_job){.target = r->surface,
                                        .program = program,
                                        .mesh = stored->pieces[i].mesh,
-                                       .textures = {r->store.ranges},
+                                       .textures = {r->store.ranges, r->store.depths},
                                        .closed = true,
                                        .depth_test = true});
 }
@@ -234,17 +248,23 @@ static enum status draw_surfaces(struct surround_renderer *r, const struct surro
     gpu_target_clear(r->surface);
     if (!r->count)
         return OK;
-    const enum status status = fit_surface_program(r, judges);
-    if (status != OK)
-        return status;
-    struct gpu_program *program = r->surface_programs[judges];
-    gpu_program_set(program, SURFACE_LENS, lens, 1);
-    gpu_program_set(program, VIEW_RANGE, range, 1);
-    gpu_program_set(program, SURFACE_CAMERA, camera, 2);
-    gpu_program_set(program, SURFACE_PICTURES, pictures, PARTS * judges);
-    for (int i = 0; i < r->count && i < image->how.geometry_pictures; i++)
-        draw_surface(r, image, program, i);
-    return OK;
+    // Those asked, then the others, which have to be supported by these.
+    const int drawn = r->count < image->how.geometry_pictures ? r->count : image->how.geometry_pictures;
+    const int asked = !image->how.depth_test || drawn < judges ? drawn : judges;
+    struct gpu_program **programs[2] = {&r->surface_programs[judges], &r->unasked_program};
+    enum status status = fit_program(r, programs[0], &surface_text, judges);
+    if (status == OK && asked < drawn)
+        status = fit_program(r, programs[1], &unasked_text, judges);
+    for (int k = 0; k < (asked < drawn ? 2 : 1) && status == OK; k++) {
+        struct gpu_program *program = *programs[k];
+        gpu_program_set(program, SURFACE_LENS, lens, 1);
+        gpu_program_set(program, VIEW_RANGE, range, 1);
+        gpu_program_set(program, SURFACE_CAMERA, camera, 2);
+        gpu_program_set(program, SURFACE_PICTURES, pictures, PARTS * judges);
+        for (int i = k ? asked : 0; i < (k ? drawn : asked); i++)
+            draw_surface(r, image, program, i);
+    }
+    return status;
 }
 
 static enum status draw_texture(struct surround_renderer *r, const struct surround_image *image, const float lens[4],

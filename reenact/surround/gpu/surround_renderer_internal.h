@@ -8,6 +8,7 @@ struct surround_renderer {
     struct picture_store store;
     // For so many pictures, compiled when they are needed first
     struct gpu_program *surface_programs[SURROUND_RENDERER_MOST + 1], *texture_programs[SURROUND_RENDERER_MOST + 1];
+    struct gpu_program *unasked_program; // for surfaces of pictures after the JUDGES first
     struct gpu_program *tint_program, *sample_program;
     struct gpu_mesh *fullscreen;
     struct gpu_texture *none; // an array, while there are no pictures
