@@ -212,10 +212,13 @@ static int count_color(const struct stage *s, uint32_t color, int top, int botto
     return count;
 }
 
-// Of the line at the upper edge of the map's picture, beside the picture's age.
+// Of the line at the upper edge of the map's picture, beside the picture's age. The picture fills its half of the
+// screen, or is of the session's format where the driver draws by the processor.
 static int count_text(const struct stage *s)
 {
-    const int top = HEIGHT / 2 - robot_view.height / 2;
+    const struct lens *l = &s->screen.pane[DRIVE_MAP].lens;
+    const double scale = fmin(WIDTH / 2.0 / l->width, (double)HEIGHT / l->height);
+    const int top = (int)((HEIGHT - scale * l->height) / 2);
     return count_color(s, theme_of(true)->text, top + 16, top + 60);
 }
 

