@@ -2,9 +2,10 @@
 // display shows. Each picture's colours, depth and surface (surround_mesh.h) are uploaded once and stay there.
 //
 // Two passes. The first draws the surfaces of the nearest pictures into one image of 1 / z: what other pictures look
-// through (the view-dependent depth test) lies behind all that they do not, and is left out where most look through it;
-// of surfaces that agree that of the nearest picture is taken, where surround_view_draw takes their mean. The second
-// gives each pixel the colours of the two best pictures. What no picture has seen has alpha 0.
+// through (the view-dependent depth test) lies behind all that they do not, and is left out where most look through it,
+// as is what nothing supports: extrapolated in a picture after the eight nearest, and seen by none of these. Of
+// surfaces that agree that of the nearest picture is taken, where surround_view_draw takes their mean. The second gives
+// each pixel the colours of the two best pictures. What no picture has seen has alpha 0.
 //
 // Threads, errors and images as in platform/gpu.h.
 #pragma once
