@@ -1,5 +1,6 @@
 // What a recording survives: a killed writer, a full disk, truncation, wrong bytes.
 #include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 
 #include "capture/recording/recording_schema.h"
 #include "base/clock.h"

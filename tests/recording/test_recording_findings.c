@@ -1,5 +1,6 @@
 // What verify finds, what repair saves, and what one damaged row costs. Past versions of the file, which open for ever.
 #include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 
 #include "capture/recording/recording_schema.h"
 #include "base/clock.h"

@@ -1,5 +1,6 @@
 // Takes are renamed, annotated, deleted, trimmed and copied.
 #include "tests/support/recording_hash.h"
+#include "tests/support/recording_sample.h"
 
 #include "capture/recording/prepared.h"
 #include "tests/support/random.h"

@@ -1,6 +1,10 @@
 // A hash over everything that a reader returns of a recording: whether two files hold the same.
 #pragma once
-#include "tests/support/recording_sample.h"
+#include "tests/support/test.h"
+
+#include "capture/recording/recording.h"
+
+#include <string.h>
 
 // FNV-like hash over everything that a reader returns.
 static inline uint64_t mix(uint64_t hash, const void *bytes, size_t count)
