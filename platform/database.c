@@ -170,6 +170,18 @@ static enum status open_without_log(struct database *db, enum database_access ac
     return code == SQLITE_OK ? OK : fail_sqlite(db, code);
 }
 
+// A column that is computed (GENERATED ALWAYS) can claim 120 MB and the time to fill them in each row of a file of a
+// few kilobytes. No recording has one, and no damaged bit makes one.
+static enum status refuse_computed_columns(struct database *db, enum database_access access_wanted)
+{
+    int64_t any;
+    const enum status status = database_number(
+        db, "SELECT 1 FROM sqlite_schema AS s, pragma_table_xinfo(s.name) AS c WHERE c.hidden > 1 LIMIT 1", &any);
+    if (status == OK)
+        return fail(ERR_CORRUPT, "%s is not as a recording is: it has columns that are computed", db->path);
+    return status == NOTHING || (access_wanted == DATABASE_SALVAGE && status != ERR_MEMORY) ? OK : status;
+}
+
 enum status database_open(struct database **out, const char *path, enum database_access access_wanted)
 {
     *out = NULL;
@@ -190,6 +202,8 @@ enum status database_open(struct database **out, const char *path, enum database
             status = open_without_log(db, access_wanted);
         else if (code != SQLITE_OK)
             status = fail_sqlite(db, code);
+        if (status == OK)
+            status = refuse_computed_columns(db, access_wanted);
     }
     if (status != OK) {
         database_close(&db);

@@ -21,7 +21,7 @@ struct frame_copier {
     struct database *from;
     struct async_writer *to;
     enum copier_reads reads;
-    struct statement *frame, *joint_error, *images, *frame_exists; // joint_error NULL: an older file
+    struct statement *frame, *joint_error, *images, *frame_exists, *images_exist; // joint_error NULL: an older file
     struct depth_coder *coder;
     struct stray *strays; // by key
     int64_t stray_count;
@@ -55,6 +55,8 @@ enum status frame_copier_open(struct frame_copier **out, struct database *from, 
         status = select_open(&c->images, from, TABLE_IMAGE, "WHERE rowid = ?");
     if (status == OK)
         status = statement_open(&c->frame_exists, from, "SELECT rowid FROM frame WHERE rowid = ?");
+    if (status == OK) // without reading the images
+        status = statement_open(&c->images_exist, from, "SELECT rowid FROM picture WHERE rowid = ?");
     if (status == OK)
         status = depth_coder_open(&c->coder);
     if (status != OK)
@@ -71,6 +73,7 @@ void frame_copier_close(struct frame_copier **copier)
     statement_close(&c->joint_error);
     statement_close(&c->images);
     statement_close(&c->frame_exists);
+    statement_close(&c->images_exist);
     depth_coder_close(&c->coder);
     free(c->strays);
     free(c->pixels);
@@ -105,14 +108,14 @@ static int64_t true_key(struct frame_copier *c)
     const int64_t key = statement_number(c->frame, 0), crc = statement_number(c->frame, 6);
     const bool sealed = !statement_is_null(c->frame, FRAME_SEAL), has_images = statement_number(c->frame, 5) != 0;
     if (sealed ? seal_matches(c->frame, FRAME_SEAL, row_seal(key, (uint32_t)crc))
-               : !has_images || row_exists(c->images, key) || has_neighbour(c, key))
+               : !has_images || row_exists(c->images_exist, key) || has_neighbour(c, key))
         return key;
     for (int bit = 0; bit < 63; bit++) {
         const int64_t other = key ^ (int64_t)1 << bit;
         if (!key_is_possible(other))
             continue;
         if (sealed ? seal_matches(c->frame, FRAME_SEAL, row_seal(other, (uint32_t)crc))
-                   : row_exists(c->images, other) && !row_exists(c->frame_exists, other))
+                   : row_exists(c->images_exist, other) && !row_exists(c->frame_exists, other))
             return other;
     }
     return key;
@@ -416,19 +419,20 @@ enum status frame_copier_infer_sizes(struct frame_copier *c, struct take_row *ta
     enum status status = OK;
     for (bool found = false; !found && (status = next_in_order(c, &order, &key, &entry)) == OK;) {
         if ((status = find_images(c, key)) == OK) {
-            struct lens *color = &take->calibration.color, *depth = &take->calibration.depth;
+            struct calibration stated = take->calibration;
             size_t mask_bytes, depth_bytes, color_bytes;
             const uint8_t *mask = intact_blob(c->images, IMAGE_MASK, &mask_bytes);
             const uint8_t *depths = intact_blob(c->images, IMAGE_DEPTH, &depth_bytes);
             const uint8_t *colors = intact_blob(c->images, IMAGE_COLOR, &color_bytes);
-            found = (!entry.has_mask || mask) && (!entry.has_depth || depths) && (!entry.has_color || colors);
-            if (found) {
-                coded_size(mask, mask_bytes, depth);
-                coded_size(depths, depth_bytes, depth);
-            }
+            coded_size(mask, mask_bytes, &stated.depth);
+            coded_size(depths, depth_bytes, &stated.depth);
             int width, height;
-            if (found && colors && jpeg_size(colors, color_bytes, &width, &height) == OK)
-                color->width = width, color->height = height;
+            if (colors && jpeg_size(colors, color_bytes, &width, &height) == OK)
+                stated.color.width = width, stated.color.height = height;
+            found = (!entry.has_mask || mask) && (!entry.has_depth || depths) && (!entry.has_color || colors) &&
+                    calibration_check(&stated) == OK; // no camera has the size that a wrong code states
+            if (found)
+                take->calibration = stated;
         }
         statement_reset(c->images);
         if (is_fatal(c, status))
