@@ -50,7 +50,8 @@ static bool view_span(const struct file *f, int64_t view, struct span *out, int6
     const int64_t buffer = whole(v, "buffer", -1), offset = whole(v, "byteOffset", 0),
                   length = whole(v, "byteLength", -1);
     *stride = whole(v, "byteStride", 0);
-    if (!v || buffer != 0 || offset < 0 || length < 0 || *stride < 0 || (uint64_t)(offset + length) > f->count)
+    if (!f->bytes || !v || buffer != 0 || offset < 0 || length < 0 || *stride < 0 ||
+        (uint64_t)(offset + length) > f->count)
         return false;
     *out = (struct span){f->bytes + offset, (size_t)length};
     return true;
