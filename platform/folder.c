@@ -31,6 +31,8 @@
 
 enum { PATH_BYTES = 4096 };
 
+#define SECONDS_MOST 4000000000 // the year 2096, counted from 1970
+
 struct image_entry {
     int64_t time_ns;
     const char *path; // inside the list's text
@@ -63,7 +65,7 @@ struct folder {
 
 // Reads decimal seconds at *text, without floating point; digits
 // beyond the nanosecond round to the nearest. False: no such number there, or
-// beyond the range of int64_t nanoseconds.
+// beyond SECONDS_MOST, so that any two times' difference is one of int64_t nanoseconds.
 static bool read_seconds(const char **text, int64_t *time_ns)
 {
     const char *at = *text;
@@ -73,7 +75,7 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     int64_t ns = 0;
     int digits = 0, decimals = 0;
     for (; *at >= '0' && *at <= '9'; at++, digits++)
-        if ((ns = ns * 10 + (*at - '0')) > 9000000000)
+        if ((ns = ns * 10 + (*at - '0')) > SECONDS_MOST)
             return false;
     if (*at == '.') {
         for (at++; *at >= '0' && *at <= '9'; at++, digits++) {
@@ -242,7 +244,7 @@ static enum status pair_images(struct folder *f)
         color = nearest_entry(&f->color, color, f->depth.entries[i].time_ns);
         back = nearest_entry(&f->depth, back, f->color.entries[color].time_ns);
         int64_t apart_ns = llabs(f->color.entries[color].time_ns - f->depth.entries[i].time_ns);
-        if (back == i && 2 * apart_ns <= step_ns)
+        if (back == i && apart_ns <= step_ns / 2)
             f->color_of[i] = color;
     }
     return OK;

@@ -390,6 +390,7 @@ static void test_bad_lists(void **state)
         {"1e3 depth/1.png\n", "line 1"},
         {"nan depth/1.png\n", "line 1"},
         {"99999999999 depth/1.png\n", "line 1"},
+        {"-8000000000 depth/1.png\n8000000000 depth/2.png\n", "line 1"}, // too far apart for nanoseconds in 64 bits
         {". depth/1.png\n", "line 1"},
         {"100 depth/1.png\n100.1 depth/2.png\n5 depth/3.png\n", "line 3: the clock jumps back by 95.100 s"},
     };
