@@ -85,8 +85,12 @@ static void horizontal_axes(const struct segmenter *s, struct vec3 *across, stru
 static void clear_components(struct segmenter *s)
 {
     for (int c = 0; c < s->component_count; c++)
-        s->components[c] =
-            (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
+        s->components[c] = (struct component){.top = -1e9,
+                                              .bottom = 1e9,
+                                              .low = {1e9, 1e9, 1e9},
+                                              .high = {-1e9, -1e9, -1e9},
+                                              .top_low = 1e9,
+                                              .top_high = -1e9};
 }
 
 void segmenter_count_near_body(struct segmenter *s, const struct bounding_sphere *spheres, int sphere_count)
@@ -124,24 +128,18 @@ void segmenter_count_near_body(struct segmenter *s, const struct bounding_sphere
 // The lateral extent of each component's top.
 static void measure_top_widths(struct segmenter *s, struct vec3 across)
 {
-    double *edge = malloc((size_t)(s->component_count + 1) * 2 * sizeof *edge);
-    if (!edge)
-        return; // without widths every component counts as narrow
-    for (int c = 0; c < s->component_count; c++)
-        edge[2 * c] = 1e9, edge[2 * c + 1] = -1e9;
     for (int n = 0; n < s->candidate_count; n++) {
         int i = s->candidate[n];
         double z = s->depth[i] * 0.001;
         struct vec3 p = cell_point(s, i, z);
-        int c = s->label[i];
-        if (v3_dot(s->up, p) + s->height_m > s->components[c].top - TOP_M) {
-            edge[2 * c] = fmin(edge[2 * c], v3_dot(across, p));
-            edge[2 * c + 1] = fmax(edge[2 * c + 1], v3_dot(across, p));
+        struct component *c = &s->components[s->label[i]];
+        if (v3_dot(s->up, p) + s->height_m > c->top - TOP_M) {
+            c->top_low = fmin(c->top_low, v3_dot(across, p));
+            c->top_high = fmax(c->top_high, v3_dot(across, p));
         }
     }
     for (int c = 0; c < s->component_count; c++)
-        s->components[c].top_width = fmax(0, edge[2 * c + 1] - edge[2 * c]);
-    free(edge);
+        s->components[c].top_width = fmax(0, s->components[c].top_high - s->components[c].top_low);
 }
 
 void segmenter_measure_components(struct segmenter *s)

@@ -52,11 +52,11 @@ struct component {
     double low[3], high[3]; // bounds: lateral, horizontal distance, and depth along z
     double sum[3];          // of the points
     int border_left, border_right, border_bottom, border_top;
-    int overlap;      // cells that were the person's in the last frame
-    int near_body;    // cells close to the predicted body
-    int adjacent;     // cells next to cells already taken for the person
-    bool is_person;   // it is the person, or a part of the person
-    double top_width; // lateral extent within 0.2 m of its top
+    int overlap;                         // cells that were the person's in the last frame
+    int near_body;                       // cells close to the predicted body
+    int adjacent;                        // cells next to cells already taken for the person
+    bool is_person;                      // it is the person, or a part of the person
+    double top_low, top_high, top_width; // lateral bounds and extent within 0.2 m of its top
 };
 
 static inline int by_depth(const uint16_t table[DEPTH_TABLE_SIZE], int depth_mm)
