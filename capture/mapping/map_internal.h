@@ -104,8 +104,8 @@ MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
 
 // ---- map_tag_sides.c
 // Before map_bootstrap: measures the side of every new tag by its depth, and leaves out those whose listed side is
-// wrong, unless most are.
-void map_check_tag_sides(struct map *m);
+// wrong, unless most are. ERR_MEMORY.
+MUST_CHECK enum status map_check_tag_sides(struct map *m);
 
 // ---- map_outlier_tags.c
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.

@@ -67,11 +67,11 @@ static void add_frame_landmarks(struct map *m, struct map_scratch *d, struct map
 }
 
 // Landmarks that are near each other and have similar descriptors become one.
-static void merge_duplicates(struct map *m)
+static enum status merge_duplicates(struct map *m)
 {
     int32_t *merged_into = malloc((size_t)(m->point_count + 1) * sizeof *merged_into);
     if (!merged_into)
-        return; // duplicates do no harm
+        return fail(ERR_MEMORY, "no memory to compare %d points", (int)m->point_count);
     for (int32_t i = 0; i < m->point_count; i++) {
         merged_into[i] = i;
         for (int32_t k = 0; k < i && i >= m->held_points; k++) {
@@ -98,6 +98,7 @@ static void merge_duplicates(struct map *m)
                 m->frames[i].features[k].point = merged_into[m->frames[i].features[k].point];
     m->point_count = kept;
     free(merged_into);
+    return OK;
 }
 
 // Matches every landmark in every placed frame again, near its projection.
@@ -376,8 +377,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map landmarks");
-    merge_duplicates(m);
-    enum status status = OK;
+    enum status status = merge_duplicates(m);
     for (int round = 0; round < 2 && status == OK; round++) {
         rematch_all(m, d);
         if (!m->has_depth)

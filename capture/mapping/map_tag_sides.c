@@ -121,11 +121,11 @@ static void forget_observations(struct map_frame *f, int32_t tag)
     f->seen_count = kept;
 }
 
-void map_check_tag_sides(struct map *m)
+enum status map_check_tag_sides(struct map *m)
 {
     double *sigma = calloc((size_t)m->tag_count + 1, sizeof *sigma);
-    if (!sigma) // the check is a service; mapping goes on without it
-        return;
+    if (!sigma)
+        return fail(ERR_MEMORY, "no memory to measure %d tags", (int)m->tag_count);
     for (int32_t t = 0; t < m->tag_count; t++)
         if (!side_of_tag(m, t, &m->tags[t].measured_side_m, &sigma[t]))
             m->tags[t].measured_side_m = 0;
@@ -145,4 +145,5 @@ void map_check_tag_sides(struct map *m)
             forget_observations(&m->frames[i], t);
     }
     free(sigma);
+    return OK;
 }

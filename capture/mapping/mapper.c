@@ -393,8 +393,9 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *prior = m->options.prior;
-    map_check_tag_sides(&m->map);
-    status = prior ? map_release_moved_tags(&m->map) : OK;
+    status = map_check_tag_sides(&m->map);
+    if (status == OK && prior)
+        status = map_release_moved_tags(&m->map);
     if (status == OK)
         status = map_bootstrap(&m->map, m->options.most_points > 0);
     if (status == OK && prior)
