@@ -199,58 +199,72 @@ class depth_scale_error : public ceres::SizedCostFunction<1, 1>
     double scale;
 };
 
+// What a problem's residuals are made of. They are owned here, not by ceres::Problem, which leaks what it is given
+// while it runs out of memory. Outlives the problem.
+struct terms {
+    ceres::CauchyLoss corner_loss{ROBUST_SIGMAS * std::sqrt(8.0)}; // of eight residuals
+    ceres::CauchyLoss depth_loss{ROBUST_SIGMAS}, point_loss{ROBUST_SIGMAS};
+    std::vector<std::unique_ptr<ceres::CostFunction>> errors;
+
+    template <class Error, class... Arguments> Error *add(Arguments &&...arguments)
+    {
+        auto error = std::make_unique<Error>(std::forward<Arguments>(arguments)...);
+        Error *const added = error.get();
+        errors.push_back(std::move(error));
+        return added;
+    }
+};
+
+ceres::Problem::Options terms_are_owned_elsewhere()
+{
+    ceres::Problem::Options options;
+    options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    return options;
+}
+
 // Without a depth scale, the additional block is left out: it would prevent Ceres's fixed-size code.
-void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
-                      ceres::LossFunction *point_loss)
+void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
 {
     for (int32_t i = 0; i < in.plane_depth_count; i++) {
         const ba_plane_depth &seen = in.plane_depths[i];
         pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
-        auto error = std::make_unique<plane_error>(&seen, &camera, &square);
         if (in.depth_scale)
-            problem.AddResidualBlock(new with_depth_scale<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
-                                     depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift,
+            problem.AddResidualBlock(t.add<with_depth_scale<plane_error, 0>>(
+                                         std::make_unique<plane_error>(&seen, &camera, &square), seen.z, seen.sigma_m),
+                                     &t.depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift,
                                      &c.depth_scale);
         else
-            problem.AddResidualBlock(error.release(), depth_loss, camera.gibbs, camera.shift, square.gibbs,
-                                     square.shift);
+            problem.AddResidualBlock(t.add<plane_error>(&seen, &camera, &square), &t.depth_loss, camera.gibbs,
+                                     camera.shift, square.gibbs, square.shift);
     }
     for (int32_t i = 0; i < in.observation_count; i++) {
         const ba_observation &seen = in.observations[i];
         pose_block &camera = c.cameras[(size_t)seen.camera];
         double *point = &c.points[(size_t)seen.point].x;
-        auto error = std::make_unique<point_error>(&seen, &camera, in.fx, in.fy);
         if (in.depth_scale && seen.z > 0)
-            problem.AddResidualBlock(new with_depth_scale<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
-                                     point_loss, camera.gibbs, camera.shift, point, &c.depth_scale);
+            problem.AddResidualBlock(
+                t.add<with_depth_scale<point_error, 2>>(std::make_unique<point_error>(&seen, &camera, in.fx, in.fy),
+                                                        seen.z, seen.sigma_m),
+                &t.point_loss, camera.gibbs, camera.shift, point, &c.depth_scale);
         else
-            problem.AddResidualBlock(error.release(), point_loss, camera.gibbs, camera.shift, point);
+            problem.AddResidualBlock(t.add<point_error>(&seen, &camera, in.fx, in.fy), &t.point_loss, camera.gibbs,
+                                     camera.shift, point);
     }
     if (in.depth_scale)
-        problem.AddResidualBlock(new depth_scale_error(in.depth_scale_sigma), nullptr, &c.depth_scale);
+        problem.AddResidualBlock(t.add<depth_scale_error>(in.depth_scale_sigma), nullptr, &c.depth_scale);
 }
 
-void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem)
+void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
 {
-    auto *corner_loss = new ceres::CauchyLoss(ROBUST_SIGMAS * std::sqrt(8.0)); // of eight residuals
-    auto *depth_loss = new ceres::CauchyLoss(ROBUST_SIGMAS);
-    auto *point_loss = new ceres::CauchyLoss(ROBUST_SIGMAS);
-    std::vector<std::unique_ptr<ceres::LossFunction>>
-        owner; // the problem owns the loss functions that it uses; unused ones are freed here
-    if (!in.corner_count)
-        owner.emplace_back(corner_loss);
-    if (!in.plane_depth_count)
-        owner.emplace_back(depth_loss);
-    if (!in.observation_count)
-        owner.emplace_back(point_loss);
     for (int32_t i = 0; i < in.corner_count; i++) {
         const ba_corners &seen = in.corners[i];
         pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
         problem.AddResidualBlock(
-            new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
+            t.add<corner_error>(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), &t.corner_loss,
             camera.gibbs, camera.shift, square.gibbs, square.shift);
     }
-    add_depth_errors(in, c, problem, depth_loss, point_loss);
+    add_depth_errors(in, c, problem, t);
 }
 
 // Sets held blocks constant, and orders points to be eliminated before poses (Schur complement). False: there is no
@@ -315,11 +329,12 @@ bool is_finite(const ba_problem &in)
 enum status solve(const ba_problem &in)
 {
     solver_state c(in);
-    ceres::Problem problem;
+    terms t;
+    ceres::Problem problem(terms_are_owned_elsewhere());
     auto order = std::make_shared<ceres::ParameterBlockOrdering>();
     ceres::Solver::Options options;
     ceres::Solver::Summary summary;
-    add_errors(in, c, problem);
+    add_errors(in, c, problem, t);
     if (order_blocks(in, c, problem, *order)) {
         options.linear_solver_type = ceres::DENSE_SCHUR;
         options.linear_solver_ordering = order;
