@@ -126,8 +126,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
     if (r->smoothing_ms > 0)
         printf("smoothing took %.1f ms a frame\n", r->smoothing_ms);
     else if (r->tracked)
-        printf("the joints were not smoothed%s: they are the online estimates\n",
-               r->smoothing_out_of_memory ? " for lack of memory" : "");
+        printf("the joints were not smoothed: they are the online estimates\n");
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
     report_verdict(verdict);
@@ -228,6 +227,8 @@ int capture_record(int argc, char **argv)
     if (status == OK && !result.frames)
         status = fail(ERR_INPUT, "nothing was filmed, so no take was kept%s%s", result.damaged ? ": " : "",
                       result.first_damage);
+    if (status == OK && result.smoothing_out_of_memory)
+        status = fail(ERR_MEMORY, "no memory to smooth the joints of take '%s', which is whole otherwise", given.take);
     if (status == OK)
         warn(argv[0], has_place, &result);
     return status == OK ? 0 : command_failed(argv[0]);
