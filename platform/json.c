@@ -131,13 +131,26 @@ enum status json_need_number(const struct json *object, const char *name, const 
 
 struct json *json_new_object(void) { return from_node(cJSON_CreateObject()); }
 
+// What is lost for lack of memory is noted in its parent's number, which objects and arrays do not use.
+enum { LOST_A_CHILD = 1 };
+
 static cJSON *attach(struct json *parent, const char *name, cJSON *child)
 {
-    if (name)
-        cJSON_AddItemToObject(node(parent), name, child);
-    else
-        cJSON_AddItemToArray(node(parent), child);
-    return child;
+    cJSON *to = node(parent);
+    if (child && (name ? cJSON_AddItemToObject(to, name, child) : cJSON_AddItemToArray(to, child)))
+        return child;
+    cJSON_Delete(child);
+    if (to)
+        to->valueint = LOST_A_CHILD;
+    return NULL;
+}
+
+static bool is_whole(const cJSON *value)
+{
+    bool whole = !(cJSON_IsObject(value) || cJSON_IsArray(value)) || value->valueint != LOST_A_CHILD;
+    for (const cJSON *child = value->child; child && whole; child = child->next)
+        whole = is_whole(child);
+    return whole;
 }
 
 void json_add_number(struct json *object, const char *name, double value)
@@ -168,7 +181,7 @@ void json_push_string(struct json *array, const char *value) { attach(array, NUL
 
 char *json_print(const struct json *root)
 {
-    char *text = cJSON_Print(node(root));
+    char *text = root && is_whole(node(root)) ? cJSON_Print(node(root)) : NULL;
     size_t length = text ? strlen(text) : 0;
     char *terminated = text ? realloc(text, length + 2) : NULL; // cJSON allocates with malloc
     if (!terminated) {

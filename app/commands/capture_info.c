@@ -233,6 +233,8 @@ static enum status report(struct recording *r, const char *path, struct json *ro
     }
     status = report_things(r, root);
     struct json *takes = root ? json_add_array(root, "takes") : NULL;
+    if (status == OK && root && !takes)
+        status = fail(ERR_MEMORY, "no memory to list the takes");
     if (!root && !recording_take_count(r))
         printf("no take\n");
     for (int i = 0; i < recording_take_count(r) && status == OK; i++)
@@ -247,8 +249,10 @@ int capture_info(int argc, char **argv)
     struct recording *r;
     if (recording_open(&r, a.path) != OK)
         return command_failed(argv[0]);
-    struct json *root = a.json ? json_new_object() : NULL;
-    enum status status = report(r, a.path, root);
+    struct json *root = NULL;
+    enum status status = a.json ? command_begin_json(&root) : OK;
+    if (status == OK)
+        status = report(r, a.path, root);
     if (status == OK && root)
         status = command_print_json(&root);
     json_free(&root);

@@ -233,8 +233,12 @@ int capture_library(int argc, char **argv)
     char *page = NULL;
     size_t bytes = 0;
     FILE *html = NULL;
-    struct json *root = a.json ? json_new_object() : NULL, *list = a.json ? json_add_array(root, "takes") : NULL;
+    struct json *root = NULL, *list = NULL;
     enum status status = a.html ? file_check_output(a.html, a.force) : OK;
+    if (status == OK && a.json)
+        status = command_begin_json(&root);
+    if (status == OK && a.json && !(list = json_add_array(root, "takes")))
+        status = fail(ERR_MEMORY, "no memory to list the takes");
     if (status == OK && a.html && !(html = open_memstream(&page, &bytes)))
         status = fail(ERR_MEMORY, "no memory for a page");
     if (status == OK)

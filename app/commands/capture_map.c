@@ -190,8 +190,8 @@ static enum status read_place(const char *path, struct place *out)
     return status == NOTHING ? fail(ERR_INPUT, "%s holds no place yet; film one with map --out", path) : status;
 }
 
-static void print_json(const char *path, const struct place *before, const struct place *place,
-                       const struct mapper_report *r, int64_t damaged)
+static enum status print_json(const char *path, const struct place *before, const struct place *place,
+                              const struct mapper_report *r, int64_t damaged)
 {
     struct json *root = json_new_object();
     json_add_string(root, "file", path);
@@ -238,7 +238,7 @@ static void print_json(const char *path, const struct place *before, const struc
             json_push_number(corner, world[k].z);
         }
     }
-    (void)!command_print_json(&root); // the place is written
+    return command_print_json(&root);
 }
 
 static void print_text(const char *path, const struct place *before, const struct place *place,
@@ -327,7 +327,7 @@ static int map_place(const char *program, const struct map_arguments *a, const s
         map_advise(&place, &report, &trouble, &advice);
         warn(program, &advice);
         if (a->json)
-            print_json(file, &before, &place, &report, trouble.damaged);
+            status = print_json(file, &before, &place, &report, trouble.damaged);
         else
             print_text(file, &before, &place, &report);
         if (a->objects && !a->json)

@@ -92,8 +92,8 @@ static void add_verdict(struct json *root, const struct coach_verdict *v)
         json_add_string(lines, NULL, v->line[i]);
 }
 
-static void report(const struct record_arguments *given, const struct recorder_result *r,
-                   const struct coach_verdict *verdict)
+static enum status report(const struct record_arguments *given, const struct recorder_result *r,
+                          const struct coach_verdict *verdict)
 {
     if (given->json) {
         struct json *root = json_new_object();
@@ -113,8 +113,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "handover_ms", r->handover_ms);
         json_add_number(root, "mb_per_s", r->mb_per_s);
         add_verdict(root, verdict);
-        (void)!command_print_json(&root);
-        return;
+        return command_print_json(&root);
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
@@ -130,6 +129,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
     report_verdict(verdict);
+    return OK;
 }
 
 // What did not go well but is no reason to fail.
@@ -222,8 +222,12 @@ int capture_record(int argc, char **argv)
     enum status status = record(&given, &place, &result, &verdict);
     bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
+    struct failure filmed;
+    failure_keep(&filmed, status);
     if (result.frames)
-        report(&given, &result, &verdict);
+        status = report(&given, &result, &verdict);
+    if (filmed.status != OK)
+        status = failure_restore(&filmed);
     if (status == OK && !result.frames)
         status = fail(ERR_INPUT, "nothing was filmed, so no take was kept%s%s", result.damaged ? ": " : "",
                       result.first_damage);

@@ -74,9 +74,13 @@ int capture_repair(int argc, char **argv)
         status = file_check_output(out, false);
     if (status == OK)
         status = recording_repair(a.file, out, &report);
+    struct failure repaired;
+    failure_keep(&repaired, status);
     if (a.json)
-        recording_report_print_json(status == OK ? out : a.file, status < 0 ? status : OK, &report);
+        status = recording_report_print_json(status == OK ? out : a.file, status < 0 ? status : OK, &report);
     else if (status >= 0)
         print_report(a.file, out, status, &report);
+    if (repaired.status < 0)
+        status = failure_restore(&repaired);
     return status < 0 ? command_failed(argv[0]) : 0;
 }

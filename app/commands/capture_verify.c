@@ -5,10 +5,10 @@
 
 #include <stdio.h>
 
-static void print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
+static enum status print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
 {
     if (a->json) {
-        recording_report_print_json(a->path, status, r);
+        return recording_report_print_json(a->path, status, r);
     } else if (status == OK) {
         printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", a->path, r->takes,
                r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
@@ -22,6 +22,7 @@ static void print_report(const struct file_arguments *a, enum status status, con
         if (r->findings > RECORDING_FINDINGS_MAX)
             printf("  and %d more\n", r->findings - RECORDING_FINDINGS_MAX);
     }
+    return OK;
 }
 
 int capture_verify(int argc, char **argv)
@@ -33,6 +34,9 @@ int capture_verify(int argc, char **argv)
                        &a);
     struct recording_report report;
     enum status status = recording_verify(a.path, &report);
-    print_report(&a, status, &report);
+    struct failure found;
+    failure_keep(&found, status);
+    const enum status printed = print_report(&a, status, &report);
+    status = found.status == OK ? printed : failure_restore(&found);
     return status == OK ? 0 : command_failed(argv[0]);
 }

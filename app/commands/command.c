@@ -192,6 +192,11 @@ void command_parse_file(int argc, char **argv, const char *doc, struct file_argu
     command_parse(&argp, argc, argv, out);
 }
 
+enum status command_begin_json(struct json **root)
+{
+    return (*root = json_new_object()) ? OK : fail(ERR_MEMORY, "no memory to print the report");
+}
+
 enum status command_print_json(struct json **root)
 {
     char *text = json_print(*root);

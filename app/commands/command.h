@@ -83,8 +83,11 @@ struct file_arguments {
 };
 void command_parse_file(int argc, char **argv, const char *doc, struct file_arguments *out);
 
-// Prints the tree to stdout and frees it. ERR_MEMORY.
+// An empty tree for a report. ERR_MEMORY.
 struct json;
+MUST_CHECK enum status command_begin_json(struct json **root);
+
+// Prints the tree to stdout and frees it. ERR_MEMORY.
 MUST_CHECK enum status command_print_json(struct json **root);
 
 // From the first call on, Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) no longer end the program but make

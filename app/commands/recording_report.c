@@ -4,7 +4,7 @@
 #include "app/commands/command.h"
 #include "platform/json.h"
 
-void recording_report_print_json(const char *path, enum status status, const struct recording_report *r)
+enum status recording_report_print_json(const char *path, enum status status, const struct recording_report *r)
 {
     struct json *root = json_new_object();
     json_add_string(root, "file", path);
@@ -23,5 +23,5 @@ void recording_report_print_json(const char *path, enum status status, const str
     for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
         json_push_string(list, r->finding[i]);
     json_add_number(root, "bytes", (double)r->bytes);
-    (void)!command_print_json(&root); // the exit code is about the recording, not this
+    return command_print_json(&root);
 }

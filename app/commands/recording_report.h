@@ -3,5 +3,6 @@
 #include "capture/recording/recording.h"
 
 // One JSON object on stdout: the report and the status, with the error sentence where it
-// is not OK.
-void recording_report_print_json(const char *path, enum status status, const struct recording_report *r);
+// is not OK. ERR_MEMORY.
+MUST_CHECK enum status recording_report_print_json(const char *path, enum status status,
+                                                   const struct recording_report *r);

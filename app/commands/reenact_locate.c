@@ -140,7 +140,7 @@ static enum status run(struct camera_tracker *track, struct source *camera, stru
     return status;
 }
 
-static void report(const struct locate_arguments *a, const struct locate_summary *s)
+static enum status report(const struct locate_arguments *a, const struct locate_summary *s)
 {
     double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
     if (!a->json) {
@@ -149,7 +149,7 @@ static void report(const struct locate_arguments *a, const struct locate_summary
         if (s->learnt)
             printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n", s->lens.fx,
                    s->lens.fy, s->lens.focal_sigma * 100);
-        return;
+        return OK;
     }
     struct json *root = json_new_object();
     json_add_string(root, "trajectory", a->out);
@@ -169,7 +169,7 @@ static void report(const struct locate_arguments *a, const struct locate_summary
         json_add_number(root, "fy", s->lens.fy);
         json_add_number(root, "focal_sigma", s->lens.focal_sigma);
     }
-    (void)!command_print_json(&root); // the trajectory is written
+    return command_print_json(&root);
 }
 
 static void warn(const char *program, const struct locate_summary *s)
@@ -228,12 +228,12 @@ int reenact_locate(int argc, char **argv)
         s.tags_moved = camera_tracker_moved_tags(track, &s.first_moved);
         s.lens = *camera_tracker_lens(track);
         s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
-        report(&a, &s);
+        status = report(&a, &s);
         warn(argv[0], &s);
         if (!source_is_live(camera))
             command_warn_times(argv[0], source_dropped(camera));
         const enum status kept = source_save_lens(camera, &s.lens);
-        status = kept < 0 ? kept : OK;
+        status = kept < 0 ? kept : status;
     }
     free(lines.bytes);
     camera_tracker_close(&track);
