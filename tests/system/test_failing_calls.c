@@ -1,15 +1,19 @@
 // One allocation or one call of SQLite fails: every command says a sentence and ends with exit code 1, or does its work
-// all the same, and then as well as ever; none crashes, and no recording is damaged or changed.
+// all the same, and then as well as ever; none crashes, hangs or leaks, and no recording is damaged or changed.
 //
-// test_failing_calls                      a few calls of each kind and command, drawn at random
-// test_failing_calls SECONDS              for that long each command and kind, in random order until all have failed
+// What fails is a call from a site (a call stack, tests/support/fail_sites.h): its first, and one of its later ones.
+//
+// test_failing_calls                      a few sites of each kind and command, drawn at random
+// test_failing_calls SECONDS              for that long each command and kind, until all have failed
 // test_failing_calls SECONDS COMMAND SEED     of one command ("record"), by that seed
 #include "tests/support/test.h"
 
 #include "base/clock.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
+#include "platform/json.h"
 #include "tests/support/process.h"
+#include "tests/support/recording_hash.h"
 #include "tests/support/rehearsal.h"
 
 #include <stdio.h>
@@ -18,35 +22,61 @@
 
 enum { ARGUMENTS_MAX = 16 };
 
-enum { USUALLY = 3 }; // calls of a kind
+enum { USUALLY = 2 }; // calls of a kind
+
+struct site {
+    char number[20], stack[512];
+    long calls, blocks; // how many calls; blocks of memory that were not freed at the end
+};
+
+struct sites {
+    int count;
+    bool failed; // a call was made to fail
+    struct site *at;
+};
 
 static double seconds = 0;
 static const char *only;
+static int defects;
 static uint64_t seed = 20261125;
 static struct rehearsal rehearsal;
 static char made[512], counted[512], folder[512];
 
-static struct process_result run(const char *const *argv, const char *kind, long at)
+// Runs it with the site's turn-th call failing; site NULL: none.
+static struct process_result run(const char *const *argv, const char *kind, const struct site *site, long turn)
 {
     char text[32];
-    snprintf(text, sizeof text, "%ld", at);
+    snprintf(text, sizeof text, "%ld", turn);
     setenv("LD_PRELOAD", FAIL_CALLS, 1);
+    setenv("MALLOC_PERTURB_", "165", 1); // glibc: what is not set, or was freed, holds no zeros and no old values
     setenv("FAIL_CALL", kind, 1);
-    setenv("FAIL_AT", text, 1);
+    setenv("FAIL_SITE", site ? site->number : "0", 1);
+    setenv("FAIL_TURN", text, 1);
     setenv("FAIL_COUNT", counted, 1);
+    remove(counted);
     struct process_result said = process_run(argv);
     unsetenv("LD_PRELOAD");
+    unsetenv("MALLOC_PERTURB_");
     return said;
 }
 
-static long calls_of(void)
+// What the last run wrote; nothing of one that was killed. The caller frees .at.
+static struct sites sites_read(void)
 {
-    uint8_t *bytes;
-    size_t size;
-    EXPECT_STATUS(file_read(counted, &bytes, &size), OK);
-    const long calls = atol((char *)bytes);
-    free(bytes);
-    return calls;
+    struct sites sites = {0};
+    char line[1024];
+    FILE *file = fopen(counted, "r");
+    if (!file)
+        return sites;
+    sites.failed = fgets(line, sizeof line, file) && atoi(line) == 1;
+    while (fgets(line, sizeof line, file)) {
+        sites.at = realloc(sites.at, (size_t)(sites.count + 1) * sizeof *sites.at);
+        struct site *s = &sites.at[sites.count++];
+        memset(s, 0, sizeof *s);
+        sscanf(line, "%19s %ld %ld %511[^\n]", s->number, &s->calls, &s->blocks, s->stack);
+    }
+    fclose(file);
+    return sites;
 }
 
 static void remove_made(void)
@@ -57,76 +87,144 @@ static void remove_made(void)
     EXPECT_INT(system(command), 0);
 }
 
-// What the command leaves behind: a recording's frames, or a file's bytes.
+// What the command makes: a recording, or a file, or pictures, or else what it says.
 struct product {
-    bool there;
-    int64_t frames; // -1: not a recording
-    size_t bytes;   // of another file
-    uint32_t crc;
+    bool there, sound;
+    uint64_t hash;
 };
 
-static struct product product_now(const char *what)
+static uint64_t mix_file(uint64_t hash, const char *path)
 {
-    struct product p = {.frames = -1, .there = file_exists(made)};
-    struct recording_report report;
     uint8_t *bytes;
-    if (!p.there)
-        return p;
-    const enum status status = recording_verify(made, &report);
-    if (status != ERR_FORMAT) { // what was written until then is sound
-        if (status != OK)
-            print_error("%s: what it left is damaged: %s\n", what, status_message());
-        EXPECT_STATUS(status, OK);
-        p.frames = report.frames;
+    size_t size;
+    EXPECT_STATUS(file_read(path, &bytes, &size), OK);
+    hash = mix(hash, bytes, size);
+    free(bytes);
+    return hash;
+}
+
+// Of the members' names: times are another every time.
+static uint64_t mix_names(uint64_t hash, const struct json *value)
+{
+    for (const struct json *m = json_first(value); m; m = json_next(m))
+        hash = mix_names(mix(hash, json_name(m), strlen(json_name(m))), m);
+    return hash;
+}
+
+static uint64_t pictures_hash(void)
+{
+    uint64_t hash = 0;
+    char path[600];
+    struct json *stats = NULL;
+    for (int i = 0; i < REHEARSAL_IMAGES; i++) {
+        snprintf(path, sizeof path, "%s/%04d.png", folder, i);
+        hash = file_exists(path) ? mix_file(hash, path) : mix(hash, "none", 4);
+    }
+    snprintf(path, sizeof path, "%s/stats.json", folder);
+    if (json_read(path, &stats) == OK)
+        hash = mix_names(hash, stats);
+    json_free(&stats);
+    return hash;
+}
+
+static struct product product_of(const char *what, const struct process_result *said)
+{
+    struct product p = {.there = file_exists(made), .sound = true};
+    struct recording_report report;
+    if (!p.there) {
+        p.hash = file_exists(folder) ? pictures_hash() : mix(0, said->out, strlen(said->out));
         return p;
     }
-    EXPECT_STATUS(file_read(made, &bytes, &p.bytes), OK);
-    for (size_t i = 0; i < p.bytes; i++)
-        p.crc = p.crc * 16777619u ^ bytes[i];
-    free(bytes);
+    const enum status status = recording_verify(made, &report);
+    p.sound = status == OK || status == ERR_FORMAT; // what was written until then is sound, or it is no recording
+    if (!p.sound)
+        print_error("%s: what it left is damaged: %s\n", what, status_message());
+    else if (said->exit_code == 0)
+        p.hash = status == OK ? hash_of(made) : mix_file(0, made);
     return p;
 }
 
 static bool product_equal(const struct product *a, const struct product *b)
 {
-    return a->there == b->there && a->frames == b->frames && a->bytes == b->bytes && a->crc == b->crc;
+    return a->there == b->there && a->hash == b->hash;
 }
 
 struct tally {
-    int clean, same;
+    int clean, same, missed; // missed: threads took turns in another order, and no call failed
 };
 
-static void fail_one(const char *const *argv, const char *kind, long at, const struct product *whole,
-                     struct tally *tally)
+// A call that shall fail.
+struct failing {
+    const struct site *site;
+    long turn;
+};
+
+static void look_for_leaks(const char *what, const struct sites *sites, const struct sites *whole)
 {
-    char what[128];
-    snprintf(what, sizeof what, "%s, %s %ld", argv[1], kind, at);
-    remove_made();
-    const struct process_result said = run(argv, kind, at);
-    const struct product left = product_now(what);
-    const size_t length = strlen(said.err);
-    const bool sentence = length > 20 && said.err[length - 1] == '\n' && !strstr(said.err, "(null)");
-    if (said.exit_code == 0 && product_equal(&left, whole)) {
-        tally->same++;
-    } else if (said.exit_code == 1 && sentence) {
-        tally->clean++;
-    } else {
-        print_error("%s: exit code %d, '%s'; %lld frames or %zu bytes, whole %lld or %zu\n", what, said.exit_code,
-                    said.err, (long long)left.frames, left.bytes, (long long)whole->frames, whole->bytes);
-        fail_test();
+    for (int i = 0; i < sites->count; i++) {
+        const struct site *s = &sites->at[i];
+        long usual = 0;
+        for (int k = 0; k < whole->count && !usual && s->blocks; k++)
+            usual = strcmp(whole->at[k].number, s->number) ? 0 : whole->at[k].blocks;
+        if (s->blocks > usual) {
+            print_error("%s: %ld blocks leak, taken by %s\n", what, s->blocks, s->stack);
+            defects++;
+        }
     }
 }
 
-// Calls 1 to `count` in random order (Fisher and Yates).
-static long *shuffled(long count, struct rng *rng)
+static void fail_one(const char *const *argv, const char *kind, const struct failing *call, const struct product *whole,
+                     const struct sites *usual, struct tally *tally)
 {
-    long *order = malloc((size_t)count * sizeof *order);
-    for (long i = 0; i < count; i++) {
-        const long at = (long)(rng_uniform(rng) * (double)(i + 1));
-        order[i] = order[at];
-        order[at] = i + 1;
+    char what[700];
+    snprintf(what, sizeof what, "%s, %s %s, turn %ld (%s)", argv[1], kind, call->site->number, call->turn,
+             call->site->stack);
+    remove_made();
+    const struct process_result said = run(argv, kind, call->site, call->turn);
+    const struct product left = product_of(what, &said);
+    const size_t length = strlen(said.err);
+    const bool sentence = length > 20 && said.err[length - 1] == '\n' && !strstr(said.err, "(null)");
+    struct sites sites = sites_read();
+    if (said.exit_code == 0 && product_equal(&left, whole)) {
+        tally->same += sites.failed;
+        tally->missed += !sites.failed;
+    } else if (said.exit_code == 1 && sentence) {
+        tally->clean++;
+    } else {
+        print_error("%s: exit code %d, '%s'%s\n", what, said.exit_code, said.err,
+                    said.exit_code == 0 ? ", and what it made is not as usual" : "");
+        defects++;
     }
-    return order;
+    defects += !left.sound;
+    look_for_leaks(what, &sites, usual);
+    free(sites.at);
+}
+
+// Fisher and Yates.
+static void shuffle(struct failing *calls, int count, struct rng *rng)
+{
+    for (int i = 0; i < count; i++) {
+        const int at = (int)(rng_uniform(rng) * (double)(i + 1));
+        const struct failing moved = calls[i];
+        calls[i] = calls[at];
+        calls[at] = moved;
+    }
+}
+
+// The sites' first calls in random order, then one later call of each that makes more.
+static struct failing *calls_of(const struct sites *sites, int *count, struct rng *rng)
+{
+    struct failing *calls = malloc(2 * (size_t)sites->count * sizeof *calls + 1);
+    *count = sites->count;
+    for (int i = 0; i < sites->count; i++) {
+        const struct site *s = &sites->at[i];
+        calls[i] = (struct failing){s, 1};
+        if (s->calls > 1)
+            calls[(*count)++] = (struct failing){s, 2 + (long)(rng_uniform(rng) * (double)(s->calls - 1))};
+    }
+    shuffle(calls, sites->count, rng);
+    shuffle(calls + sites->count, *count - sites->count, rng);
+    return calls;
 }
 
 // The calls that the command makes fail, one a run: USUALLY of them, or as many as the time allows.
@@ -135,21 +233,25 @@ static void fail_each(const char *const *argv, const char *kind)
     if (only && strcmp(only, argv[1]) != 0)
         return;
     remove_made();
-    struct process_result said = run(argv, kind, 0);
+    struct process_result said = run(argv, kind, NULL, 0);
     if (said.exit_code)
         print_error("%s %s: %s\n", argv[0], argv[1], said.err);
     EXPECT_INT(said.exit_code, 0);
-    const struct product whole = product_now(argv[1]);
-    const long calls = calls_of();
+    const struct product whole = product_of(argv[1], &said);
+    struct sites sites = sites_read();
     struct rng rng = {seed};
     struct tally tally = {0};
-    long *order = shuffled(calls, &rng), done = 0;
+    int count, done = 0;
+    struct failing *calls = calls_of(&sites, &count, &rng);
     const int64_t until_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
-    for (; done < calls && (seconds > 0 ? clock_now_ns() < until_ns : done < USUALLY); done++)
-        fail_one(argv, kind, order[done], &whole, &tally);
-    free(order);
-    print_message("%-8s %-6s %ld of %ld calls: %d ended with a sentence, %d did their work all the same\n", argv[1],
-                  kind, done, calls, tally.clean, tally.same);
+    for (; done < count && (seconds > 0 ? clock_now_ns() < until_ns : done < USUALLY); done++)
+        fail_one(argv, kind, &calls[done], &whole, &sites, &tally);
+    print_message(
+        "%-8s %-6s %d of %d calls from %d sites: %d ended with a sentence, %d did their work all the same, %d "
+        "not reached\n",
+        argv[1], kind, done, count, sites.count, tally.clean, tally.same, tally.missed);
+    free(calls);
+    free(sites.at);
 }
 
 static void test_commands(void **state)
@@ -161,25 +263,32 @@ static void test_commands(void **state)
     snprintf(tags, sizeof tags, "%s", scratch_file(&rehearsal.scratch, "tags.json"));
     const char *capture = PROGRAM_DIR "/reenact-capture", *reenact = PROGRAM_DIR "/reenact";
     const char *const commands[][ARGUMENTS_MAX] = {
-        {capture, "record", "--sensor", sensor, "--out", made, "--take", "a", "--no-body-points", NULL},
+        {capture, "record", "--sensor", sensor, "--out", made, "--take", "a", "--no-body-points", "--json", NULL},
         {capture, "verify", rehearsal.file, NULL},
+        {capture, "verify", rehearsal.file, "--json", NULL},
         {capture, "info", rehearsal.file, NULL},
+        {capture, "info", rehearsal.file, "--json", NULL},
         {capture, "export", rehearsal.file, "--take", "turn", "--as", "joints-csv", "--out", made, NULL},
+        {capture, "export", rehearsal.file, "--take", "turn", "--as", "bvh", "--out", made, NULL},
         {capture, "take", "copy", rehearsal.file, "--take", "turn", "--into", made, NULL},
-        {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, NULL},
+        {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, "--json", NULL},
         {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "paper", "--out", folder,
          NULL},
         {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn", NULL},
+        {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn",
+         "--json", NULL},
     };
     uint8_t *before, *after;
     size_t size, size_after;
     EXPECT_STATUS(file_read(rehearsal.file, &before, &size), OK);
     for (size_t i = 0; i < COUNT_OF(commands); i++) {
         fail_each(commands[i], "alloc");
+        fail_each(commands[i], "new");
         fail_each(commands[i], "sqlite");
     }
     EXPECT_STATUS(file_read(rehearsal.file, &after, &size_after), OK);
     EXPECT_TRUE(size == size_after && !memcmp(before, after, size)); // none of them changes what it reads
+    EXPECT_INT(defects, 0);
     free(before);
     free(after);
 }
