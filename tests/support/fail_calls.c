@@ -5,7 +5,7 @@
 //
 // alloc: malloc, calloc, realloc, aligned_alloc, strdup of the program itself and of the libraries that read files for
 // it: SQLite, libpng, libjpeg-turbo, cJSON, zstd. new: the program's C++ operators, which throw std::bad_alloc. sqlite:
-// opening, preparing, binding, stepping, running, checkpoints.
+// opening, preparing, binding, stepping, running, checkpoints, asking for columns.
 #include "tests/support/fail_sites.h"
 
 #include <dlfcn.h>
@@ -263,4 +263,17 @@ int sqlite3_bind_int64(sqlite3_stmt *s, int at, int64_t value);
 int sqlite3_bind_int64(sqlite3_stmt *s, int at, int64_t value)
 {
     return FAILS() ? SQLITE_NOMEM : REAL(sqlite3_bind_int64)(s, at, value);
+}
+
+int sqlite3_bind_null(sqlite3_stmt *s, int at);
+int sqlite3_bind_null(sqlite3_stmt *s, int at) { return FAILS() ? SQLITE_NOMEM : REAL(sqlite3_bind_null)(s, at); }
+
+int sqlite3_table_column_metadata(sqlite3 *db, const char *name, const char *table, const char *column,
+                                  const char **type, const char **collation, int *not_null, int *key, int *counts);
+int sqlite3_table_column_metadata(sqlite3 *db, const char *name, const char *table, const char *column,
+                                  const char **type, const char **collation, int *not_null, int *key, int *counts)
+{
+    return FAILS()
+               ? SQLITE_NOMEM
+               : REAL(sqlite3_table_column_metadata)(db, name, table, column, type, collation, not_null, key, counts);
 }
