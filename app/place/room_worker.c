@@ -172,20 +172,21 @@ static int slot_for(const struct room_worker *w, const struct surround_picture *
 
 static enum status hand_one(struct room_worker *w, const struct surround_picture *p, int slot)
 {
-    const size_t bytes = (size_t)p->width * (size_t)p->height * sizeof *p->inverse;
+    const size_t pixels = (size_t)p->width * (size_t)p->height;
     struct surround_picture copy = *p, former;
     copy.mesh = NULL;
     enum status status = surround_picture_make_mesh(&copy);
-    copy.joined = NULL;
     copy.ray_table = NULL;
-    copy.inverse = malloc(bytes);
-    if (status == OK && !copy.inverse)
+    copy.joined = malloc(pixels);
+    copy.inverse = malloc(pixels * sizeof *copy.inverse);
+    if (status == OK && (!copy.joined || !copy.inverse))
         status = fail(ERR_MEMORY, "no memory for the room behind the actor");
     if (status != OK) {
         room_worker_free_picture(&copy);
         return status;
     }
-    memcpy(copy.inverse, p->inverse, bytes);
+    memcpy(copy.joined, p->joined, pixels);
+    memcpy(copy.inverse, p->inverse, pixels * sizeof *copy.inverse);
     pthread_mutex_lock(&w->worker.lock);
     former = w->waiting[slot];
     w->waiting[slot] = copy;
