@@ -79,7 +79,7 @@ static inline __attribute__((always_inline)) void decode_pixel(const struct pixe
 {
     const ptrdiff_t b = above->filled[x], c = above->filled[x - 1];
     const size_t index = (unsigned)row->index[x] + left->slopes[c - left->fill];
-    const ptrdiff_t predicted = predict(left->fill, b, c);
+    const ptrdiff_t predicted = depth_predict(left->fill, b, c);
     const struct rans_context *context = d->context_of[index];
     size_t symbol = rans_look(context, from);
     LEVEL level;
@@ -125,7 +125,7 @@ static void predict_block(struct row *row, const struct row *above, int x, int c
         return;
     }
     for (const int end = x + count; x < end; x++) {
-        fill = (LEVEL)predict(fill, above->filled[x], above->filled[x - 1]);
+        fill = (LEVEL)depth_predict(fill, above->filled[x], above->filled[x - 1]);
         row->level[x] = row->filled[x] = fill;
     }
 }

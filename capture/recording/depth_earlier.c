@@ -83,12 +83,6 @@ static int slope_of(int difference, int noise)
     return (difference > noise) + (difference > edge) - (difference < -noise) - (difference < -edge);
 }
 
-static int predict(int a, int b, int c)
-{
-    const int low = a < b ? a : b, high = a < b ? b : a, plane = a + b - c;
-    return plane < low ? low : plane > high ? high : plane;
-}
-
 static void set_pixel(struct earlier_rows *r, int x, int level, int fill)
 {
     r->level[x] = level;
@@ -121,7 +115,7 @@ static bool decode_row(struct earlier_reader *in, struct earlier_rows *r, const 
             sign = index < 0 && !holes ? -1 : 1;
             context = holes ? HOLE_CONTEXTS + holes : sign * index;
         }
-        const int predicted = predict(fill, fills[0], fills[-1]);
+        const int predicted = (int)depth_predict(fill, fills[0], fills[-1]);
         if (!pull(in, context, &number))
             return false;
         const int m = (int)number - 1, level = number ? predicted + sign * (m % 2 ? -(m + 1) / 2 : m / 2) : HOLE;

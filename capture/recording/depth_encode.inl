@@ -46,7 +46,7 @@ static inline void fill_block(struct row *row, const struct row *above, int x)
         return;
     for (const int end = x + BLOCK; x < end; x++)
         if (row->level[x] == HOLE)
-            row->filled[x] = (LEVEL)predict(row->filled[x - 1], above->filled[x], above->filled[x - 1]);
+            row->filled[x] = (LEVEL)depth_predict(row->filled[x - 1], above->filled[x], above->filled[x - 1]);
 }
 
 static inline void push_block(struct rans_numbers *to, const struct coded_block *block, int count)

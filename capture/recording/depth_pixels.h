@@ -48,3 +48,10 @@ MUST_CHECK enum status depth_decode_wide(struct depth_coder *c, const struct dep
 
 static inline int depth_row_blocks(int width) { return (width + DEPTH_BLOCK - 1) / DEPTH_BLOCK; }
 static inline size_t depth_row_numbers(int width) { return (size_t)(depth_row_blocks(width) + width); }
+
+// The median of a, b and a + b - c.
+static inline ptrdiff_t depth_predict(ptrdiff_t a, ptrdiff_t b, ptrdiff_t c)
+{
+    const ptrdiff_t low = a < b ? a : b, high = a < b ? b : a, plane = a + b - c;
+    return plane < low ? low : plane > high ? high : plane;
+}

@@ -122,10 +122,4 @@ static inline lanes holes_above(const struct row *above, int x)
     return ((load(above->level + x) == HOLE) & 2) | ((load(above->level + x + 1) == HOLE) & 4);
 }
 
-static inline ptrdiff_t predict(ptrdiff_t a, ptrdiff_t b, ptrdiff_t c)
-{
-    const ptrdiff_t low = a < b ? a : b, high = a < b ? b : a, plane = a + b - c;
-    return plane < low ? low : plane > high ? high : plane;
-}
-
 static inline int unfold(uint32_t folded) { return (int)(folded >> 1) ^ -(int)(folded & 1); }
