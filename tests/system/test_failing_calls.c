@@ -320,6 +320,8 @@ static void test_commands(void **state)
         {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, "--json", NULL},
         {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "paper", "--out", folder,
          NULL},
+        {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "full", "--out", folder,
+         NULL},
         {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn", NULL},
         {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn",
          "--json", NULL},
