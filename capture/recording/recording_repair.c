@@ -196,7 +196,7 @@ static enum status save_row(struct repair *v, struct take_row *take, enum status
 static enum status save_rows(struct repair *v)
 {
     int64_t id = 0;
-    for (int lost = 0; lost < LOST_TAKES_MAX && id <= TAKE_ID_MAX; id++) {
+    for (int lost = 0; lost < LOST_TAKES_MAX && id <= TAKE_ID_MAX; id += id <= TAKE_ID_MAX) {
         struct take_row take = {0};
         bool usable = false;
         statement_bind_number(v->takes, 1, id);
