@@ -136,7 +136,7 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
     take->body.representative_frame = counts.representative;
     take->complete = take->complete && whole && !counts.lost && !counts.damaged;
     take->frames = counts.saved;
-    take->lost = (take->lost > 0 ? take->lost : 0) + counts.lost;
+    take->lost = frame_count_of((take->lost > 0 ? take->lost : 0) + counts.lost);
     take->dropped = take->dropped > 0 ? take->dropped : 0;
     r->interrupted_takes += !take->complete;
     text_make_printable(take->note);

@@ -24,6 +24,8 @@ enum {
 
 // A frame's row id: the take's id and the frame's number in it; its images have the same.
 enum { FRAME_NUMBER_MAX = 0x7fffffff, TAKE_ID_MAX = 0x7ffffffe };
+// More frames than a take can have come from damage. Read so, a row's checksum or seal no longer matches.
+static inline int64_t frame_count_of(int64_t stated) { return stated > FRAME_NUMBER_MAX ? FRAME_NUMBER_MAX : stated; }
 static inline bool take_id_is_valid(int64_t take) { return take >= 1 && take <= TAKE_ID_MAX; }
 static inline int64_t frame_key(int64_t take, int64_t number)
 {

@@ -391,7 +391,7 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
     if (status == OK) {
         copy.complete = complete && !counts.lost && !counts.damaged;
         copy.frames = counts.saved;
-        copy.lost += counts.lost;
+        copy.lost = frame_count_of(copy.lost + counts.lost);
         copy.body.representative_frame = counts.representative;
         status = async_writer_put_take(writer, &copy);
     }

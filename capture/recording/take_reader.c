@@ -55,20 +55,16 @@ static enum status no_such_take(struct recording *r, const char *name)
                 used >= sizeof list ? "…" : "");
 }
 
-// More frames than a take can have come from damage: the row's checksum or seal, over the numbers as they are returned
-// here, then does not match.
-static int64_t frame_count(int64_t stated) { return stated > FRAME_NUMBER_MAX ? FRAME_NUMBER_MAX : stated; }
-
 enum status take_from_row(struct statement *s, struct take_row *out, bool *usable)
 {
     const uint8_t *calibration = recording_blob(s, 2, CALIBRATION_BYTES), *body = recording_blob(s, 5, BODY_BYTES);
     *out = (struct take_row){
         .id = statement_number(s, 0),
         .complete = statement_number(s, 3) == 1,
-        .dropped = frame_count(statement_number(s, 4)),
+        .dropped = frame_count_of(statement_number(s, 4)),
         .body.representative_frame = -1,
-        .frames = statement_is_null(s, TAKE_FRAMES) ? -1 : frame_count(statement_number(s, TAKE_FRAMES)),
-        .lost = frame_count(statement_number(s, TAKE_LOST)),
+        .frames = statement_is_null(s, TAKE_FRAMES) ? -1 : frame_count_of(statement_number(s, TAKE_FRAMES)),
+        .lost = frame_count_of(statement_number(s, TAKE_LOST)),
     };
     bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(s, 1)) < (int)sizeof out->name;
     whole &= snprintf(out->note, sizeof out->note, "%s", statement_text(s, TAKE_NOTE)) < (int)sizeof out->note;
