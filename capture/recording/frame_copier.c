@@ -247,17 +247,18 @@ static enum status read_joint_error(struct frame_copier *c, int64_t key, struct 
 static enum status copy_frame(struct frame_copier *c, int64_t key, int64_t new_key, const struct take_entry *entry,
                               const struct calibration *k, bool *damaged)
 {
+    const bool possible = !entry->has_skeleton || skeleton_is_in_range(&entry->skeleton);
     struct frame_row row = {.key = new_key,
                             .time_ns = entry->time_ns,
                             .located = entry->located,
                             .world_from_camera = entry->world_from_camera,
-                            .skeleton = entry->has_skeleton ? &entry->skeleton : NULL};
+                            .skeleton = entry->has_skeleton && possible ? &entry->skeleton : NULL};
     const uint8_t **images[] = {&row.mask, &row.depth, &row.color};
     size_t *counts[] = {&row.mask_bytes, &row.depth_bytes, &row.color_bytes};
     const bool had[] = {entry->has_mask, entry->has_depth, entry->has_color};
     enum status status = had[0] || had[1] || had[2] ? find_images(c, key) : NOTHING;
     const bool found = status == OK;
-    *damaged = false;
+    *damaged = !possible;
     for (int i = 0; i < 3 && !is_fatal(c, status); i++) {
         if (found && had[i] && (*images[i] = intact_blob(c->images, (enum image)i, counts[i]))) {
             status = decode(c, (enum image)i, *images[i], *counts[i], k);

@@ -73,14 +73,6 @@ static void check_place(struct verification *v)
 
 // ------------------------------------------------------------- the takes
 
-static bool skeleton_is_in_range(const struct skeleton *s)
-{
-    for (int j = 0; j < JOINT_COUNT; j++)
-        if (!(s->confidence[j] >= 0 && s->confidence[j] <= 1))
-            return false;
-    return true;
-}
-
 static void check_frames(struct verification *v, struct take *t, const char *name)
 {
     for (int64_t i = 0; i < take_frame_count(t) && may_go_on(v); i++) {

@@ -94,3 +94,11 @@ struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *
     }
     return in_a;
 }
+
+bool skeleton_is_in_range(const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (!(s->confidence[j] >= 0 && s->confidence[j] <= 1))
+            return false;
+    return true;
+}
