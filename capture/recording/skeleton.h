@@ -58,7 +58,7 @@ void joint_set_covariance(struct skeleton *s, enum joint j, const struct covaria
 // The standard deviation per axis: the root of a third of the covariance's trace. NaN: not known.
 double joint_sigma_m(const struct skeleton *s, enum joint j);
 
-bool skeleton_is_in_range(const struct skeleton *s); // all confidences lie between 0 and 1
+bool skeleton_is_in_range(const struct skeleton *s); // all confidences are in [0, 1]; NaN is not
 
 // The confidence of a joint with this standard deviation per axis that the frame shows, or does not: 1 where it shows
 // it to SEEN_SIGMA_MAX_M, 0 beyond KNOWN_SIGMA_MAX_M, else 0.5. NaN, not known: 1 or 0.5.

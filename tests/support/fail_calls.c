@@ -87,7 +87,7 @@ static bool fails_now(int *site)
     return true;
 }
 
-// *site: whose the block will be; -1: of nobody who is watched.
+// *site: the call site to which the block is counted; -1: to none, its caller is not among the modules looked at.
 static bool allocation_fails(bool of_kind, const void *caller, int *site)
 {
     *site = -1;

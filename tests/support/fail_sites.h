@@ -1,9 +1,9 @@
-// The places from which a program makes calls of one kind, told by their call stacks, how often each calls, and the
-// blocks of memory that each has taken and not given back. Any thread may call.
+// The call sites from which a program makes calls of one kind, identified by their call stacks, how often each calls,
+// and the blocks of memory that each has taken and not given back. Any thread may call.
 //
 // A site is a stack of return addresses, nearest first: up to SITE_PROGRAM_DEPTH inside the program, and before them up
-// to SITE_LIBRARY_DEPTH inside watched libraries. Addresses count from where their module is loaded, so that a site has
-// the same number in every run. Other modules' frames are left out.
+// to SITE_LIBRARY_DEPTH inside the libraries that sites_start was given. Addresses count from where their module is
+// loaded, so that a site has the same number in every run. Other modules' frames are left out.
 #pragma once
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,14 +22,14 @@ void sites_start(const char *const *libraries);
 bool sites_hold(const void *code);
 bool sites_hold_in_program(const void *code);
 
-// Counts a call from the present stack. *turn: the how manieth of this site it is, from 1. -1: it cannot be told (a
+// Counts a call from the present stack. *turn: which call of this site it is, counted from 1. -1: it cannot be told (a
 // call of the unwinder itself, or too many sites); else the site's index.
 int site_of_call(long *turn);
 
 // The site's number: a hash of its stack.
 uint64_t site_number(int site);
 
-// A block was taken by a site; a block, whosever, is given back.
+// A block was allocated from a site; any block was freed.
 void site_takes(int site, const void *block);
 void site_gives_back(const void *block);
 

@@ -35,5 +35,6 @@ MUST_CHECK enum status picture_store_fit(struct picture_store *s, const struct s
                                          int count);
 // The layer of a picture for the present image; -1: it is not there.
 int picture_store_find(struct picture_store *s, int64_t depth_number);
-// Puts a picture in, in place of one that the present image has not asked for. ERR_DEVICE, ERR_MEMORY.
+// Puts a picture in, in place of one that the present image has not asked for. It has rgb, inverse and joined, and its
+// mesh or what one is made of; nothing of it is kept. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status picture_store_add(struct picture_store *s, const struct surround_picture *p, int *layer);
