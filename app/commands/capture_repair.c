@@ -43,8 +43,10 @@ static void print_report(const char *file, const char *out, enum status status, 
     }
     printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", out, r->takes, r->interrupted_takes,
            (long long)r->frames, (double)r->bytes / 1e6);
-    printf("lost: %lld frames, images of %lld more, %d takes, %d views of the place; %s is as it was\n",
-           (long long)r->lost_frames, (long long)r->damaged_frames, r->lost_takes, (int)r->lost_views, file);
+    printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)r->lost_frames,
+           (long long)r->damaged_frames, r->lost_takes);
+    recording_report_print_place(r);
+    printf("; %s is as it was\n", file);
     for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
         printf("  found: %s\n", r->finding[i]);
 }

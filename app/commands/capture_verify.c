@@ -13,10 +13,10 @@ static enum status print_report(const struct file_arguments *a, enum status stat
         printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", a->path, r->takes,
                r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
     } else if (r->findings) {
-        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; %d views of the "
-               "place\n",
-               a->path, (long long)r->lost_frames, (long long)r->damaged_frames, (long long)r->frames,
-               (int)r->lost_views);
+        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ", a->path,
+               (long long)r->lost_frames, (long long)r->damaged_frames, (long long)r->frames);
+        recording_report_print_place(r);
+        putchar('\n');
         for (int i = 1; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
             printf("  %s\n", r->finding[i]); // the first goes to stderr
         if (r->findings > RECORDING_FINDINGS_MAX)

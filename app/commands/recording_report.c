@@ -4,6 +4,18 @@
 #include "app/commands/command.h"
 #include "platform/json.h"
 
+#include <stdio.h>
+
+void recording_report_print_place(const struct recording_report *r)
+{
+    if (r->lost_place)
+        printf("the place with its views");
+    else
+        printf("%d views of the place", (int)r->lost_views);
+    if (r->lost_things)
+        printf(", %d things in it or their pictures", r->lost_things);
+}
+
 enum status recording_report_print_json(const char *path, enum status status, const struct recording_report *r)
 {
     struct json *root = json_new_object();
@@ -18,6 +30,8 @@ enum status recording_report_print_json(const char *path, enum status status, co
     json_add_number(root, "lost_frames", (double)r->lost_frames);
     json_add_number(root, "lost_takes", r->lost_takes);
     json_add_number(root, "lost_views", r->lost_views);
+    json_add_bool(root, "lost_place", r->lost_place);
+    json_add_number(root, "lost_things", r->lost_things);
     json_add_number(root, "findings", r->findings);
     struct json *list = json_add_array(root, "first_findings");
     for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)

@@ -3,6 +3,7 @@
 // points to the right of the sweep's first view, and the origin is below it.
 #pragma once
 #include "base/lens.h"
+#include "base/status.h"
 
 // A square tag. Its axes: origin at its centre, x right, y up, z out of the wall towards the viewer, so its corners
 // are (-+side/2, -+side/2, 0).
@@ -52,5 +53,9 @@ struct place {
     double rms_px; // reprojection error of the bundle adjustment over all tag corners; without tags over all landmarks
     double rms_m;  // of depth samples at the same points; 0 without depth
 };
+
+// Frees the views whose colour image cannot be decoded, so that the others are left in their order. *lost: how many.
+// ERR_MEMORY.
+MUST_CHECK enum status place_drop_undecodable_views(struct place *place, int32_t *lost);
 
 void place_free(struct place *place); // frees what it owns and leaves it zeroed. Zeroed is fine.

@@ -62,7 +62,7 @@ static bool copy_text(struct statement *s, int column, char *out, size_t bytes)
     return (size_t)snprintf(out, bytes, "%s", text) < bytes;
 }
 
-static enum status thing_from_row(struct recording *r, struct statement *s, struct recorded_thing *out)
+static enum status thing_from_row(struct statement *s, struct recorded_thing *out)
 {
     const uint8_t *numbers = recording_blob(s, 6, NUMBERS_BYTES);
     const int64_t sightings = statement_number(s, 7);
@@ -70,15 +70,17 @@ static enum status thing_from_row(struct recording *r, struct statement *s, stru
     bool good = numbers && sightings >= 0 && sightings <= INT32_MAX;
     good = good && copy_text(s, 1, out->name, sizeof out->name) && copy_text(s, 2, out->url, sizeof out->url) &&
            copy_text(s, 3, out->etag, sizeof out->etag) && copy_text(s, 4, out->note, sizeof out->note);
-    if (!good)
-        return recording_damaged(r, "a thing cannot be read");
-    get_numbers(numbers, out);
     const char *knowledge = statement_text(s, 5);
-    if (knowledge[0] && !(out->knowledge = strdup(knowledge)))
+    enum status status = statement_check(s);
+    if (status != OK)
+        return status;
+    if (good && knowledge[0] && !(out->knowledge = strdup(knowledge)))
         return fail(ERR_MEMORY, "no memory for what is known of a thing");
-    if (!is_finite(out) || thing_crc(out, numbers) != (uint32_t)statement_number(s, 9))
-        return recording_damaged(r, "a thing cannot be read");
-    return OK;
+    if (good) {
+        get_numbers(numbers, out);
+        good = is_finite(out) && thing_crc(out, numbers) == (uint32_t)statement_number(s, 9);
+    }
+    return good ? OK : fail(ERR_CORRUPT, "a thing cannot be read");
 }
 
 static struct thing_content *content_of(struct recorded_thing *t, const char *kind)
@@ -86,65 +88,121 @@ static struct thing_content *content_of(struct recorded_thing *t, const char *ki
     return !strcmp(kind, "image") ? &t->image : !strcmp(kind, "model") ? &t->model : NULL;
 }
 
-// What belongs to no thing or cannot be read costs itself alone: text is worth more than pictures.
-static enum status read_contents(struct recording *r, struct recorded_thing *things, int count)
+struct reading {
+    struct recording *r;
+    struct recorded_thing *things;
+    int64_t *ids; // of their rows
+    int count;
+    struct things_lost lost;
+};
+
+// One that could not be written: a name is empty, or another's.
+static bool has_usable_name(const struct reading *from, const struct recorded_thing *t)
 {
-    struct database *db = recording_database(r);
+    bool usable = t->name[0];
+    for (int i = 0; i < from->count && usable; i++)
+        usable = strcmp(from->things[i].name, t->name) != 0;
+    return usable;
+}
+
+static enum status add_thing(struct reading *to, const struct recorded_thing *thing, int64_t id)
+{
+    const size_t count = (size_t)to->count + 1;
+    struct recorded_thing *things = realloc(to->things, sizeof *things * count);
+    to->things = things ? things : to->things;
+    int64_t *ids = realloc(to->ids, sizeof *ids * count);
+    to->ids = ids ? ids : to->ids;
+    if (!things || !ids)
+        return fail(ERR_MEMORY, "no memory for the things of %s", recording_path(to->r));
+    things[to->count] = *thing;
+    ids[to->count++] = id;
+    return OK;
+}
+
+static enum status read_thing(struct reading *to, struct statement *s)
+{
+    struct recorded_thing thing;
+    enum status status = thing_from_row(s, &thing);
+    if (status == OK)
+        status = to->count < THINGS_MAX && has_usable_name(to, &thing) ? add_thing(to, &thing, statement_number(s, 0))
+                                                                       : ERR_CORRUPT;
+    if (status == OK)
+        return OK;
+    free(thing.knowledge);
+    to->lost.things += status == ERR_CORRUPT;
+    return status == ERR_CORRUPT ? OK : status;
+}
+
+static enum status read_content(struct reading *to, struct statement *s)
+{
+    const int64_t id = statement_number(s, 0);
+    const char *kind = statement_text(s, 1);
+    int i = 0;
+    while (i < to->count && to->ids[i] != id)
+        i++;
+    struct thing_content *content = i < to->count ? content_of(&to->things[i], kind) : NULL;
+    size_t bytes;
+    const uint8_t *blob = statement_blob(s, 2, &bytes);
+    if (!content || content->bytes || !blob || !bytes || bytes > THING_CONTENT_MOST ||
+        crc32_of(crc32_of(0, kind, strlen(kind)), blob, bytes) != (uint32_t)statement_number(s, 3)) {
+        to->lost.contents++;
+        return statement_check(s);
+    }
+    if (!(content->bytes = malloc(bytes)))
+        return fail(ERR_MEMORY, "no memory for a thing's %s", kind);
+    memcpy(content->bytes, blob, bytes);
+    content->count = bytes;
+    return OK;
+}
+
+// Gives each row of the table, where there is one, to `read`. A damaged page ends it: *rest_lost.
+static enum status read_rows(struct reading *to, const char *count_tables, const char *select,
+                             enum status (*read)(struct reading *to, struct statement *s), int *rest_lost)
+{
+    struct database *db = recording_database(to->r);
     struct statement *s = NULL;
     int64_t tables = 0;
-    enum status status = database_number(db, COUNT_TABLES("'thing_content'"), &tables);
+    enum status status = database_number(db, count_tables, &tables);
     if (status != OK || !tables)
         return status;
-    status = statement_open(&s, db, "SELECT thing, kind, bytes, crc FROM thing_content ORDER BY rowid");
-    while (status == OK && (status = statement_step(s)) == OK) {
-        const int64_t thing = statement_number(s, 0);
-        const char *kind = statement_text(s, 1);
-        struct thing_content *to = thing >= 0 && thing < count ? content_of(&things[thing], kind) : NULL;
-        size_t bytes;
-        const uint8_t *blob = statement_blob(s, 2, &bytes);
-        if (!to || to->bytes || !blob || !bytes || bytes > THING_CONTENT_MOST ||
-            crc32_of(crc32_of(0, kind, strlen(kind)), blob, bytes) != (uint32_t)statement_number(s, 3))
-            continue;
-        if (!(to->bytes = malloc(bytes))) {
-            status = fail(ERR_MEMORY, "no memory for a thing's %s", kind);
-            break;
-        }
-        memcpy(to->bytes, blob, bytes);
-        to->count = bytes;
-    }
+    status = statement_open(&s, db, select);
+    while (status == OK && (status = statement_step(s)) == OK)
+        status = read(to, s);
     statement_close(&s);
-    return status == NOTHING ? OK : status;
+    *rest_lost += status == ERR_CORRUPT;
+    return status == NOTHING || status == ERR_CORRUPT ? OK : status;
+}
+
+enum status recording_salvage_things(struct recording *r, struct recorded_thing **things, int *count,
+                                     struct things_lost *lost)
+{
+    struct reading from = {.r = r};
+    enum status status = read_rows(&from, COUNT_TABLES("'thing'"), "SELECT " THING_COLUMNS " FROM thing ORDER BY rowid",
+                                   read_thing, &from.lost.things);
+    if (status == OK)
+        status = read_rows(&from, COUNT_TABLES("'thing_content'"),
+                           "SELECT thing, kind, bytes, crc FROM thing_content ORDER BY rowid", read_content,
+                           &from.lost.contents);
+    free(from.ids);
+    if (status != OK) {
+        recorded_things_free(&from.things, from.count);
+        from = (struct reading){0};
+    }
+    *things = from.things;
+    *count = from.count;
+    *lost = from.lost;
+    return status;
 }
 
 enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count)
 {
-    struct database *db = recording_database(r);
-    struct statement *s = NULL;
-    int64_t tables = 0;
-    *things = NULL;
-    *count = 0;
-    enum status status = database_number(db, COUNT_TABLES("'thing'"), &tables);
-    if (status != OK || !tables)
+    struct things_lost lost;
+    enum status status = recording_salvage_things(r, things, count, &lost);
+    if (status != OK || !lost.things) // text is worth more than pictures: a thing is shown without them
         return status;
-    status = statement_open(&s, db, "SELECT " THING_COLUMNS " FROM thing ORDER BY rowid");
-    while (status == OK && (status = statement_step(s)) == OK) {
-        struct recorded_thing *grown =
-            *count < THINGS_MAX ? realloc(*things, sizeof *grown * ((size_t)*count + 1)) : NULL;
-        if (!grown) {
-            status = fail(ERR_MEMORY, "no memory for the things of %s", recording_path(r));
-            break;
-        }
-        *things = grown;
-        status = thing_from_row(r, s, &grown[(*count)++]);
-    }
-    statement_close(&s);
-    if (status == NOTHING)
-        status = read_contents(r, *things, *count);
-    if (status == OK)
-        return OK;
     recorded_things_free(things, *count);
     *count = 0;
-    return status;
+    return recording_damaged(r, "a thing cannot be read");
 }
 
 static bool copy_bytes(struct thing_content *to, const struct thing_content *from)

@@ -23,9 +23,15 @@ struct recorded_thing {
 };
 enum { THING_CONTENT_MOST = 16 << 20 }; // bytes of one
 
-// *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT, ERR_IO,
-// ERR_MEMORY; on error there are none.
+// *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT: one of them is
+// damaged; ERR_IO, ERR_MEMORY; on error there are none. A picture or model that is damaged is left out.
 MUST_CHECK enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count);
+// The same, but what is damaged costs itself alone and is counted. ERR_IO, ERR_MEMORY.
+struct things_lost {
+    int things, contents; // contents: pictures and models
+};
+MUST_CHECK enum status recording_salvage_things(struct recording *r, struct recorded_thing **things, int *count,
+                                                struct things_lost *lost);
 // A copy of its own; what *to held before is lost. ERR_MEMORY: *to can be freed.
 MUST_CHECK enum status recorded_thing_copy(struct recorded_thing *to, const struct recorded_thing *from);
 void recorded_things_free(struct recorded_thing **things, int count);

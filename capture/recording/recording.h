@@ -181,6 +181,8 @@ struct recording_report {
     int64_t lost_frames;    // that are not there, or cannot be read
     int lost_takes;         // whose row cannot be read
     int32_t lost_views;     // of the place
+    bool lost_place;        // it is there and cannot be read; its views are then not counted
+    int lost_things;        // of the place; things, and pictures or models of things
     int64_t bytes;
     int findings; // how many things are wrong; the sentences of the first of them:
     char finding[RECORDING_FINDINGS_MAX][200];

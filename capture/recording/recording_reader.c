@@ -167,7 +167,33 @@ static enum status read_place_row(struct recording *r, struct place *p)
     return status;
 }
 
-// Reads one optional table of points or tags into *p. Older files lack some of them.
+static const size_t optional_bytes[OPTIONAL_TABLE_COUNT] = {POINT_ERROR_BYTES, TAG_ERROR_BYTES, POINT_SIDE_BYTES};
+
+static void get_optional(enum optional_table which, const uint8_t *known, struct place *p, int32_t i)
+{
+    switch (which) {
+    case OPTIONAL_TAG_ERROR: get_tag_error(known, &p->tags[i]); break;
+    case OPTIONAL_POINT_ERROR: get_point_error(known, &p->points[i]); break;
+    default: get_point_side(known, &p->points[i]); break;
+    }
+}
+
+// What the tables of points or tags hold for all of them; `known` NULL: nothing is known. False: a number is not
+// finite.
+static bool unpack_optional(enum optional_table which, const uint8_t *known, struct place *p)
+{
+    static const uint8_t nothing[TAG_ERROR_BYTES] = {0};
+    const bool tags = which == OPTIONAL_TAG_ERROR;
+    const int32_t items = tags ? p->tag_count : p->point_count;
+    bool finite = true;
+    for (int32_t i = 0; i < items && finite; i++) {
+        get_optional(which, known ? known + (size_t)i * optional_bytes[which] : nothing, p, i);
+        finite = tags ? tag_is_finite(&p->tags[i]) : point_is_finite(&p->points[i]);
+    }
+    return finite;
+}
+
+// Reads one optional table of points or tags into *p. Older files lack some of them. A damaged one costs itself alone.
 static enum status read_optional(struct recording *r, enum optional_table which, struct place *p)
 {
     static const char *const count[OPTIONAL_TABLE_COUNT] = {COUNT_TABLES("'point_error'"), COUNT_TABLES("'tag_error'"),
@@ -175,9 +201,7 @@ static enum status read_optional(struct recording *r, enum optional_table which,
     static const char *const select[OPTIONAL_TABLE_COUNT] = {"SELECT covariances, crc FROM point_error",
                                                              "SELECT covariances, crc FROM tag_error",
                                                              "SELECT directions, crc FROM point_side"};
-    static const size_t bytes_each[OPTIONAL_TABLE_COUNT] = {POINT_ERROR_BYTES, TAG_ERROR_BYTES, POINT_SIDE_BYTES};
     const int32_t items = which == OPTIONAL_TAG_ERROR ? p->tag_count : p->point_count;
-    const size_t each = bytes_each[which];
     struct statement *s = NULL;
     int64_t tables = 0;
     enum status status = database_number(r->db, count[which], &tables);
@@ -186,15 +210,10 @@ static enum status read_optional(struct recording *r, enum optional_table which,
     if (status == OK && tables && (status = statement_step(s)) == OK) {
         size_t bytes;
         const uint8_t *known = statement_blob(s, 0, &bytes);
-        if (bytes != (size_t)items * each || crc32_of(0, known, bytes) != statement_number(s, 1))
-            p->errors_lost = true; // they are then not known
-        for (int32_t i = 0; i < items && !p->errors_lost; i++, known += each) {
-            if (which == OPTIONAL_TAG_ERROR)
-                get_tag_error(known, &p->tags[i]);
-            else if (which == OPTIONAL_POINT_ERROR)
-                get_point_error(known, &p->points[i]);
-            else
-                get_point_side(known, &p->points[i]);
+        if (bytes != (size_t)items * optional_bytes[which] || crc32_of(0, known, bytes) != statement_number(s, 1) ||
+            !unpack_optional(which, known, p)) {
+            p->errors_lost = true;
+            unpack_optional(which, NULL, p); // they are then not known
         }
     }
     statement_close(&s);
@@ -219,6 +238,8 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     struct place_view *view = &grown[p->view_count++];
     *view = (struct place_view){0};
     get_pose(pose, &view->world_from_camera);
+    if (!pose_finite(view->world_from_camera))
+        return recording_damaged(r, "a view of the place holds a number that is not finite");
     if (color_bytes) {
         if (!(view->jpeg = malloc(color_bytes)))
             return fail(ERR_MEMORY, "no memory for the views of %s", database_path(r->db));

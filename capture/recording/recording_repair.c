@@ -171,6 +171,10 @@ static enum status save_row(struct repair *v, struct take_row *take, enum status
             v->calibration = take->calibration;
             v->has_calibration = true;
         }
+        if (has_id(&v->used, take->id)) { // by a row with a damaged id that says it was this one's
+            v->report->lost_takes++;
+            return OK;
+        }
         if (take->frames > 0 || has_id(&v->filmed, take->id) || !v->filmed.count)
             return save_take(v, take, true);
         // A sound row without frames, in a file of an older version whose seal is missing: perhaps under another id.
@@ -245,32 +249,43 @@ static enum status copy_place(struct repair *v, const char *path, const char *to
     if (status == OK)
         status = recording_read_place(r, &place);
     recording_free(&r);
+    v->report->lost_place = status == ERR_CORRUPT;
     if (status != OK) // a take can be shown without its place
         return is_fatal(status) ? status : OK;
+    int32_t undecodable = 0;
+    status = place_drop_undecodable_views(&place, &undecodable);
     v->calibration = place.calibration;
     v->has_calibration = true;
-    v->report->lost_views = place.views_lost;
+    v->report->lost_views = place.views_lost + undecodable;
+    if (status != OK) {
+        place_free(&place);
+        return status;
+    }
     struct recording_writer *w;
     status = recording_append(&w, to);
     if (status == OK)
         status = recording_put_place(w, &place);
-    if (status == ERR_INPUT) // a number that is not finite, by a writer's bug
+    if (status == ERR_INPUT) { // more views than a recording can hold, by a writer's bug
+        v->report->lost_place = true;
         status = OK;
+    }
     enum status closed = recording_close(&w);
     place_free(&place);
     return status == OK ? closed : status;
 }
 
 // Best effort: takes can be shown without what is known of things.
-static enum status copy_things(const char *path, const char *to)
+static enum status copy_things(const struct repair *v, const char *path, const char *to)
 {
     struct recording *r;
     struct recorded_thing *things = NULL;
+    struct things_lost lost = {0};
     int count = 0;
     enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
     if (status == OK)
-        status = recording_read_things(r, &things, &count);
+        status = recording_salvage_things(r, &things, &count, &lost);
     recording_free(&r);
+    v->report->lost_things = lost.things + lost.contents;
     if (status != OK)
         return is_fatal(status) ? status : OK;
     status = count ? recording_write_things(to, things, count) : OK;
@@ -320,7 +335,7 @@ static enum status salvage(const char *path, const char *part, const char *to, s
     struct repair v = {.report = report};
     enum status status = copy_place(&v, path, part);
     if (status == OK)
-        status = copy_things(path, part);
+        status = copy_things(&v, path, part);
     if (status == OK)
         status = copy_drive(path, part);
     if (status == OK)

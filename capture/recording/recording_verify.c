@@ -4,10 +4,8 @@
 #include "capture/recording/recording_reader.h"
 
 #include "base/text.h"
-#include "platform/jpeg.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -46,28 +44,22 @@ static void check_place(struct verification *v)
     struct place place;
     enum status status = recording_read_place(v->r, &place);
     note(v, status);
+    v->report->lost_place = status == ERR_CORRUPT;
     if (status != OK)
         return;
-    const struct calibration *c = &place.calibration;
-    uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
-    if (!rgb)
-        note(v, fail(ERR_MEMORY, "no memory for an image"));
+    int32_t undecodable = 0;
     v->report->lost_views = place.views_lost;
-    for (int32_t i = 0; rgb && may_go_on(v) && i < place.view_count; i++) {
-        const struct place_view *view = &place.views[i];
-        status = view->jpeg ? jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height) : OK;
-        v->report->lost_views += status == ERR_CORRUPT;
-        if (status == ERR_CORRUPT)
-            status = fail(status, "%s: a view of the place: %s", path_of(v), status_message());
-        note(v, status);
-    }
     if (place.views_lost)
         note(v, fail(ERR_CORRUPT, "%s: %d of %d views of the place are damaged or missing", path_of(v),
                      (int)place.views_lost, (int)(place.views_lost + place.view_count)));
     if (place.errors_lost)
         note(v, fail(ERR_CORRUPT, "%s: covariances or viewing directions of the place's points and tags are damaged",
                      path_of(v)));
-    free(rgb);
+    note(v, place_drop_undecodable_views(&place, &undecodable));
+    v->report->lost_views += undecodable;
+    if (undecodable)
+        note(v, fail(ERR_CORRUPT, "%s: the images of %d views of the place cannot be decoded", path_of(v),
+                     (int)undecodable));
     place_free(&place);
 }
 
@@ -168,8 +160,15 @@ int64_t recording_bytes(const char *path)
 static void check_things(struct verification *v)
 {
     struct recorded_thing *things;
+    struct things_lost lost;
     int count;
-    note(v, recording_read_things(v->r, &things, &count));
+    note(v, recording_salvage_things(v->r, &things, &count, &lost));
+    v->report->lost_things = lost.things + lost.contents;
+    if (lost.things)
+        note(v, fail(ERR_CORRUPT, "%s: %d of the place's things are damaged", path_of(v), lost.things));
+    if (lost.contents)
+        note(v, fail(ERR_CORRUPT, "%s: %d pictures or models of the place's things are damaged", path_of(v),
+                     lost.contents));
     recorded_things_free(&things, count);
 }
 

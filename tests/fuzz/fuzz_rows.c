@@ -128,6 +128,106 @@ static void put_images(struct database *db, struct input *in)
     statement_close(&s);
 }
 
+static void put_joint_errors(struct database *db, struct input *in)
+{
+    struct statement *s;
+    uint8_t covariances[JOINT_ERROR_BYTES] = {0};
+    const int64_t key = take_key(in);
+    const uint8_t flags = take_byte(in);
+    take_bytes(in, covariances, (size_t)(flags & 127));
+    const uint32_t crc = crc32_of(0, covariances, sizeof covariances);
+    if (insert_open(&s, db, TABLE_JOINT_ERROR, true) != OK)
+        return;
+    statement_bind_number(s, 1, key);
+    statement_bind_blob(s, 2, covariances, sizeof covariances);
+    statement_bind_number(s, 3, crc);
+    if (flags & 128)
+        statement_bind_number(s, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
+    (void)!statement_run(s);
+    statement_close(&s);
+}
+
+// A table with one row: a blob and its checksum.
+static void put_blob(struct database *db, const char *insert, const uint8_t *blob, size_t bytes)
+{
+    struct statement *s;
+    if (statement_open(&s, db, insert) != OK)
+        return;
+    statement_bind_blob(s, 1, blob, bytes);
+    statement_bind_number(s, 2, crc32_of(0, blob, bytes));
+    (void)!statement_run(s);
+    statement_close(&s);
+}
+
+// With up to three tags and points, whose covariances and directions may be of fewer or more.
+static void put_place(struct database *db, struct input *in)
+{
+    struct statement *s;
+    struct calibration lenses = {.registered = true, .color_from_depth = POSE_IDENTITY};
+    uint8_t calibration[CALIBRATION_BYTES], residuals[RESIDUAL_BYTES], items[3 * TAG_BYTES + 3 * TAG_ERROR_BYTES];
+    const uint8_t counts = take_byte(in), flags = take_byte(in);
+    const size_t tags = (size_t)(counts & 3) * TAG_BYTES, points = (size_t)(counts >> 2 & 3) * POINT_BYTES;
+    const int64_t views = take_number(in);
+    lenses.color = lenses.depth = (struct lens){.width = 16, .height = 12, .fx = 14, .fy = 14, .cx = 7.5, .cy = 5.5};
+    if (flags & 1)
+        take_bytes(in, &lenses.color, sizeof lenses.color);
+    put_calibration(calibration, &lenses);
+    take_bytes(in, residuals, flags & 2 ? sizeof residuals : 0);
+    if (!(flags & 2))
+        put_residuals(residuals, 1, 0);
+    if (insert_open(&s, db, TABLE_PLACE, false) != OK)
+        return;
+    uint32_t crc = crc32_of(crc32_of(0, calibration, sizeof calibration), residuals, sizeof residuals);
+    statement_bind_blob(s, 1, calibration, sizeof calibration);
+    statement_bind_blob(s, 2, residuals, sizeof residuals);
+    take_bytes(in, items, tags);
+    crc = crc32_of(crc, items, tags);
+    statement_bind_blob(s, 3, items, tags);
+    take_bytes(in, items + tags, points);
+    crc = crc32_of(crc, items + tags, points);
+    statement_bind_blob(s, 4, items + tags, points);
+    statement_bind_number(s, 5, crc);
+    statement_bind_number(s, PLACE_VIEWS + 1, views);
+    if (flags & 4)
+        statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, views));
+    (void)!statement_run(s);
+    statement_close(&s);
+    if (!(flags & 8))
+        return;
+    const size_t tag_errors = (size_t)(counts >> 4 & 3) * TAG_ERROR_BYTES, point_items = (size_t)(counts >> 6);
+    take_bytes(in, items, tag_errors);
+    put_blob(db, "INSERT INTO tag_error(covariances, crc) VALUES(?, ?)", items, tag_errors);
+    take_bytes(in, items, point_items * POINT_ERROR_BYTES);
+    put_blob(db, "INSERT INTO point_error(covariances, crc) VALUES(?, ?)", items, point_items * POINT_ERROR_BYTES);
+    take_bytes(in, items, point_items * POINT_SIDE_BYTES);
+    put_blob(db, "INSERT INTO point_side(directions, crc) VALUES(?, ?)", items, point_items * POINT_SIDE_BYTES);
+}
+
+static void put_view(struct database *db, struct input *in)
+{
+    struct statement *s;
+    static uint8_t blobs[2][256];
+    uint8_t pose[POSE_BYTES];
+    const int64_t id = take_number(in);
+    const uint8_t flags = take_byte(in);
+    put_pose(pose, &POSE_IDENTITY);
+    if (flags & 1)
+        take_bytes(in, pose, sizeof pose);
+    const size_t depth = take_blob(in, blobs[0], sizeof blobs[0]), color = take_blob(in, blobs[1], sizeof blobs[1]);
+    const uint32_t crc = view_crc(pose, blobs[0], depth, blobs[1], color);
+    if (insert_open(&s, db, TABLE_VIEW, true) != OK)
+        return;
+    statement_bind_number(s, 1, id);
+    statement_bind_blob(s, 2, pose, sizeof pose);
+    statement_bind_blob(s, 3, blobs[0], depth);
+    statement_bind_blob(s, 4, blobs[1], color);
+    statement_bind_number(s, 5, crc);
+    if (flags & 2)
+        statement_bind_number(s, VIEW_SEAL + 1, row_seal(id, crc));
+    (void)!statement_run(s);
+    statement_close(&s);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct input in = {data, size};
@@ -138,12 +238,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     FUZZ_CHECK(database_open(&db, fuzz_path("rows"), DATABASE_CREATE) == OK);
     FUZZ_CHECK(database_run(db, "PRAGMA synchronous = OFF; PRAGMA page_size = 512") == OK);
     FUZZ_CHECK(recording_make_tables(db) == OK);
-    for (int rows = 0; in.left && rows < 60; rows++)
-        switch (take_byte(&in) % 3) {
+    for (int rows = 0; in.left && rows < 60; rows++) {
+        const uint8_t kind = take_byte(&in);
+        switch (kind < 0xc0 ? kind % 3 : 3 + kind % 3) {
         case 0: put_take(db, &in); break;
         case 1: put_frame(db, &in); break;
-        default: put_images(db, &in); break;
+        case 2: put_images(db, &in); break;
+        case 3: put_joint_errors(db, &in); break;
+        case 4: put_place(db, &in); break;
+        default: put_view(db, &in); break;
         }
+    }
     database_close(&db);
     const enum status status = fuzz_said(recording_verify(fuzz_path("rows"), &found));
     const enum status repaired = fuzz_said(recording_repair(fuzz_path("rows"), fuzz_path("repaired"), &report));

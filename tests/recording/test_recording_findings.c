@@ -246,6 +246,36 @@ static void test_two_takes_of_one_name(void **state)
     recording_free(&r);
 }
 
+// A row with a damaged id that was another's, beside that other's own: one of them is lost, and nothing else.
+static void test_two_rows_of_one_take(void **state)
+{
+    (void)state;
+    struct database *db;
+    struct statement *s;
+    struct recording_report report;
+    uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
+    char path[128];
+    snprintf(path, sizeof path, "%s", sample_path("two rows"));
+    recording_remove_files(path);
+    sample_recording_write(path);
+    const struct take_row row = {
+        .id = 2, .name = "impostor", .calibration = sample_calibration(), .body = sample_body, .frames = 3};
+    EXPECT_STATUS(database_open(&db, path, DATABASE_WRITE), OK);
+    EXPECT_STATUS(insert_open(&s, db, TABLE_TAKE, true), OK);
+    take_bind(s, &row, calibration, body);
+    statement_bind_number(s, 1, 0); // stored under another id, one bit from its own
+    EXPECT_STATUS(statement_run(s), OK);
+    statement_close(&s);
+    database_close(&db);
+    EXPECT_STATUS(recording_verify(path, &report), ERR_CORRUPT);
+    const char *repaired = sample_path("repaired");
+    recording_remove_files(repaired);
+    EXPECT_STATUS(recording_repair(path, repaired, &report), OK);
+    EXPECT_INT(report.lost_takes, 1);
+    EXPECT_STATUS(recording_verify(sample_path("repaired"), &report), OK);
+    EXPECT_INT(report.takes, 2);
+}
+
 static void test_triggers_do_nothing(void **state)
 {
     (void)state;
@@ -359,6 +389,7 @@ int main(void)
         cmocka_unit_test(test_repaired_take_tells_the_truth),
         cmocka_unit_test(test_damage_costs_itself_alone),
         cmocka_unit_test(test_two_takes_of_one_name),
+        cmocka_unit_test(test_two_rows_of_one_take),
         cmocka_unit_test(test_triggers_do_nothing),
         cmocka_unit_test(test_impossible_numbers),
         cmocka_unit_test(test_code_that_does_not_decode),
