@@ -1,7 +1,5 @@
 // Saves what can be read of a damaged recording into a new one.
-#include "capture/recording/frame_copier.h"
-#include "capture/recording/recorded_drive.h"
-#include "capture/recording/recorded_things.h"
+#include "capture/recording/place_copier.h"
 #include "capture/recording/recording_reader.h"
 
 #include "base/text.h"
@@ -243,68 +241,14 @@ static enum status save_orphans(struct repair *v)
 
 static enum status copy_place(struct repair *v, const char *path, const char *to)
 {
-    struct recording *r;
-    struct place place = {0};
-    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
-    if (status == OK)
-        status = recording_read_place(r, &place);
-    recording_free(&r);
-    v->report->lost_place = status == ERR_CORRUPT;
-    if (status != OK) // a take can be shown without its place
-        return is_fatal(status) ? status : OK;
-    int32_t undecodable = 0;
-    status = place_drop_undecodable_views(&place, &undecodable);
-    v->calibration = place.calibration;
-    v->has_calibration = true;
-    v->report->lost_views = place.views_lost + undecodable;
-    if (status != OK) {
-        place_free(&place);
-        return status;
-    }
-    struct recording_writer *w;
-    status = recording_append(&w, to);
-    if (status == OK)
-        status = recording_put_place(w, &place);
-    if (status == ERR_INPUT) { // more views than a recording can hold, by a writer's bug
-        v->report->lost_place = true;
-        status = OK;
-    }
-    enum status closed = recording_close(&w);
-    place_free(&place);
-    return status == OK ? closed : status;
-}
-
-// Best effort: takes can be shown without what is known of things.
-static enum status copy_things(const struct repair *v, const char *path, const char *to)
-{
-    struct recording *r;
-    struct recorded_thing *things = NULL;
-    struct things_lost lost = {0};
-    int count = 0;
-    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
-    if (status == OK)
-        status = recording_salvage_things(r, &things, &count, &lost);
-    recording_free(&r);
-    v->report->lost_things = lost.things + lost.contents;
-    if (status != OK)
-        return is_fatal(status) ? status : OK;
-    status = count ? recording_write_things(to, things, count) : OK;
-    recorded_things_free(&things, count);
+    struct place_copy_counts counts;
+    enum status status = place_copy(path, to, COPIER_READS_WHAT_IT_CAN, &counts);
+    v->calibration = counts.calibration;
+    v->has_calibration = counts.has_calibration;
+    v->report->lost_place = counts.lost_place;
+    v->report->lost_views = counts.lost_views;
+    v->report->lost_things = counts.lost_things;
     return status;
-}
-
-// Likewise.
-static enum status copy_drive(const char *path, const char *to)
-{
-    struct recording *r;
-    struct recorded_drive drive;
-    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
-    if (status == OK)
-        status = recording_read_drive(r, &drive);
-    recording_free(&r);
-    if (status != OK)
-        return is_fatal(status) ? status : OK;
-    return recording_write_drive(to, &drive);
 }
 
 static enum status open_both(struct repair *v, const char *path, const char *to)
@@ -334,10 +278,6 @@ static enum status salvage(const char *path, const char *part, const char *to, s
 {
     struct repair v = {.report = report};
     enum status status = copy_place(&v, path, part);
-    if (status == OK)
-        status = copy_things(&v, path, part);
-    if (status == OK)
-        status = copy_drive(path, part);
     if (status == OK)
         status = open_both(&v, path, part);
     if (status == OK)

@@ -1,5 +1,5 @@
 // Changes takes of a recording: names, notes, deleting, trimming, copying.
-#include "capture/recording/frame_copier.h"
+#include "capture/recording/place_copier.h"
 #include "capture/recording/recording_reader.h"
 
 #include "base/text.h"
@@ -340,25 +340,6 @@ static enum status place_crc(struct database *db, int64_t *crc)
     return status == NOTHING ? OK : status;
 }
 
-static enum status copy_place(const char *path, const char *to)
-{
-    struct recording *r = NULL;
-    struct recording_writer *w = NULL;
-    struct place place = {0};
-    enum status status = recording_open(&r, path);
-    if (status == OK)
-        status = recording_read_place(r, &place);
-    recording_free(&r);
-    if (status != OK)
-        return status == NOTHING ? OK : status;
-    status = recording_append(&w, to);
-    if (status == OK)
-        status = recording_put_place(w, &place);
-    enum status closed = recording_close(&w);
-    place_free(&place);
-    return status == OK ? closed : status;
-}
-
 static enum status new_id(struct database *db, const char *name, int64_t *id)
 {
     enum status status = check_free(db, name);
@@ -450,13 +431,14 @@ enum status recording_copy_take(const char *path, const char *name, const char *
     if (file_exists(to))
         return copy_into(path, name, to, new_name, place_differs);
     // A new file: with the place, so that the take is still where it was filmed.
+    struct place_copy_counts place;
     struct recording_writer *w;
     status = recording_create(&w, to);
     if (status != OK)
         return status;
     status = recording_close(&w);
     if (status == OK)
-        status = copy_place(path, to);
+        status = place_copy(path, to, COPIER_READS_ALL, &place);
     if (status == OK)
         status = copy_into(path, name, to, new_name, place_differs);
     if (status != OK) {

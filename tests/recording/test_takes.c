@@ -3,6 +3,8 @@
 #include "tests/support/recording_sample.h"
 
 #include "capture/recording/prepared.h"
+#include "capture/recording/recorded_drive.h"
+#include "capture/recording/recorded_things.h"
 #include "tests/support/random.h"
 
 static struct recording *recording;
@@ -177,6 +179,10 @@ static void test_copy(void **state)
     bool differs;
     snprintf(path, sizeof path, "%s", fresh("copy"));
     snprintf(other, sizeof other, "%s", sample_path("copy-new"));
+    const struct recorded_thing thing = {.name = "mug", .world_from_thing = POSE_IDENTITY};
+    const struct recorded_drive drive = {.world_from_body = POSE_IDENTITY, .path_count = 2};
+    EXPECT_STATUS(recording_write_things(path, &thing, 1), OK);
+    EXPECT_STATUS(recording_write_drive(path, &drive), OK);
     EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &differs), OK);
     EXPECT_TRUE(!differs);
     expect_sound(path, 3, 2 * FRAMES + 3);
@@ -190,6 +196,14 @@ static void test_copy(void **state)
     EXPECT_STATUS(recording_read_place(recording, &place), OK);
     EXPECT_INT(place.view_count, 3);
     place_free(&place);
+    struct recorded_thing *things;
+    struct recorded_drive driven;
+    int count;
+    EXPECT_STATUS(recording_read_things(recording, &things, &count), OK);
+    EXPECT_INT(count, 1);
+    recorded_things_free(&things, count);
+    EXPECT_STATUS(recording_read_drive(recording, &driven), OK);
+    EXPECT_INT(driven.path_count, 2);
     EXPECT_TRUE(take_entry(take, 3)->located && take_is_complete(take));
     EXPECT_INT(take_body(take)->representative_frame, 17);
     close_take();
