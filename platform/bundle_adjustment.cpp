@@ -1,5 +1,6 @@
 // bundle_adjustment.h with Ceres. In names, by_x is the derivative with respect to x.
 #include "platform/bundle_parameters.hpp"
+#include "platform/memory_reserve.hpp"
 
 #include <algorithm>
 #include <array>
@@ -326,8 +327,36 @@ bool is_finite(const ba_problem &in)
     return finite;
 }
 
+// What Ceres needs for the problem, bytes: about twice what maps with 6 to 150 cameras took at most, plus the dense
+// matrix of the poses and its factor.
+size_t reserve_bytes(const ba_problem &in)
+{
+    const size_t poses = (size_t)in.camera_count + (size_t)in.square_count;
+    const size_t dense = in.point_count ? 2 * sizeof(double) * (6 * poses) * (6 * poses) : 0;
+    return 100000 + dense + 1000 * poses + 600 * (size_t)in.point_count + 5000 * (size_t)in.corner_count +
+           1500 * (size_t)in.plane_depth_count + 2000 * (size_t)in.observation_count;
+}
+
+// Ceres is built to end the program where operator new fails: parts of it may not throw. It goes on with the reserve
+// until it can be told to stop.
+class stop_without_memory : public ceres::IterationCallback
+{
+  public:
+    explicit stop_without_memory(const memory_reserve *r) : reserve(r) {}
+
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary &) override
+    {
+        return reserve->is_used() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+    }
+
+  private:
+    const memory_reserve *reserve;
+};
+
 enum status solve(const ba_problem &in)
 {
+    const memory_reserve reserve(reserve_bytes(in));
+    stop_without_memory stop(&reserve);
     solver_state c(in);
     terms t;
     ceres::Problem problem(terms_are_owned_elsewhere());
@@ -347,7 +376,10 @@ enum status solve(const ba_problem &in)
     options.function_tolerance =
         1e-5; // relative; the cost is tens of thousands, so this is less than one residual's share
     options.logging_type = ceres::SILENT;
+    options.callbacks.push_back(&stop);
     ceres::Solve(options, &problem, &summary);
+    if (reserve.is_used())
+        throw std::bad_alloc();
     if (!summary.IsSolutionUsable())
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
     if (in.cost)

@@ -40,7 +40,7 @@ static enum status copy_map(const char *path, const char *to, enum copier_reads 
     if (status == OK)
         status = recording_read_place(r, &place);
     recording_free(&r);
-    out->lost_place = status == ERR_CORRUPT;
+    out->lost_place = status != OK && status != NOTHING;
     if (status != OK)
         return end_of_part(status, reads);
     int32_t undecodable = 0;
@@ -64,7 +64,7 @@ static enum status copy_things(const char *path, const char *to, enum copier_rea
     if (status == OK)
         status = recording_salvage_things(r, &things, &count, &lost);
     recording_free(&r);
-    out->lost_things = lost.things + lost.contents;
+    out->lost_things = lost.things + lost.contents + (status != OK); // at least one where a disk fails
     if (status != OK)
         return end_of_part(status, reads);
     status = count ? recording_write_things(to, things, count) : OK;

@@ -173,12 +173,20 @@ char *strdup(const char *text)
 
 // ------------------------------------------------------------- C++
 
-// Where an allocation fails, the real operator is asked for more than can be, and throws.
+// Where an allocation fails, as in the standard (C++17, [new.delete.single]): the program's handler is called, if it
+// has one, and then it is tried again. Without one the real operator is asked for more than can be, and throws.
 static void *new_by(void *(*real)(size_t), size_t size, const void *caller)
 {
     int site;
-    void *block = real(allocation_fails(fails_new, caller, &site) ? PTRDIFF_MAX : size);
-    return taken(site, block);
+    if (allocation_fails(fails_new, caller, &site)) {
+        void (*(*get_handler)(void))(void) = dlsym(RTLD_DEFAULT, "_ZSt15get_new_handlerv");
+        void (*handler)(void) = get_handler ? get_handler() : NULL;
+        if (handler)
+            handler(); // may throw
+        else
+            size = PTRDIFF_MAX;
+    }
+    return taken(site, real(size));
 }
 
 void *_Znwm(size_t size); // operator new

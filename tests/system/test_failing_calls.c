@@ -5,7 +5,7 @@
 //
 // test_failing_calls                      a few sites of each kind and command, drawn at random
 // test_failing_calls SECONDS              for that long each command and kind, until all have failed
-// test_failing_calls SECONDS COMMAND SEED     of one command ("record"), by that seed
+// test_failing_calls SECONDS COMMAND SEED KIND     of one command ("record"), by that seed, of one kind ("alloc")
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -15,12 +15,19 @@
 #include "tests/support/process.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/rehearsal.h"
+#include "tests/support/sql.h"
 
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 enum { ARGUMENTS_MAX = 16 };
+
+struct command {
+    const char *before;     // the recording that `made` is a copy of when it starts; NULL: there is no `made`
+    bool saves_what_it_can; // of a disk that fails
+    const char *argv[ARGUMENTS_MAX];
+};
 
 enum { USUALLY = 2 }; // calls of a kind
 
@@ -36,11 +43,11 @@ struct sites {
 };
 
 static double seconds = 0;
-static const char *only;
+static const char *only, *only_kind;
 static int defects;
 static uint64_t seed = 20261125;
 static struct rehearsal rehearsal;
-static char made[512], counted[512], folder[512];
+static char made[512], counted[512], folder[512], damaged[512];
 
 // Runs it with the site's turn-th call failing; site NULL: none.
 static struct process_result run(const char *const *argv, const char *kind, const struct site *site, long turn)
@@ -79,62 +86,30 @@ static struct sites sites_read(void)
     return sites;
 }
 
-// Whether the names of the functions on a site's stack, nearest first, say that Ceres itself makes the call: it is
-// linked into the program, and has no answer to a lack of memory. Templates of the C++ library and of Eigen belong to
-// who calls them.
-static bool is_of_ceres(const char *const *functions, int count)
+static void copy_file(const char *from, const char *to)
 {
-    for (int i = 0; i < count; i++) {
-        if (strstr(functions[i], "5ceres"))
-            return true;
-        if (strncmp(functions[i], "_ZNSt", 5) != 0 && !strstr(functions[i], "5Eigen"))
-            return false;
-    }
-    return false;
+    uint8_t *bytes;
+    size_t size;
+    EXPECT_STATUS(file_read(from, &bytes, &size), OK);
+    EXPECT_STATUS(file_write(to, bytes, size), OK);
+    free(bytes);
 }
 
-// Drops the sites inside of Ceres, by the program's debugging information.
-static void drop_ceres(struct sites *sites, const char *program)
+static void prepare_made(const struct command *command)
 {
-    enum { FRAMES_MAX = 12 };
-    char command[1600], asked[512];
-    static char lines[FRAMES_MAX][8192], rest[8192]; // mangled names are long
-    int kept = 0;
-    snprintf(asked, sizeof asked, "%s", scratch_file(&rehearsal.scratch, "addresses"));
-    FILE *file = fopen(asked, "w");
-    for (int i = 0; file && i < sites->count; i++)
-        for (const char *at = strchr(sites->at[i].stack, '+'); at; at = strchr(at + 1, '+'))
-            fprintf(file, "0x%s\n", at + 1);
-    EXPECT_TRUE(file && fclose(file) == 0);
-    snprintf(command, sizeof command, "sed 's/ .*//' %s | addr2line -f -e %s", asked, program);
-    FILE *names = popen(command, "r");
-    for (int i = 0; names && i < sites->count; i++) {
-        const char *functions[FRAMES_MAX];
-        int count = 0;
-        for (const char *at = strchr(sites->at[i].stack, '+'); at; at = strchr(at + 1, '+'), count++) {
-            EXPECT_TRUE(count < FRAMES_MAX && fgets(lines[count], sizeof lines[0], names) &&
-                        fgets(rest, sizeof rest, names));
-            functions[count] = lines[count];
-        }
-        if (!is_of_ceres(functions, count))
-            sites->at[kept++] = sites->at[i];
-    }
-    EXPECT_TRUE(names && pclose(names) == 0);
-    sites->count = kept;
-}
-
-static void remove_made(void)
-{
-    char command[600];
+    char remove[600];
     recording_discard(made);
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    EXPECT_INT(system(command), 0);
+    snprintf(remove, sizeof remove, "rm -rf %s", folder);
+    EXPECT_INT(system(remove), 0);
+    if (command->before)
+        copy_file(command->before, made);
 }
 
 // What the command makes: a recording, or a file, or pictures, or else what it says.
 struct product {
     bool there, sound;
     uint64_t hash;
+    uint64_t said;
 };
 
 static uint64_t mix_file(uint64_t hash, const char *path)
@@ -171,18 +146,30 @@ static uint64_t pictures_hash(void)
     return hash;
 }
 
-static struct product product_of(const char *what, const struct process_result *said)
+// Of the take that no command changes.
+static uint64_t kept_take_hash(const char *path)
 {
-    struct product p = {.there = file_exists(made), .sound = true};
+    struct recording *r;
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    const uint64_t hash = mix_take(0, r, "turn");
+    recording_free(&r);
+    return hash;
+}
+
+static struct product product_of(const struct command *command, const char *what, const struct process_result *said)
+{
+    struct product p = {.there = file_exists(made), .sound = true, .said = mix(0, said->out, strlen(said->out))};
     struct recording_report report;
     if (!p.there) {
-        p.hash = file_exists(folder) ? pictures_hash() : mix(0, said->out, strlen(said->out));
+        p.hash = file_exists(folder) ? pictures_hash() : p.said;
         return p;
     }
     const enum status status = recording_verify(made, &report);
     p.sound = status == OK || status == ERR_FORMAT; // what was written until then is sound, or it is no recording
     if (!p.sound)
         print_error("%s: what it left is damaged: %s\n", what, status_message());
+    else if (command->before && !(p.sound = kept_take_hash(made) == kept_take_hash(command->before)))
+        print_error("%s: it changed another take\n", what);
     else if (said->exit_code == 0)
         p.hash = status == OK ? hash_of(made) : mix_file(0, made);
     return p;
@@ -217,15 +204,15 @@ static void look_for_leaks(const char *what, const struct sites *sites, const st
     }
 }
 
-static void fail_one(const char *const *argv, const char *kind, const struct failing *call, const struct product *whole,
-                     const struct sites *usual, struct tally *tally)
+static void fail_one(const struct command *command, const char *kind, const struct failing *call,
+                     const struct product *whole, const struct sites *usual, struct tally *tally)
 {
     char what[700];
-    snprintf(what, sizeof what, "%s, %s %s, turn %ld (%s)", argv[1], kind, call->site->number, call->turn,
+    snprintf(what, sizeof what, "%s, %s %s, turn %ld (%s)", command->argv[1], kind, call->site->number, call->turn,
              call->site->stack);
-    remove_made();
-    const struct process_result said = run(argv, kind, call->site, call->turn);
-    const struct product left = product_of(what, &said);
+    prepare_made(command);
+    const struct process_result said = run(command->argv, kind, call->site, call->turn);
+    const struct product left = product_of(command, what, &said);
     const size_t length = strlen(said.err);
     const bool sentence = length > 20 && said.err[length - 1] == '\n' && !strstr(said.err, "(null)");
     struct sites sites = sites_read();
@@ -234,6 +221,9 @@ static void fail_one(const char *const *argv, const char *kind, const struct fai
         tally->missed += !sites.failed;
     } else if (said.exit_code == 1 && sentence) {
         tally->clean++;
+    } else if (said.exit_code == 0 && command->saves_what_it_can && left.said != whole->said) {
+        tally->clean++; // it said that it lost something
+
     } else {
         print_error("%s: exit code %d, '%s'%s\n", what, said.exit_code, said.err,
                     said.exit_code == 0 ? ", and what it made is not as usual" : "");
@@ -272,26 +262,25 @@ static struct failing *calls_of(const struct sites *sites, int *count, struct rn
 }
 
 // The calls that the command makes fail, one a run: USUALLY of them, or as many as the time allows.
-static void fail_each(const char *const *argv, const char *kind)
+static void fail_each(const struct command *command, const char *kind)
 {
-    if (only && strcmp(only, argv[1]) != 0)
+    const char *const *argv = command->argv;
+    if ((only && strcmp(only, argv[1]) != 0) || (only_kind && strcmp(only_kind, kind) != 0))
         return;
-    remove_made();
+    prepare_made(command);
     struct process_result said = run(argv, kind, NULL, 0);
     if (said.exit_code)
         print_error("%s %s: %s\n", argv[0], argv[1], said.err);
     EXPECT_INT(said.exit_code, 0);
-    const struct product whole = product_of(argv[1], &said);
+    const struct product whole = product_of(command, argv[1], &said);
     struct sites sites = sites_read();
-    if (!strcmp(kind, "new") && sites.count)
-        drop_ceres(&sites, argv[0]);
     struct rng rng = {seed};
     struct tally tally = {0};
     int count, done = 0;
     struct failing *calls = calls_of(&sites, &count, &rng);
     const int64_t until_ns = clock_now_ns() + (int64_t)(seconds * 1e9);
     for (; done < count && (seconds > 0 ? clock_now_ns() < until_ns : done < USUALLY); done++)
-        fail_one(argv, kind, &calls[done], &whole, &sites, &tally);
+        fail_one(command, kind, &calls[done], &whole, &sites, &tally);
     print_message(
         "%-8s %-6s %d of %d calls from %d sites: %d ended with a sentence, %d did their work all the same, %d "
         "not reached\n",
@@ -308,31 +297,46 @@ static void test_commands(void **state)
     snprintf(sensor, sizeof sensor, "folder:%s", scratch_file(&rehearsal.scratch, "sensor"));
     snprintf(tags, sizeof tags, "%s", scratch_file(&rehearsal.scratch, "tags.json"));
     const char *capture = PROGRAM_DIR "/reenact-capture", *reenact = PROGRAM_DIR "/reenact";
-    const char *const commands[][ARGUMENTS_MAX] = {
-        {capture, "record", "--sensor", sensor, "--out", made, "--take", "a", "--no-body-points", "--json", NULL},
-        {capture, "verify", rehearsal.file, NULL},
-        {capture, "verify", rehearsal.file, "--json", NULL},
-        {capture, "info", rehearsal.file, NULL},
-        {capture, "info", rehearsal.file, "--json", NULL},
-        {capture, "export", rehearsal.file, "--take", "turn", "--as", "joints-csv", "--out", made, NULL},
-        {capture, "export", rehearsal.file, "--take", "turn", "--as", "bvh", "--out", made, NULL},
-        {capture, "take", "copy", rehearsal.file, "--take", "turn", "--into", made, NULL},
-        {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, "--json", NULL},
-        {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "paper", "--out", folder,
-         NULL},
-        {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "full", "--out", folder,
-         NULL},
-        {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn", NULL},
-        {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn",
-         "--json", NULL},
+    const struct command commands[] = {
+        {NULL,
+         false,
+         {capture, "record", "--sensor", sensor, "--out", made, "--take", "a", "--no-body-points", "--json", NULL}},
+        {rehearsal.file, false, {capture, "record", "--sensor", sensor, "--into", made, "--take", "a", "--json", NULL}},
+        {NULL, false, {capture, "verify", rehearsal.file, NULL}},
+        {NULL, false, {capture, "verify", rehearsal.file, "--json", NULL}},
+        {NULL, false, {capture, "info", rehearsal.file, NULL}},
+        {NULL, false, {capture, "info", rehearsal.file, "--json", NULL}},
+        {NULL, false, {capture, "export", rehearsal.file, "--take", "turn", "--as", "joints-csv", "--out", made, NULL}},
+        {NULL, false, {capture, "export", rehearsal.file, "--take", "turn", "--as", "bvh", "--out", made, NULL}},
+        {NULL, false, {capture, "take", "copy", rehearsal.file, "--take", "turn", "--into", made, NULL}},
+        {rehearsal.file, false, {capture, "take", "rename", made, "--take", "once more", "--name", "again", NULL}},
+        {rehearsal.file, false, {capture, "take", "trim", made, "--take", "once more", "--from", "0.05", NULL}},
+        {rehearsal.file, false, {capture, "take", "delete", made, "--take", "once more", NULL}},
+        {NULL, true, {capture, "repair", damaged, "--out", made, NULL}},
+        {NULL, false, {capture, "map", "--sensor", sensor, "--tags", tags, "--out", made, "--json", NULL}},
+        {NULL,
+         false,
+         {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "paper", "--out", folder,
+          NULL}},
+        {NULL,
+         false,
+         {reenact, "render", rehearsal.file, "--take", "turn", "--camera", camera, "--detail", "full", "--out", folder,
+          NULL}},
+        {NULL,
+         false,
+         {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn", NULL}},
+        {NULL,
+         false,
+         {reenact, "compare", rehearsal.file, "--take", "turn", "--with", rehearsal.file, "--with-take", "turn",
+          "--json", NULL}},
     };
     uint8_t *before, *after;
     size_t size, size_after;
     EXPECT_STATUS(file_read(rehearsal.file, &before, &size), OK);
     for (size_t i = 0; i < COUNT_OF(commands); i++) {
-        fail_each(commands[i], "alloc");
-        fail_each(commands[i], "new");
-        fail_each(commands[i], "sqlite");
+        fail_each(&commands[i], "alloc");
+        fail_each(&commands[i], "new");
+        fail_each(&commands[i], "sqlite");
     }
     EXPECT_STATUS(file_read(rehearsal.file, &after, &size_after), OK);
     EXPECT_TRUE(size == size_after && !memcmp(before, after, size)); // none of them changes what it reads
@@ -364,6 +368,9 @@ static int set_up(void **state)
     snprintf(made, sizeof made, "%s", scratch_file(&rehearsal.scratch, "made"));
     snprintf(counted, sizeof counted, "%s", scratch_file(&rehearsal.scratch, "calls"));
     snprintf(folder, sizeof folder, "%s", scratch_file(&rehearsal.scratch, "pictures"));
+    snprintf(damaged, sizeof damaged, "%s", scratch_file(&rehearsal.scratch, "damaged"));
+    copy_file(rehearsal.file, damaged);
+    run_sql(damaged, "UPDATE picture SET depth_crc = 0 WHERE id = (SELECT min(id) FROM picture)");
     write_tags();
     return 0;
 }
@@ -384,6 +391,8 @@ int main(int argc, char **argv)
         only = argv[2];
     if (argc > 3)
         seed = strtoull(argv[3], NULL, 10);
+    if (argc > 4)
+        only_kind = argv[4];
     print_message("seed %llu\n", (unsigned long long)seed);
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
