@@ -45,7 +45,7 @@ static void print_report(const char *file, const char *out, enum status status, 
            (long long)r->frames, (double)r->bytes / 1e6);
     printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)r->lost_frames,
            (long long)r->damaged_frames, r->lost_takes);
-    recording_report_print_place(r);
+    recording_report_print_rest(r);
     printf("; %s is as it was\n", file);
     for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
         printf("  found: %s\n", r->finding[i]);

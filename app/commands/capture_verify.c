@@ -15,7 +15,7 @@ static enum status print_report(const struct file_arguments *a, enum status stat
     } else if (r->findings) {
         printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ", a->path,
                (long long)r->lost_frames, (long long)r->damaged_frames, (long long)r->frames);
-        recording_report_print_place(r);
+        recording_report_print_rest(r);
         putchar('\n');
         for (int i = 1; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
             printf("  %s\n", r->finding[i]); // the first goes to stderr

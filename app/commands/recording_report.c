@@ -6,8 +6,10 @@
 
 #include <stdio.h>
 
-void recording_report_print_place(const struct recording_report *r)
+void recording_report_print_rest(const struct recording_report *r)
 {
+    if (r->lost_covariances)
+        printf("covariances of the joints in %lld frames, ", (long long)r->lost_covariances);
     if (r->lost_place)
         printf("the place with its views");
     else
@@ -28,6 +30,7 @@ enum status recording_report_print_json(const char *path, enum status status, co
     json_add_number(root, "frames", (double)r->frames);
     json_add_number(root, "damaged_frames", (double)r->damaged_frames);
     json_add_number(root, "lost_frames", (double)r->lost_frames);
+    json_add_number(root, "lost_covariances", (double)r->lost_covariances);
     json_add_number(root, "lost_takes", r->lost_takes);
     json_add_number(root, "lost_views", r->lost_views);
     json_add_bool(root, "lost_place", r->lost_place);

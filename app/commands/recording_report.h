@@ -2,8 +2,8 @@
 #pragma once
 #include "capture/recording/recording.h"
 
-// On stdout, as the end of a list of what is lost: the place, or its views, and things.
-void recording_report_print_place(const struct recording_report *r);
+// On stdout, as the end of a list of what is lost: covariances of joints; the place, or its views; and things.
+void recording_report_print_rest(const struct recording_report *r);
 
 // One JSON object on stdout: the report and the status, with the error sentence where it is not OK. ERR_MEMORY.
 MUST_CHECK enum status recording_report_print_json(const char *path, enum status status,

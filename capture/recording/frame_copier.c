@@ -230,9 +230,10 @@ static enum status find_images(struct frame_copier *c, int64_t key)
 
 // ------------------------------------------------------------- frames
 
-// The frame's joints' covariances, where they can be read.
-static enum status read_joint_error(struct frame_copier *c, int64_t key, struct take_entry *entry)
+// The frame's joints' covariances, where they can be read: a frame can be shown without them.
+static enum status read_joint_error(struct frame_copier *c, int64_t key, struct take_entry *entry, bool *lost)
 {
+    *lost = false;
     if (!c->joint_error || !entry->has_skeleton)
         return OK;
     statement_bind_number(c->joint_error, 1, key);
@@ -240,7 +241,8 @@ static enum status read_joint_error(struct frame_copier *c, int64_t key, struct 
     if (status == OK)
         status = joint_error_from_row(c->joint_error, &entry->skeleton);
     statement_reset(c->joint_error);
-    return is_fatal(c, status) ? status : OK; // a frame can be shown without them
+    *lost = status != OK && status != NOTHING;
+    return is_fatal(c, status) ? status : OK;
 }
 
 // Copies one frame with what of its images can be used. NOTHING: there is nothing worth keeping.
@@ -379,12 +381,12 @@ enum status frame_copier_copy(struct frame_copier *c, const struct take_row *tak
         rows = key - first + 1;
         if (out->saved && entry.time_ns <= last_time_ns)
             continue;
-        bool damaged;
+        bool damaged, without_covariances;
         if (!located) {
             entry.located = false;
             entry.world_from_camera = POSE_IDENTITY;
         }
-        status = read_joint_error(c, key, &entry);
+        status = read_joint_error(c, key, &entry, &without_covariances);
         if (status == OK)
             status = copy_frame(c, key, frame_key(new_id, out->saved), &entry, &take->calibration, &damaged);
         if (status == NOTHING)
@@ -395,6 +397,7 @@ enum status frame_copier_copy(struct frame_copier *c, const struct take_row *tak
             out->representative = out->saved;
         out->saved++;
         out->damaged += damaged;
+        out->covariances_lost += without_covariances;
         last_time_ns = entry.time_ns;
     }
     const int64_t all = take->frames > rows ? take->frames : rows;

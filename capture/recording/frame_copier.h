@@ -7,9 +7,10 @@ struct frame_copier;
 
 // What became of the frames of one take.
 struct frame_copy_counts {
-    int64_t saved, damaged; // damaged: of the saved ones, those that lost an image
-    int64_t lost;           // missing, or of no use
-    int64_t representative; // the new number of the representative frame; -1: none, or lost
+    int64_t saved, damaged;   // damaged: of the saved ones, those that lost an image
+    int64_t covariances_lost; // of the saved ones, those whose joints' covariances cannot be read
+    int64_t lost;             // missing, or of no use
+    int64_t representative;   // the new number of the representative frame; -1: none, or lost
 };
 
 enum copier_reads {

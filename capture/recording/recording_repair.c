@@ -131,6 +131,7 @@ static enum status save_take(struct repair *v, struct take_row *take, bool whole
     r->frames += counts.saved;
     r->damaged_frames += counts.damaged;
     r->lost_frames += counts.lost;
+    r->lost_covariances += counts.covariances_lost;
     take->body.representative_frame = counts.representative;
     take->complete = take->complete && whole && !counts.lost && !counts.damaged;
     take->frames = counts.saved;

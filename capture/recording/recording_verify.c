@@ -104,6 +104,7 @@ static void check_take(struct verification *v, int index)
     if (lost)
         note(v, fail(ERR_CORRUPT, "%s: %lld frames of take '%s' are damaged or missing", path_of(v), (long long)lost,
                      name));
+    v->report->lost_covariances += take_errors_lost(t);
     if (take_errors_lost(t))
         note(v, fail(ERR_CORRUPT, "%s: the joints' covariances of %lld frames of take '%s' are damaged", path_of(v),
                      (long long)take_errors_lost(t), name));

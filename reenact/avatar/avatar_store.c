@@ -2,6 +2,7 @@
 
 #include "base/archive.h"
 #include "capture/recording/prepared.h"
+#include "reenact/avatar/avatar_check.h"
 #include "reenact/avatar/tsdf_store.h"
 
 #include <stdlib.h>
@@ -95,32 +96,6 @@ static void avatar_archive(struct archive *a, struct avatar *f)
     a->failed |= corrections != f->frame_count;
 }
 
-static bool below(const int32_t *numbers, int count, int32_t least, int32_t limit)
-{
-    for (int i = 0; i < count; i++)
-        if (numbers[i] < least || numbers[i] >= limit)
-            return false;
-    return true;
-}
-
-// Every number that something is looked up by is in range.
-static bool is_sound(const struct avatar *f, const struct take *take)
-{
-    const struct uv_mesh *m = &f->atlas.mesh;
-    const int triangles = m->corner_count / 3, points = f->surface.point_count;
-    bool sound = f->frame_count > 0 && points > 0 && m->point_count > 0 && f->surface.corner_count % 3 == 0;
-    sound = sound && below(f->surface.corners, f->surface.corner_count, 0, points);
-    sound = sound && below(m->points, m->point_count, 0, points);
-    sound = sound && below(m->corners, m->corner_count, 0, m->point_count);
-    sound = sound && below(m->neighbor[0], 3 * triangles, -1, triangles);
-    for (int i = 0; i < points && sound; i++)
-        for (int k = 0; k < SKIN_BONES; k++)
-            sound = sound && f->skins[i].bone[k] < BONE_COUNT;
-    for (int i = 0; i < f->frame_count && sound; i++)
-        sound = f->frames[i] >= (i ? f->frames[i - 1] + 1 : 0) && f->frames[i] < take_frame_count(take);
-    return sound;
-}
-
 enum status avatar_pack(const struct avatar *avatar, uint8_t **bytes, size_t *count)
 {
     struct archive a = archive_writer();
@@ -143,7 +118,7 @@ enum status avatar_unpack(struct avatar *out, const struct take *take, const voi
     avatar_archive(&a, out);
     if (!a.failed)
         tsdf_archive(&a, &out->tsdf, &(struct tsdf_of){&out->bind_pose, take_calibration(take)});
-    if (archive_is_whole(&a) && is_sound(out, take))
+    if (archive_is_whole(&a) && avatar_is_sound(out, take))
         return OK;
     avatar_free(out);
     return a.out_of_memory ? fail(ERR_MEMORY, "no memory for the avatar")

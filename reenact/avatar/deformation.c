@@ -125,7 +125,7 @@ static void write_quantized(struct deformation *w)
         memset(t, 128, 4);
         for (int a = 0; a < 3 && w->node[i] >= 0; a++) {
             double part = (double)w->shift[w->node[i]][a] / DEFORMATION_SHIFT_MOST_M;
-            t[a] = (uint8_t)(128.5 + 127 * (part < -1 ? -1 : part > 1 ? 1 : part));
+            t[a] = (uint8_t)(128.5 + 127 * fmin(fmax(part, -1), 1));
         }
     }
 }

@@ -17,9 +17,10 @@ static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t
             some++;
         ARCHIVE(a, none);
         ARCHIVE(a, some);
-        a->failed |= none < 0 || some < 0 || none > count - i || some > count - i - none || none + some == 0;
-        if (!a->failed)
-            archive_bytes(a, voxels + i + none, (size_t)some * sizeof *voxels);
+        a->failed |= none < 0 || some < 0 || none > count - i || some > count - i - none || (!none && !some);
+        if (a->failed)
+            break;
+        archive_bytes(a, voxels + i + none, (size_t)some * sizeof *voxels);
         i += none + some;
     }
 }

@@ -68,11 +68,13 @@ static void test_damaged_joint_covariances(void **state)
         run_sql(sample_path(name), damage[i]);
         EXPECT_STATUS(recording_verify(sample_path(name), &report), ERR_CORRUPT);
         EXPECT_SAYS("covariances of 1 frames");
+        EXPECT_INT(report.lost_covariances, 2); // one in each take
         char repaired[128];
         snprintf(repaired, sizeof repaired, "%s", sample_path("repaired joints"));
         unlink(repaired);
         EXPECT_STATUS(recording_repair(sample_path(name), repaired, &report), OK);
         EXPECT_INT(report.frames, FRAMES + 3);
+        EXPECT_INT(report.lost_covariances, 2);
         EXPECT_STATUS(recording_verify(repaired, &report), OK);
         struct recording *r;
         struct take *t;
