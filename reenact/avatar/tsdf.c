@@ -12,7 +12,7 @@ static const float CYLINDER_WEIGHT = 0.5F;  // of the cylinders' distances, in f
 static const double TRUNK_DEPTH = 0.7;      // depth / width; 0.6 to 0.85 do alike on the filmed people, 1 is worse
 static const float FREE_SPACE_SHARE = 0.6F; // of the truncation: what is at least so far from the surface is free
 
-enum { NORMAL_PASSES = 6, CHUNK = 8192, MOST_POINTS = 64000000 };
+enum { NORMAL_PASSES = 6, CHUNK = 8192 };
 
 static struct vec3 point_at(const struct tsdf *v, int at)
 {
@@ -40,7 +40,7 @@ static enum status find_size(struct tsdf *v)
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
     const double size[3] = {ceil(extent.x / v->step) + 1, ceil(extent.y / v->step) + 1, ceil(extent.z / v->step) + 1};
-    if (!(size[0] >= 1 && size[1] >= 1 && size[2] >= 1 && size[0] * size[1] * size[2] <= MOST_POINTS))
+    if (!(size[0] >= 1 && size[1] >= 1 && size[2] >= 1 && size[0] * size[1] * size[2] <= TSDF_POINTS_MOST))
         return fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     for (int i = 0; i < 3; i++)
         v->size[i] = (int)size[i];

@@ -32,6 +32,8 @@ struct tsdf_block {
     uint8_t count;
 };
 
+enum { TSDF_POINTS_MOST = 32000000 }; // of a grid: a person's takes less than a third; 384 MB
+
 struct tsdf {
     struct bind_pose bind_pose;
     struct calibration calibration;

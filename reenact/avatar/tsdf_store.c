@@ -4,8 +4,6 @@
 
 #include <stdlib.h>
 
-enum { MOST_POINTS = 64000000 }; // as tsdf.c
-
 // Grid points without a value come in long runs: their number, then the number of those with one, and those.
 static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t count)
 {
@@ -38,7 +36,7 @@ void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
     ARCHIVE(a, t->step);
     ARCHIVE(a, t->size);
     const double points = (double)t->size[0] * t->size[1] * t->size[2];
-    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= MOST_POINTS && t->step > 0);
+    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= TSDF_POINTS_MOST && t->step > 0);
     if (a->reading && !a->failed) {
         t->bind_pose = *of->bind_pose;
         t->calibration = *of->calibration;
