@@ -1,9 +1,8 @@
 // What verify finds in a place whose checksums are right but whose content cannot be (a writer's bug), or that is
 // damaged, and what repair saves: each view, thing or covariance costs itself alone.
-#include "tests/support/recording_sample.h"
+#include "tests/support/expect_repair.h"
 
 #include "capture/recording/recorded_things.h"
-#include "capture/recording/recording_schema.h"
 #include "tests/support/sql.h"
 
 enum { SAMPLE_VIEWS = 3, THINGS = 3 };
@@ -24,26 +23,6 @@ static const char *sample_recording(void)
     things[1].image = things[2].image = (struct thing_content){picture, sizeof picture};
     EXPECT_STATUS(recording_write_things(path, things, THINGS), OK);
     return path;
-}
-
-// Verify says `words`; repair makes a file that verify finds sound. The report is repair's.
-static struct recording_report expect_repair(const char *path, const char *words)
-{
-    struct recording_report report, again;
-    char repaired[128];
-    snprintf(repaired, sizeof repaired, "%s", sample_path("repaired"));
-    recording_remove_files(repaired);
-    EXPECT_STATUS(recording_verify(path, &report), ERR_CORRUPT);
-    bool said = false;
-    for (int i = 0; i < report.findings && i < RECORDING_FINDINGS_MAX; i++)
-        said = said || strstr(report.finding[i], words);
-    if (!said)
-        print_error("no finding says '%s'; the first is '%s'\n", words, report.finding[0]);
-    EXPECT_TRUE(said);
-    EXPECT_STATUS(recording_repair(path, repaired, &report), OK);
-    EXPECT_STATUS(recording_verify(repaired, &again), OK);
-    EXPECT_INT(again.frames, report.frames);
-    return report;
 }
 
 static struct place repaired_place(void)

@@ -1,6 +1,7 @@
 // What verify finds, what repair saves, and what one damaged row costs. Past versions of the file, which open for ever.
+#include "tests/support/copy_file.h"
+#include "tests/support/expect_repair.h"
 #include "tests/support/recording_hash.h"
-#include "tests/support/recording_sample.h"
 
 #include "capture/recording/recording_schema.h"
 #include "base/clock.h"
@@ -8,16 +9,6 @@
 
 #define OLD SOURCE_DIR "/tests/recording/data/"
 enum { OLD_FRAMES = 3, FLIP_STEP = 7 };
-
-static void copy_file(const char *from, const char *to)
-{
-    uint8_t *bytes;
-    size_t count;
-    EXPECT_STATUS(file_read(from, &bytes, &count), OK);
-    unlink(to);
-    EXPECT_STATUS(file_write(to, bytes, count), OK);
-    free(bytes);
-}
 
 static const char *copy_of(const char *name)
 {
@@ -27,26 +18,6 @@ static const char *copy_of(const char *name)
     snprintf(path, sizeof path, "%s", sample_path(name));
     copy_file(from, path);
     return path;
-}
-
-// Verify finds it and says `words`; repair saves `frames` frames into a file that verify finds sound.
-static void expect_repair(const char *path, const char *words, int64_t frames)
-{
-    struct recording_report report;
-    char repaired[128];
-    snprintf(repaired, sizeof repaired, "%s", sample_path("repaired"));
-    unlink(repaired);
-    EXPECT_STATUS(recording_verify(path, &report), ERR_CORRUPT);
-    bool said = false;
-    for (int i = 0; i < report.findings && i < RECORDING_FINDINGS_MAX; i++)
-        said = said || strstr(report.finding[i], words);
-    if (!said)
-        print_error("no finding says '%s'; the first is '%s'\n", words, report.finding[0]);
-    EXPECT_TRUE(said);
-    EXPECT_STATUS(recording_repair(path, repaired, &report), OK);
-    EXPECT_INT(report.frames, frames);
-    EXPECT_STATUS(recording_verify(repaired, &report), OK);
-    EXPECT_INT(report.frames, frames);
 }
 
 // ------------------------------------------------------------- past versions
@@ -139,7 +110,7 @@ static void test_damaged_ids_are_found_and_put_right(void **state)
             const uint64_t hash = hash_of(path);
             run_sql(path, damage[i].sql);
             print_message("%s: %s\n", names[n], damage[i].sql);
-            expect_repair(path, damage[i].words, OLD_FRAMES);
+            EXPECT_INT(expect_repair(path, damage[i].words).frames, OLD_FRAMES);
             EXPECT_TRUE(hash_of(sample_path("repaired")) == hash);
         }
 }
@@ -163,7 +134,7 @@ static void test_missing_rows_are_found(void **state)
         const char *path = copy_of("sealed");
         print_message("%s\n", damage[i].sql);
         run_sql(path, damage[i].sql);
-        expect_repair(path, damage[i].words, damage[i].kept);
+        EXPECT_INT(expect_repair(path, damage[i].words).frames, damage[i].kept);
     }
 }
 
@@ -174,7 +145,7 @@ static void test_repaired_take_tells_the_truth(void **state)
     const char *path = copy_of("sealed");
     run_sql(path,
             "DELETE FROM frame WHERE id % 4294967296 = 1; UPDATE picture SET depth = x'00' WHERE id % 4294967296 = 2");
-    expect_repair(path, "damaged or missing", 2);
+    EXPECT_INT(expect_repair(path, "damaged or missing").frames, 2);
     struct recording *r;
     struct take *t;
     EXPECT_STATUS(recording_open(&r, sample_path("repaired")), OK);
@@ -235,7 +206,7 @@ static void test_two_takes_of_one_name(void **state)
     EXPECT_STATUS(recording_close(&w), OK);
     path = sample_path("two");
     run_sql(path, "UPDATE take SET name = 'kata2'");
-    expect_repair(path, "two takes 'kata2'", 5);
+    EXPECT_INT(expect_repair(path, "two takes 'kata2'").frames, 5);
     struct recording *r;
     struct take *t;
     EXPECT_STATUS(recording_open(&r, sample_path("repaired")), OK);
@@ -252,7 +223,6 @@ static void test_two_rows_of_one_take(void **state)
     (void)state;
     struct database *db;
     struct statement *s;
-    struct recording_report report;
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
     char path[128];
     snprintf(path, sizeof path, "%s", sample_path("two rows"));
@@ -267,12 +237,8 @@ static void test_two_rows_of_one_take(void **state)
     EXPECT_STATUS(statement_run(s), OK);
     statement_close(&s);
     database_close(&db);
-    EXPECT_STATUS(recording_verify(path, &report), ERR_CORRUPT);
-    const char *repaired = sample_path("repaired");
-    recording_remove_files(repaired);
-    EXPECT_STATUS(recording_repair(path, repaired, &report), OK);
+    const struct recording_report report = expect_repair(path, "a take cannot be read");
     EXPECT_INT(report.lost_takes, 1);
-    EXPECT_STATUS(recording_verify(sample_path("repaired"), &report), OK);
     EXPECT_INT(report.takes, 2);
 }
 
@@ -347,7 +313,7 @@ static void test_code_that_does_not_decode(void **state)
     EXPECT_STATUS(statement_run(s), OK);
     statement_close(&s);
     database_close(&db);
-    expect_repair(path, "frame 1 is damaged", OLD_FRAMES);
+    EXPECT_INT(expect_repair(path, "frame 1 is damaged").frames, OLD_FRAMES);
 }
 
 // Two columns of picture claim 900 MB each; repair once looked for the pictures of 63 numbers a frame by reading them.

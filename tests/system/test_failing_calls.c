@@ -12,6 +12,7 @@
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 #include "platform/json.h"
+#include "tests/support/copy_file.h"
 #include "tests/support/process.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/rehearsal.h"
@@ -84,15 +85,6 @@ static struct sites sites_read(void)
     }
     fclose(file);
     return sites;
-}
-
-static void copy_file(const char *from, const char *to)
-{
-    uint8_t *bytes;
-    size_t size;
-    EXPECT_STATUS(file_read(from, &bytes, &size), OK);
-    EXPECT_STATUS(file_write(to, bytes, size), OK);
-    free(bytes);
 }
 
 static void prepare_made(const struct command *command)
