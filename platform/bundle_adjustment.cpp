@@ -327,8 +327,8 @@ bool is_finite(const ba_problem &in)
     return finite;
 }
 
-// What Ceres needs for the problem, bytes: about twice what maps with 6 to 150 cameras took at most, plus the dense
-// matrix of the poses and its factor.
+// What Ceres needs for the problem, bytes: with the dense matrix of the poses and its factor 1.7 to 2.6 times the peak
+// that was measured on problems of the mapper's tests, 6 to 150 cameras and up to 8836 observations.
 size_t reserve_bytes(const ba_problem &in)
 {
     const size_t poses = (size_t)in.camera_count + (size_t)in.square_count;

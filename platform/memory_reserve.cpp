@@ -1,6 +1,5 @@
 #include "platform/memory_reserve.hpp"
 
-#include <atomic>
 #include <cstdlib>
 #include <mutex>
 #include <new>
@@ -8,42 +7,50 @@
 namespace
 {
 
-std::atomic<void *> kept(nullptr);
-std::mutex lock; // guards the two below
-int living = 0;
-std::new_handler earlier = nullptr;
-
-// The handler of operator new, which tries again when this returns.
-void give_back()
-{
-    void *memory = kept.exchange(nullptr);
-    if (!memory)
-        throw std::bad_alloc();
-    std::free(memory);
-}
+std::mutex lock; // guards the two below, and what each reserve has kept
+memory_reserve *newest = nullptr;
+std::new_handler earlier = nullptr; // before the first of those that live
 
 } // namespace
 
-memory_reserve::memory_reserve(size_t bytes)
+// The handler of operator new, which tries again when this returns.
+void memory_reserve::give_back()
 {
     const std::lock_guard<std::mutex> guard(lock);
-    if (!kept.load()) {
-        void *memory = std::malloc(bytes);
-        if (!memory)
-            throw std::bad_alloc();
-        kept.store(memory);
-    }
-    if (living++ == 0)
+    memory_reserve *r = newest;
+    while (r && !r->kept)
+        r = r->older;
+    if (!r)
+        throw std::bad_alloc();
+    std::free(r->kept);
+    r->kept = nullptr;
+}
+
+memory_reserve::memory_reserve(size_t bytes) : kept(std::malloc(bytes)), older(nullptr)
+{
+    if (!kept)
+        throw std::bad_alloc();
+    const std::lock_guard<std::mutex> guard(lock);
+    if (!newest)
         earlier = std::set_new_handler(give_back);
+    older = newest;
+    newest = this;
 }
 
 memory_reserve::~memory_reserve()
 {
     const std::lock_guard<std::mutex> guard(lock);
-    if (--living > 0)
-        return;
-    std::set_new_handler(earlier);
-    std::free(kept.exchange(nullptr));
+    memory_reserve **link = &newest;
+    while (*link != this)
+        link = &(*link)->older;
+    *link = older;
+    std::free(kept);
+    if (!newest)
+        std::set_new_handler(earlier);
 }
 
-bool memory_reserve::is_used() const { return !kept.load(); }
+bool memory_reserve::is_used() const
+{
+    const std::lock_guard<std::mutex> guard(lock);
+    return !kept;
+}

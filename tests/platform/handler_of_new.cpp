@@ -22,10 +22,11 @@ struct reserve_trial try_reserve(void)
         const memory_reserve outer(1000);
         {
             const memory_reserve inner(1000);
-            trial.used_at_first = inner.is_used();
-            trial.again[0] = handler_returns();
-            trial.again[1] = handler_returns();
-            trial.used_then = inner.is_used() && outer.is_used();
+            for (int i = 0; i < 4; i++) {
+                trial.call[i].again = i > 0 && handler_returns();
+                trial.call[i].inner = inner.is_used();
+                trial.call[i].outer = outer.is_used();
+            }
         }
         trial.handled_within = std::get_new_handler() != nullptr;
     }

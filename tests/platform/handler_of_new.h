@@ -8,10 +8,11 @@ extern "C" {
 
 struct reserve_trial {
     bool handled_before; // a handler is there without a reserve
-    bool used_at_first;
-    bool again[2]; // the handler returned, so that the operator tries again: at its first call, and at its second
-    bool used_then;
-    bool handled_within; // a handler is left while one of two reserves still lives
+    struct {
+        bool again;        // the handler returned, so that the operator tries again
+        bool inner, outer; // which reserve is used then
+    } call[4];             // before the first call, and after each of three, while two reserves live
+    bool handled_within;   // a handler is left while one of them still lives
     bool handled_after;
 };
 struct reserve_trial try_reserve(void);
