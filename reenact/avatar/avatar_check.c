@@ -1,14 +1,11 @@
 #include "reenact/avatar/avatar_check.h"
 
-#include "reenact/avatar/tsdf_internal.h"
-
 // Farther, brighter, later than anything that a sensor sees of a person; chosen by hand so that sums and conversions of
 // what passes cannot overflow.
-#define MOST_M      100.0
-#define MOST_COLOR  1000.0
-#define MOST_S      1e7
-#define MOST_WEIGHT 1e9
-#define UNIT_ERROR  1e-3 // of a unit vector's or quaternion's squared length
+#define MOST_M     100.0
+#define MOST_COLOR 1000.0
+#define MOST_S     1e7
+#define UNIT_ERROR 1e-3 // of a unit vector's or quaternion's squared length
 
 // False for what is not a number.
 static bool within(double value, double most) { return fabs(value) <= most; }
@@ -115,23 +112,10 @@ static bool frames_are_sound(const struct avatar *f, const struct take *take)
     return good;
 }
 
-static bool tsdf_is_sound(const struct tsdf *t)
-{
-    const size_t count = (size_t)t->size[0] * (size_t)t->size[1] * (size_t)t->size[2];
-    bool good = points_within(&t->corner, 1, MOST_M) && t->step >= 1 / MOST_WEIGHT && t->step <= MOST_M;
-    for (size_t i = 0; i < count; i++) {
-        const struct tsdf_voxel *v = &t->voxels[i];
-        good &= within((double)v->distance, MOST_M) && within((double)v->weight, MOST_WEIGHT) &&
-                within((double)v->seen, MOST_WEIGHT);
-    }
-    return good;
-}
-
 bool avatar_is_sound(const struct avatar *f, const struct take *take)
 {
     const struct joint_noise *errors = &f->joint_errors;
     return bind_pose_is_sound(&f->bind_pose) && surface_is_sound(f) &&
            atlas_is_sound(&f->atlas, f->surface.point_count) && frames_are_sound(f, take) &&
-           all_within(errors->m, BONE_COUNT, MOST_M) && all_within(errors->rad, BONE_COUNT, MOST_M) &&
-           tsdf_is_sound(f->tsdf);
+           all_within(errors->m, BONE_COUNT, MOST_M) && all_within(errors->rad, BONE_COUNT, MOST_M);
 }

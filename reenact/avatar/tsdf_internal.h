@@ -1,4 +1,4 @@
-// The state of a TSDF, shared by tsdf.c and tsdf_integrate.c. For those only.
+// The state of a TSDF, shared by tsdf.c, tsdf_integrate.c and tsdf_store.c. For those and for tests only.
 #pragma once
 #include "reenact/avatar/tsdf.h"
 
@@ -32,7 +32,7 @@ struct tsdf_block {
     uint8_t count;
 };
 
-enum { TSDF_POINTS_MOST = 32000000 }; // of a grid: a person's takes less than a third; 384 MB
+enum { TSDF_POINTS_MOST = 32000000 }; // of a grid, 384 MB: ten times what a dancer's takes (3.3 million)
 
 struct tsdf {
     struct bind_pose bind_pose;

@@ -4,6 +4,10 @@
 
 #include <stdlib.h>
 
+// Beyond anything that is measured of a person, and small enough that sums cannot overflow; chosen by hand.
+static const double LEAST_STEP_M = 1e-4, MOST_M = 100;
+static const float MOST_DISTANCE_M = 100, MOST_WEIGHT = 1e9F;
+
 // Grid points without a value come in long runs: their number, then the number of those with one, and those.
 static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t count)
 {
@@ -23,6 +27,20 @@ static void voxels_archive(struct archive *a, struct tsdf_voxel *voxels, int32_t
     }
 }
 
+// Every number is finite and one that a person's can be; false for what is not a number.
+static bool numbers_are_sound(const struct tsdf *t, int32_t points)
+{
+    const struct vec3 c = t->corner;
+    bool sound = fabs(c.x) <= MOST_M && fabs(c.y) <= MOST_M && fabs(c.z) <= MOST_M && t->step >= LEAST_STEP_M &&
+                 t->step <= MOST_M;
+    for (int32_t i = 0; i < points; i++) {
+        const struct tsdf_voxel *v = &t->voxels[i];
+        sound &=
+            fabsf(v->distance) <= MOST_DISTANCE_M && fabsf(v->weight) <= MOST_WEIGHT && fabsf(v->seen) <= MOST_WEIGHT;
+    }
+    return sound;
+}
+
 void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
 {
     struct tsdf *t = *v;
@@ -36,7 +54,7 @@ void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
     ARCHIVE(a, t->step);
     ARCHIVE(a, t->size);
     const double points = (double)t->size[0] * t->size[1] * t->size[2];
-    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= TSDF_POINTS_MOST && t->step > 0);
+    a->failed |= !(t->size[0] > 0 && t->size[1] > 0 && t->size[2] > 0 && points <= TSDF_POINTS_MOST);
     if (a->reading && !a->failed) {
         t->bind_pose = *of->bind_pose;
         t->calibration = *of->calibration;
@@ -47,6 +65,8 @@ void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of)
     }
     if (!a->failed)
         voxels_archive(a, t->voxels, (int32_t)points);
+    if (a->reading && !a->failed)
+        a->failed = !numbers_are_sound(t, (int32_t)points);
     if (a->reading && a->failed)
         tsdf_close(v);
 }

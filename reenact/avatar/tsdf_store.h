@@ -10,5 +10,5 @@ struct tsdf_of {
 };
 
 // Writes *v, or makes it (of: not NULL then). What is made can be sampled (tsdf_sample) and nothing else. Where the
-// archive fails *v is NULL.
+// archive fails, as it does on numbers that are not finite or not a person's, *v is NULL.
 void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of);
