@@ -12,6 +12,6 @@ struct place_copy_counts {
 };
 
 // Both are paths of recordings; `to` has no place. COPIER_READS_ALL: a place or a drive that cannot be read ends the
-// copy with ERR_CORRUPT. ERR_MEMORY, ERR_IO.
+// copy with ERR_CORRUPT; damaged views and things are left out here, too. ERR_MEMORY, ERR_IO.
 MUST_CHECK enum status place_copy(const char *path, const char *to, enum copier_reads reads,
                                   struct place_copy_counts *out);

@@ -214,6 +214,7 @@ MUST_CHECK enum status recording_delete_take(const char *path, const char *name,
 MUST_CHECK enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns,
                                            int64_t *freed);
 // Adds the take as `new_name` to `to`, which is made, with the place and its things, where it does not exist; it may be
-// the same file. *place_differs: `to` has another place, so that the copy does not know where it was filmed.
+// the same file. Damaged frames, views and things are left out. *place_differs: `to` has another place, so that the
+// copy does not know where it was filmed.
 MUST_CHECK enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
                                            bool *place_differs);

@@ -101,7 +101,7 @@ static void prepare_made(const struct command *command)
 struct product {
     bool there, sound;
     uint64_t hash;
-    uint64_t said;
+    uint64_t said; // hash of what was printed
 };
 
 static uint64_t mix_file(uint64_t hash, const char *path)
