@@ -76,33 +76,39 @@ static enum status trim_take(const struct take_arguments *a)
     return status;
 }
 
-// Frames that damage cost are no reason not to copy the others, but one to say so.
-static void warn_of_lost(const char *file, const char *name)
+// Damage is no reason not to copy the rest, but one to say what it cost.
+static void warn_of_lost(const struct take_copy_report *r)
 {
-    struct recording *r = NULL;
-    struct take *take = NULL;
-    enum status status = recording_open(&r, file);
-    if (status == OK)
-        status = take_open(&take, r, name);
-    if (status == OK && take_lost(take))
-        fprintf(stderr, "reenact-capture take: warning: %lld frames of the take are lost to damage\n",
-                (long long)take_lost(take));
-    take_close(&take);
-    recording_free(&r);
+    const struct {
+        int64_t count;
+        const char *what;
+    } lost[] = {{r->lost_frames, "frames of the take"},
+                {r->damaged_frames, "frames' images"},
+                {r->lost_covariances, "frames' covariances of the joints"},
+                {r->lost_views, "views of the place"},
+                {r->lost_things, "things in the place or their pictures"}};
+    for (size_t i = 0; i < COUNT_OF(lost); i++)
+        if (lost[i].count)
+            fprintf(stderr, "reenact-capture take: warning: %lld %s are lost to damage\n", (long long)lost[i].count,
+                    lost[i].what);
+    if (r->lost_map_covariances)
+        fputs("reenact-capture take: warning: covariances or viewing directions of the place are lost to damage\n",
+              stderr);
 }
 
 static enum status copy_take(const struct take_arguments *a)
 {
-    bool differs;
+    struct take_copy_report report;
     const char *to = a->into ? a->into : a->file, *name = a->name ? a->name : a->take;
     enum status status = file_exists(to) ? OK : file_check_output(to, false);
     if (status == OK)
-        status = recording_copy_take(a->file, a->take, to, name, &differs);
-    if (status == OK)
+        status = recording_copy_take(a->file, a->take, to, name, &report);
+    if (status == OK) {
         printf("%s: take '%s' is a copy of '%s'%s\n", to, name, a->take,
-               differs ? "; the place there is another one, so the copy does not know where it was filmed" : "");
-    if (status == OK)
-        warn_of_lost(to, name);
+               report.place_differs ? "; the place there is another one, so the copy does not know where it was filmed"
+                                    : "");
+        warn_of_lost(&report);
+    }
     return status;
 }
 

@@ -46,6 +46,7 @@ static enum status copy_map(const char *path, const char *to, enum copier_reads 
     int32_t undecodable = 0;
     status = place_drop_undecodable_views(&place, &undecodable);
     out->lost_views = place.views_lost + undecodable;
+    out->lost_map_covariances = place.errors_lost;
     out->calibration = place.calibration;
     out->has_calibration = true;
     if (status == OK)

@@ -8,7 +8,8 @@ struct place_copy_counts {
     struct calibration calibration;
     bool lost_place; // it is there and cannot be read
     int32_t lost_views;
-    int lost_things; // things, and pictures or models of things
+    bool lost_map_covariances; // or points' viewing directions
+    int lost_things;           // things, and pictures or models of things
 };
 
 // Both are paths of recordings; `to` has no place. COPIER_READS_ALL: a place or a drive that cannot be read ends the

@@ -213,8 +213,18 @@ MUST_CHECK enum status recording_delete_take(const char *path, const char *name,
 // ERR_INPUT: none would remain.
 MUST_CHECK enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns,
                                            int64_t *freed);
+// What a copy of a take left out, because it is damaged in the file that it was copied from.
+struct take_copy_report {
+    bool place_differs;        // `to` has another place, so that the copy does not know where it was filmed
+    int64_t lost_frames;       // as take_lost of the copy
+    int64_t damaged_frames;    // of the copy's frames, those that lost an image
+    int64_t lost_covariances;  // of the copy's frames, those without their joints' covariances
+    int32_t lost_views;        // of the place, where `to` was made
+    bool lost_map_covariances; // of the place, where `to` was made; or its points' viewing directions
+    int lost_things;           // things in the place, their pictures and models, where `to` was made
+};
+
 // Adds the take as `new_name` to `to`, which is made, with the place and its things, where it does not exist; it may be
-// the same file. Damaged frames, views and things are left out. *place_differs: `to` has another place, so that the
-// copy does not know where it was filmed.
+// the same file. Damaged frames, views and things are left out. *out is valid with OK.
 MUST_CHECK enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
-                                           bool *place_differs);
+                                           struct take_copy_report *out);

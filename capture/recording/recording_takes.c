@@ -350,7 +350,7 @@ static enum status new_id(struct database *db, const char *name, int64_t *id)
 
 // Copies the take, which is complete once its last batch is in the file; until then it is marked as interrupted.
 static enum status copy_rows(struct database *from, struct database *to, struct take_row *take, const char *new_name,
-                             bool located)
+                             bool located, struct take_copy_report *report)
 {
     struct async_writer *writer = NULL;
     struct frame_copier *copier = NULL;
@@ -374,6 +374,9 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
         copy.frames = counts.saved;
         copy.lost = frame_count_of(copy.lost + counts.lost);
         copy.body.representative_frame = counts.representative;
+        report->lost_frames = copy.lost;
+        report->damaged_frames = counts.damaged;
+        report->lost_covariances = counts.covariances_lost;
         status = async_writer_put_take(writer, &copy);
     }
     struct failure first;
@@ -384,7 +387,7 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
 }
 
 static enum status copy_into(const char *path, const char *name, const char *to, const char *new_name,
-                             bool *place_differs)
+                             struct take_copy_report *report)
 {
     struct database *from = NULL, *db = NULL;
     struct take_row take = {0};
@@ -409,8 +412,8 @@ static enum status copy_into(const char *path, const char *name, const char *to,
     if (status == OK)
         status = place_crc(db, &theirs);
     if (status == OK) {
-        *place_differs = ours != theirs && ours != -1;
-        status = copy_rows(from, db, &take, new_name, ours == theirs);
+        report->place_differs = ours != theirs && ours != -1;
+        status = copy_rows(from, db, &take, new_name, ours == theirs, report);
     }
     struct failure first;
     failure_keep(&first, status);
@@ -422,14 +425,14 @@ static enum status copy_into(const char *path, const char *name, const char *to,
 }
 
 enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
-                                bool *place_differs)
+                                struct take_copy_report *out)
 {
-    *place_differs = false;
+    *out = (struct take_copy_report){0};
     enum status status = take_name_check(new_name);
     if (status != OK)
         return status;
     if (file_exists(to))
-        return copy_into(path, name, to, new_name, place_differs);
+        return copy_into(path, name, to, new_name, out);
     // A new file: with the place, so that the take is still where it was filmed.
     struct place_copy_counts place;
     struct recording_writer *w;
@@ -439,8 +442,12 @@ enum status recording_copy_take(const char *path, const char *name, const char *
     status = recording_close(&w);
     if (status == OK)
         status = place_copy(path, to, COPIER_READS_ALL, &place);
-    if (status == OK)
-        status = copy_into(path, name, to, new_name, place_differs);
+    if (status == OK) {
+        out->lost_views = place.lost_views;
+        out->lost_map_covariances = place.lost_map_covariances;
+        out->lost_things = place.lost_things;
+        status = copy_into(path, name, to, new_name, out);
+    }
     if (status != OK) {
         struct failure first;
         failure_keep(&first, status);

@@ -6,6 +6,7 @@
 #include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
 #include "tests/support/random.h"
+#include "tests/support/sql.h"
 
 static struct recording *recording;
 static struct take *take;
@@ -176,20 +177,20 @@ static void test_copy(void **state)
 {
     (void)state;
     char path[128], other[128];
-    bool differs;
+    struct take_copy_report report;
     snprintf(path, sizeof path, "%s", fresh("copy"));
     snprintf(other, sizeof other, "%s", sample_path("copy-new"));
     const struct recorded_thing thing = {.name = "mug", .world_from_thing = POSE_IDENTITY};
     const struct recorded_drive drive = {.world_from_body = POSE_IDENTITY, .path_count = 2};
     EXPECT_STATUS(recording_write_things(path, &thing, 1), OK);
     EXPECT_STATUS(recording_write_drive(path, &drive), OK);
-    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &differs), OK);
-    EXPECT_TRUE(!differs);
+    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &report), OK);
+    EXPECT_TRUE(!report.place_differs);
     expect_sound(path, 3, 2 * FRAMES + 3);
-    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &differs), ERR_EXISTS);
-    EXPECT_STATUS(recording_copy_take(path, "nope", other, "x", &differs), ERR_MISSING);
+    EXPECT_STATUS(recording_copy_take(path, "höher", path, "again", &report), ERR_EXISTS);
+    EXPECT_STATUS(recording_copy_take(path, "nope", other, "x", &report), ERR_MISSING);
     EXPECT_TRUE(!file_exists(other));
-    EXPECT_STATUS(recording_copy_take(path, "höher", other, "höher", &differs), OK); // made, with the place
+    EXPECT_STATUS(recording_copy_take(path, "höher", other, "höher", &report), OK); // made, with the place
     expect_sound(other, 1, FRAMES);
     open_take(other, "höher");
     struct place place;
@@ -217,10 +218,43 @@ static void test_copy(void **state)
     EXPECT_STATUS(recording_put_place(w, &another), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     place_free(&another);
-    EXPECT_STATUS(recording_copy_take(path, "höher", elsewhere, "höher", &differs), OK);
-    EXPECT_TRUE(differs);
+    EXPECT_STATUS(recording_copy_take(path, "höher", elsewhere, "höher", &report), OK);
+    EXPECT_TRUE(report.place_differs);
     open_take(elsewhere, "höher");
     EXPECT_TRUE(!take_entry(take, 3)->located);
+    close_take();
+}
+
+// What is damaged is left out, into a new file as into an old one, and each of it is counted.
+static void test_copy_says_what_damage_cost(void **state)
+{
+    (void)state;
+    char path[128], other[128];
+    snprintf(path, sizeof path, "%s", fresh("copy-damaged"));
+    snprintf(other, sizeof other, "%s", sample_path("copy-of-damaged"));
+    const struct recorded_thing things[2] = {{.name = "mug", .world_from_thing = POSE_IDENTITY},
+                                             {.name = "book", .world_from_thing = POSE_IDENTITY}};
+    EXPECT_STATUS(recording_write_things(path, things, 2), OK);
+    run_sql(path, "DELETE FROM frame WHERE id % 4294967296 IN (10, 11);"
+                  "UPDATE picture SET color = x'00' WHERE id % 4294967296 = 8;"
+                  "UPDATE joint_error SET crc = crc + 1 WHERE id % 4294967296 IN (1, 5, 6);"
+                  "UPDATE place_view SET crc = 1 WHERE id = 1;"
+                  "UPDATE point_error SET crc = 0; UPDATE thing SET note = 'other' WHERE id = 0");
+    for (int i = 0; i < 2; i++) { // `other` is made, then added to
+        struct take_copy_report report;
+        EXPECT_STATUS(recording_copy_take(path, "höher", other, i ? "again" : "höher", &report), OK);
+        EXPECT_INT(report.place_differs, false);
+        EXPECT_INT(report.lost_frames, 2);
+        EXPECT_INT(report.damaged_frames, 1);
+        EXPECT_INT(report.lost_covariances, 3);
+        EXPECT_INT(report.lost_views, i ? 0 : 1);
+        EXPECT_INT(report.lost_map_covariances, !i);
+        EXPECT_INT(report.lost_things, i ? 0 : 1);
+        expect_sound(other, i + 1, (i + 1) * (FRAMES - 2));
+    }
+    open_take(other, "höher");
+    EXPECT_TRUE(!take_is_complete(take));
+    EXPECT_TRUE(take_entry(take, 3)->located);
     close_take();
 }
 
@@ -232,6 +266,7 @@ int main(void)
         cmocka_unit_test(test_delete_overwrites),
         cmocka_unit_test(test_trim),
         cmocka_unit_test(test_copy),
+        cmocka_unit_test(test_copy_says_what_damage_cost),
     };
     return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }
