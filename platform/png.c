@@ -90,13 +90,36 @@ static bool set_transforms(png_structp png, png_infop info, enum png_kind kind)
     return true;
 }
 
+enum status png_size(const uint8_t *bytes, size_t count, const char *name, int *width, int *height)
+{
+    // Width and height follow the header chunk's length and name. libpng, but not the standard, lets others go before.
+    static const char begin[] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
+    if (count < 24 || memcmp(bytes, begin, sizeof begin - 1))
+        return fail(ERR_CORRUPT, "%s is damaged: it is no PNG picture", name);
+    uint32_t size[2];
+    for (int i = 0; i < 2; i++) {
+        const uint8_t *at = bytes + 16 + 4 * i;
+        size[i] = (uint32_t)at[0] << 24 | (uint32_t)at[1] << 16 | (uint32_t)at[2] << 8 | at[3];
+    }
+    if (size[0] < 1 || size[1] < 1 || size[0] > INT32_MAX || size[1] > INT32_MAX)
+        return fail(ERR_CORRUPT, "%s is damaged: its size is impossible", name);
+    *width = (int)size[0];
+    *height = (int)size[1];
+    return OK;
+}
+
 enum status png_decode(const uint8_t *bytes, size_t count, const char *name, struct png_layout *layout, void **pixels)
 {
     const enum png_kind kind = layout->kind;
     int *width = &layout->width, *height = &layout->height;
     struct reader reader = {.bytes = bytes, .count = count};
     uint8_t *volatile rows = NULL; // volatile: written between setjmp and longjmp
-    volatile enum status status = OK;
+    volatile enum status status = png_size(bytes, count, name, width, height);
+    if (status != OK)
+        return status;
+    if (!image_size_is_usable(*width, *height))
+        return fail(ERR_INPUT, "%s has %d x %d pixels; at most %d a side and %d million in all can be used", name,
+                    *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
     png_structp png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, &reader, keep_message, ignore_warning, &reader,
                                                take_memory, give_memory);
     png_infop info = png ? png_create_info_struct(png) : NULL;
@@ -115,12 +138,7 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     png_set_chunk_cache_max(png, 64);
     png_set_read_fn(png, &reader, feed);
     png_read_info(png, info);
-    *width = (int)png_get_image_width(png, info);
-    *height = (int)png_get_image_height(png, info);
-    if (!image_size_is_usable(*width, *height)) {
-        status = fail(ERR_INPUT, "%s has %d x %d pixels; at most %d a side and %d million in all can be used", name,
-                      *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
-    } else if (!set_transforms(png, info, kind)) {
+    if (!set_transforms(png, info, kind)) {
         status = fail(ERR_INPUT, "%s has %d-bit samples; depth pictures have 16, all others 8", name,
                       png_get_bit_depth(png, info));
     } else {
@@ -141,23 +159,6 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     if (status == OK)
         *pixels = rows;
     return status;
-}
-
-enum status png_size(const uint8_t *bytes, size_t count, const char *name, int *width, int *height)
-{
-    static const uint8_t begin[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-    if (count < 24 || memcmp(bytes, begin, sizeof begin)) // width and height follow the header chunk's name
-        return fail(ERR_CORRUPT, "%s is damaged: it is no PNG picture", name);
-    uint32_t size[2];
-    for (int i = 0; i < 2; i++) {
-        const uint8_t *at = bytes + 16 + 4 * i;
-        size[i] = (uint32_t)at[0] << 24 | (uint32_t)at[1] << 16 | (uint32_t)at[2] << 8 | at[3];
-    }
-    if (size[0] < 1 || size[1] < 1 || size[0] > INT32_MAX || size[1] > INT32_MAX)
-        return fail(ERR_CORRUPT, "%s is damaged: its size is impossible", name);
-    *width = (int)size[0];
-    *height = (int)size[1];
-    return OK;
 }
 
 enum status png_read(const char *path, enum png_kind kind, void **pixels, int *width, int *height)

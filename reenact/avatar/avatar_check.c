@@ -1,5 +1,7 @@
 #include "reenact/avatar/avatar_check.h"
 
+#include "reenact/avatar/deformation_grid.h"
+
 // Farther, brighter, later than anything that a sensor sees of a person; chosen by hand so that sums and conversions of
 // what passes cannot overflow.
 #define MOST_M     100.0
@@ -77,6 +79,7 @@ static bool surface_is_sound(const struct avatar *f)
                 points_within(s->normals, s->point_count, 1 + UNIT_ERROR) &&
                 floats_within(c->color[0], 3 * points, MOST_COLOR) && floats_within(c->time_s, points, MOST_S) &&
                 floats_within(c->irradiance.term, SH_TERMS, MOST_COLOR);
+    good = good && deformation_grid_is_small(s);
     for (size_t i = 0; i < points && good; i++) {
         const struct skin_weights *w = &f->skins[i];
         good = floats_within(w->weight, SKIN_BONES, 1 + UNIT_ERROR);

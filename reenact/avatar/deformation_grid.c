@@ -19,6 +19,12 @@ struct deformation_grid deformation_grid_about(const struct surface_mesh *s)
     return g;
 }
 
+bool deformation_grid_is_small(const struct surface_mesh *s)
+{
+    const struct deformation_grid g = deformation_grid_about(s);
+    return (int64_t)g.size[0] * g.size[1] * g.size[2] <= DEFORMATION_POINTS_MOST;
+}
+
 int deformation_grid_count(const struct deformation_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
 
 struct vec3 deformation_grid_point(const struct deformation_grid *g, int at)

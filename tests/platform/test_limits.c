@@ -166,6 +166,11 @@ static void test_pictures_above_the_limit(void **state)
     int width, height;
     EXPECT_STATUS(png_read(SOURCE_DIR "/tests/fuzz/corpus/png/chunk-of-900-mb", PNG_GRAY8, &pixels, &width, &height),
                   ERR_CORRUPT);
+    // Another chunk before the header, with other numbers where a size is expected: libpng alone would take it.
+    EXPECT_STATUS(
+        png_read(SOURCE_DIR "/tests/fuzz/corpus/png/chunk-before-header", PNG_GRAY16, &pixels, &width, &height),
+        ERR_CORRUPT);
+    EXPECT_SAYS("no PNG picture");
 }
 
 static void test_long_tag_lists(void **state)
