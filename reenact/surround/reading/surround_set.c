@@ -1,9 +1,8 @@
 #include "reenact/surround/reading/surround_set.h"
 
 #include "platform/file.h"
-#include "platform/jpeg.h"
+#include "platform/image_file.h"
 #include "platform/json.h"
-#include "platform/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -210,54 +209,25 @@ void surround_set_free(struct surround_set *set)
     *set = (struct surround_set){0};
 }
 
-enum status image_file_read(const char *path, uint8_t **rgb, int *width, int *height)
-{
-    const size_t length = strlen(path);
-    if (length > 4 && !strcmp(path + length - 4, ".png")) {
-        void *pixels;
-        const enum status status = png_read(path, PNG_RGB8, &pixels, width, height);
-        if (status == OK)
-            *rgb = pixels;
-        return status;
-    }
-    uint8_t *bytes, *pixels = NULL;
-    size_t size;
-    enum status status = file_read(path, &bytes, &size);
-    if (status != OK)
-        return status;
-    status = jpeg_size(bytes, size, width, height);
-    if (status == OK && !(pixels = malloc((size_t)*width * (size_t)*height * 3)))
-        status = fail(ERR_MEMORY, "out of memory");
-    if (status == OK)
-        status = jpeg_decode(bytes, size, pixels, *width, *height);
-    free(bytes);
-    if (status == OK)
-        *rgb = pixels;
-    else
-        free(pixels);
-    return status;
-}
-
 enum status surround_set_picture(const struct surround_set *set, int capture, struct surround_picture *out)
 {
-    uint8_t *rgb;
-    int width, height;
+    struct image image;
     const struct lens *lens = set->panorama_lens.width ? &set->panorama_lens : NULL;
-    enum status status = image_file_read(set->captures[capture].panorama, &rgb, &width, &height);
+    enum status status = image_read(set->captures[capture].panorama, &image);
     if (status != OK)
         return status;
-    if (lens && (lens->width != width || lens->height != height)) {
-        free(rgb);
+    if (lens && (lens->width != image.width || lens->height != image.height)) {
+        free(image.rgb);
         return fail(ERR_INPUT, "%s is not of calibration.json's size", set->captures[capture].panorama);
     }
     struct lens ideal = set->panorama_lens;
     if (lens)
-        status = surround_image_undistort(rgb, &ideal);
+        status = surround_image_undistort(image.rgb, &ideal);
     if (status != OK) {
-        free(rgb);
+        free(image.rgb);
         return status;
     }
-    status = surround_picture_make(out, rgb, width, height, lens ? &ideal : NULL);
+    status = surround_picture_make(out, image.rgb, image.width, image.height, lens ? &ideal : NULL);
     out->time_ns = set->captures[capture].time_ns;
     return status;
 }

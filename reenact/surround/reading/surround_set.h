@@ -59,6 +59,3 @@ MUST_CHECK enum status surround_set_picture(const struct surround_set *set, int 
 
 // Points of a binary little-endian or ASCII PLY file with float x, y, z among its vertex properties. *out is malloc'ed.
 MUST_CHECK enum status ply_points_read(const char *path, float (**out)[3], int *count);
-
-// An image file, JPEG or PNG by its ending, as RGB. *rgb is malloc'ed.
-MUST_CHECK enum status image_file_read(const char *path, uint8_t **rgb, int *width, int *height);
