@@ -41,15 +41,20 @@ static void stage_close(struct stage *s)
     world_close(&s->world);
 }
 
-static void shoot(struct stage *s, struct pose camera, double time_s, uint64_t seed, bool actor)
+// color: NULL, or the stage's; it takes most of the time.
+static void shoot_as(struct stage *s, const struct world_shot *shot, uint64_t seed, uint8_t *color)
 {
     const struct lens *l = &s->calibration.depth;
-    const struct world_shot shot = {*l, camera, time_s, actor};
     EXPECT_STATUS(
-        world_render(s->world, &shot, &(struct world_image){.depth = s->depth, .mask = s->mask, .color = s->color}),
-        OK);
+        world_render(s->world, shot, &(struct world_image){.depth = s->depth, .mask = s->mask, .color = color}), OK);
     EXPECT_STATUS(world_depth_noise(l, s->depth, seed, s->depth), OK);
-    s->skeleton = world_joints_in_camera(s->world, time_s, camera);
+    s->skeleton = world_joints_in_camera(s->world, shot->time_s, shot->world_from_camera);
+}
+
+static void shoot(struct stage *s, struct pose camera, double time_s, uint64_t seed, bool actor)
+{
+    const struct world_shot shot = {s->calibration.depth, camera, time_s, actor};
+    shoot_as(s, &shot, seed, s->color);
 }
 
 static struct coach_frame frame_of(const struct stage *s, int i)
@@ -211,7 +216,9 @@ static void test_the_obedient_are_seen(void **state)
         for (int i = 0; i < 30 * 16 && done_s < 0; i += 3) { // at 10 Hz, to save time
             const struct quat turn = quat_from_rotation_vector(v3(0, 0, -turned));
             const struct pose orbit = {turn, v3_sub(about, quat_rotate(turn, about))};
-            shoot(&s, pose_multiply(orbit, world_sensor_pose(s.world)), 0, (uint64_t)i + 1, true);
+            const struct world_shot shot = {s.calibration.depth, pose_multiply(orbit, world_sensor_pose(s.world)), 0,
+                                            true};
+            shoot_as(&s, &shot, (uint64_t)i + 1, NULL);
             struct coach_frame frame = frame_of(&s, i);
             frame.color = NULL;
             // The room turns with the camera: only the actor is shown, as before a far wall.
