@@ -5,23 +5,17 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 static void make_pictures(void)
 {
     static bool made;
-    static const uint8_t pixels[8 * 6 * 3];
-    static const char calibration[] =
-        "{\"color\": {\"width\": 8, \"height\": 6, \"fx\": 7, \"fy\": 7, \"cx\": 3.5, \"cy\": 2.5},"
-        "\"depth\": {\"width\": 8, \"height\": 6, \"fx\": 7, \"fy\": 7, \"cx\": 3.5, \"cy\": 2.5}, \"registered\": "
-        "true}";
+    static const uint8_t pixels[FUZZ_WIDTH * FUZZ_HEIGHT * 3];
     if (made)
         return;
     made = true;
-    mkdir(fuzz_path("folder"), 0777);
-    fuzz_file("folder/calibration.json", (const uint8_t *)calibration, sizeof calibration - 1);
-    FUZZ_CHECK(png_write(fuzz_path("folder/c.png"), PNG_RGB8, pixels, 8, 6) == OK);
-    FUZZ_CHECK(png_write(fuzz_path("folder/d.png"), PNG_GRAY16, pixels, 8, 6) == OK);
+    fuzz_make_folder();
+    FUZZ_CHECK(png_write(fuzz_path("folder/c.png"), PNG_RGB8, pixels, FUZZ_WIDTH, FUZZ_HEIGHT) == OK);
+    FUZZ_CHECK(png_write(fuzz_path("folder/d.png"), PNG_GRAY16, pixels, FUZZ_WIDTH, FUZZ_HEIGHT) == OK);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
