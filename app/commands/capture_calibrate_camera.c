@@ -76,6 +76,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+enum { REPORT_MOST = 8 };
+
 // What one kind does with a frame, and what it found.
 struct calibration_run {
     const struct camera_arguments *a;
@@ -87,6 +89,9 @@ struct calibration_run {
     uint8_t *gray;
     struct readout readout;
     bool enough;
+    int report_count; // numbers that say how good the result is
+    const char *report_name[REPORT_MOST];
+    double report_value[REPORT_MOST];
 };
 
 static enum status add_lens(struct calibration_run *r, const struct frame *f)
@@ -182,9 +187,9 @@ static void add_lens_json(struct json *root, const char *name, const struct lens
         json_push_number(distortion, k[i]);
 }
 
-static char *calibration_text(const struct calibration *c)
+// As calibration.json has it.
+static void add_calibration_json(struct json *root, const struct calibration *c)
 {
-    struct json *root = json_new_object();
     if (c->color.width)
         add_lens_json(root, "color", &c->color);
     if (c->depth.width)
@@ -203,44 +208,78 @@ static char *calibration_text(const struct calibration *c)
         for (int i = 0; i < 4; i++)
             json_push_number(q, turn[i]);
     }
+}
+
+static char *calibration_text(const struct calibration *c)
+{
+    struct json *root = json_new_object();
+    add_calibration_json(root, c);
     char *text = json_print(root);
     json_free(&root);
     return text;
 }
 
-// Where there is no --out, the result goes to where the device's is looked up, if it has such a place.
-static enum status keep(struct calibration_run *r, struct source *source)
+// Where there is no --out, the result goes to where the device's is looked up, if it has such a place (*kept).
+static enum status keep(const struct calibration_run *r, struct source *source, bool *kept)
 {
-    enum status status = NOTHING;
+    *kept = false;
     if (!r->a->out) {
-        status = source_save_calibration(source, &r->calibration);
-        if (status == OK)
-            printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
+        const enum status status = source_save_calibration(source, &r->calibration);
+        *kept = status == OK;
+        return status == NOTHING ? OK : status;
     }
-    if (status != NOTHING)
-        return status;
     char *text = calibration_text(&r->calibration);
-    status = text ? OK : fail(ERR_MEMORY, "no memory for the calibration");
-    if (status == OK && r->a->out)
-        status = file_write(r->a->out, text, strlen(text));
-    else if (status == OK && !r->a->json)
-        printf("%s", text);
+    const enum status status =
+        text ? file_write(r->a->out, text, strlen(text)) : fail(ERR_MEMORY, "no memory for the calibration");
     free(text);
     return status;
 }
 
-static void say(const struct camera_arguments *a, const char *const names[], const double *values, int count)
+static void report_set(struct calibration_run *r, const char *const names[], const double *values, int count)
 {
-    if (a->json) {
-        struct json *root = json_new_object();
-        for (int i = 0; i < count; i++)
-            json_add_number(root, names[i], values[i]);
-        (void)!command_print_json(&root);
-        return;
+    assert(count <= REPORT_MOST);
+    r->report_count = count;
+    for (int i = 0; i < count; i++) {
+        r->report_name[i] = names[i];
+        r->report_value[i] = values[i];
     }
-    for (int i = 0; i < count; i++)
-        printf("%s%s %.4g", i ? ", " : "", names[i], values[i]);
+}
+
+static void print_report(const struct calibration_run *r)
+{
+    for (int i = 0; i < r->report_count; i++)
+        printf("%s%s %.4g", i ? ", " : "", r->report_name[i], r->report_value[i]);
     printf("\n");
+}
+
+static enum status print_json(const struct calibration_run *r, bool kept)
+{
+    struct json *root = json_new_object();
+    for (int i = 0; i < r->report_count; i++)
+        json_add_number(root, r->report_name[i], r->report_value[i]);
+    json_add_bool(root, "kept", kept);
+    add_calibration_json(json_add_object(root, "calibration"), &r->calibration);
+    return command_print_json(&root);
+}
+
+static enum status keep_and_print(const struct calibration_run *r, struct source *source)
+{
+    bool kept;
+    if (!r->a->json)
+        print_report(r);
+    enum status status = keep(r, source, &kept);
+    if (status != OK || r->a->json)
+        return status == OK ? print_json(r, kept) : status;
+    if (kept)
+        printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
+    if (kept || r->a->out)
+        return OK;
+    char *text = calibration_text(&r->calibration);
+    if (!text)
+        return fail(ERR_MEMORY, "no memory to print the calibration");
+    fputs(text, stdout);
+    free(text);
+    return OK;
 }
 
 static enum status solve_lens(struct calibration_run *r)
@@ -255,7 +294,7 @@ static enum status solve_lens(struct calibration_run *r)
     static const char *const names[] = {"views", "circles", "rms_px", "max_px", "focal_sigma_percent", "mm_per_m"};
     const double values[] = {report.views,  report.circles,           report.rms_px,
                              report.max_px, report.focal_sigma * 100, report.sigma_mm_per_m};
-    say(r->a, names, values, COUNT_OF(values));
+    report_set(r, names, values, COUNT_OF(values));
     return OK;
 }
 
@@ -270,7 +309,7 @@ static enum status solve_color_depth(struct calibration_run *r)
                                         "sigma_mm", "sigma_deg", "shift_mm", "turn_deg"};
     const double values[] = {report.views,    report.points,    report.rms_px,   report.rms_mm,
                              report.sigma_mm, report.sigma_deg, report.shift_mm, report.turn_deg};
-    say(r->a, names, values, COUNT_OF(values));
+    report_set(r, names, values, COUNT_OF(values));
     return OK;
 }
 
@@ -284,7 +323,7 @@ static enum status solve_rolling(struct calibration_run *r)
     r->calibration.color.readout_s = readout_s;
     static const char *const names[] = {"readout_ms", "sigma_ms", "frames", "rms_px", "shear_px"};
     const double values[] = {readout_s * 1e3, report.sigma_s * 1e3, report.frames, report.rms_px, report.bend_px};
-    say(r->a, names, values, COUNT_OF(values));
+    report_set(r, names, values, COUNT_OF(values));
     return OK;
 }
 
@@ -329,7 +368,7 @@ static enum status calibrate(struct calibration_run *r)
     if (status == OK)
         status = a->lens ? solve_lens(r) : a->color_depth ? solve_color_depth(r) : solve_rolling(r);
     if (status == OK)
-        status = keep(r, source);
+        status = keep_and_print(r, source);
     lens_calibration_free(&r->lens);
     color_depth_free(&r->color_depth);
     tag_detector_close(&r->detector);

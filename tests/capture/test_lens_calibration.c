@@ -1,9 +1,13 @@
-// A lens from rendered pictures of boards of circles and chequers, and a rolling shutter's read-out from a swing before
-// a tag of the small world.
+// A lens from rendered pictures of boards of circles and chequers, also by the command, and a rolling shutter's
+// read-out from a swing before a tag of the small world.
 #include "capture/calibration/lens_calibration.h"
 #include "capture/calibration/readout.h"
 #include "locate/tag_corners.h"
+#include "platform/json.h"
+#include "platform/png.h"
 #include "platform/tag_detector.h"
+#include "tests/support/process.h"
+#include "tests/support/scratch.h"
 #include "tests/support/test.h"
 #include "tests/world/world.h"
 
@@ -51,6 +55,14 @@ static void render_board(const struct stereo_board *b, bool chequers, struct pos
     world_color_noise(rgb, true_lens.width, true_lens.height, seed);
 }
 
+static struct pose tilted_pose(struct rng *rng)
+{
+    const double tilt = rng_between(rng, -0.6, 0.6), pan = rng_between(rng, -0.6, 0.6), z = rng_between(rng, 0.28, 0.4),
+                 x = rng_between(rng, -0.05, 0.05), y = rng_between(rng, -0.04, 0.04);
+    const struct quat turn = quat_from_rotation_vector(v3(tilt, pan, rng_between(rng, -0.3, 0.3)));
+    return (struct pose){turn, v3_add(v3(x, y, z), quat_rotate(turn, v3(-0.09, -0.06, 0)))};
+}
+
 static void calibrate_by(bool chequers)
 {
     static uint8_t rgb[3 * 640 * 480];
@@ -63,12 +75,7 @@ static void calibrate_by(bool chequers)
     lens_calibration_start(&c, &board, 640, 480);
     c.chequers = chequers;
     for (int i = 0; i < 12; i++) {
-        const double tilt = rng_between(&rng, -0.6, 0.6), pan = rng_between(&rng, -0.6, 0.6),
-                     z = rng_between(&rng, 0.28, 0.4), x = rng_between(&rng, -0.05, 0.05),
-                     y = rng_between(&rng, -0.04, 0.04);
-        const struct quat turn = quat_from_rotation_vector(v3(tilt, pan, rng_between(&rng, -0.3, 0.3)));
-        const struct pose pose = {turn, v3_add(v3(x, y, z), quat_rotate(turn, v3(-0.09, -0.06, 0)))};
-        render_board(&board, chequers, pose, (uint64_t)i + 1, rgb);
+        render_board(&board, chequers, tilted_pose(&rng), (uint64_t)i + 1, rgb);
         EXPECT_STATUS(lens_calibration_add(&c, rgb, &used), OK);
         if (i == 3) { // the same once more says nothing new
             EXPECT_STATUS(lens_calibration_add(&c, rgb, &used), OK);
@@ -99,6 +106,45 @@ static void test_a_lens_by_chequers(void **state)
 {
     (void)state;
     calibrate_by(true);
+}
+
+// Its JSON is all that it writes, and has the result where no device keeps it.
+static void test_the_command(void **state)
+{
+    (void)state;
+    enum { VIEWS = 12 };
+    static uint8_t rgb[3 * 640 * 480];
+    const struct stereo_board board = {10, 7, 0.02};
+    struct scratch scratch = scratch_make();
+    struct rng rng = {11};
+    char uri[240], list[VIEWS * 16] = "";
+    for (int i = 0; i < VIEWS; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "%d.png", i);
+        snprintf(list + strlen(list), sizeof list - strlen(list), "%d %s\n", i, name);
+        render_board(&board, false, tilted_pose(&rng), (uint64_t)i + 1, rgb);
+        EXPECT_STATUS(png_write(scratch_file(&scratch, name), PNG_RGB8, rgb, 640, 480), OK);
+    }
+    scratch_text(&scratch, "rgb.txt", list);
+    scratch_text(&scratch, "calibration.json",
+                 "{\"color\": {\"width\": 640, \"height\": 480, \"fx\": 500, \"fy\": 500, \"cx\": 320, \"cy\": 240}}");
+    snprintf(uri, sizeof uri, "folder:%s", scratch.path);
+    const struct process_result p = PROCESS(PROGRAM_DIR "/reenact-capture", "calibrate", "--lens", uri, "--circles",
+                                            "10x7", "--views", "12", "--json");
+    print_message("%s%s", p.out, p.err);
+    EXPECT_INT(p.exit_code, 0);
+    struct json *root;
+    bool kept = true;
+    double views, fx;
+    EXPECT_STATUS(json_parse(p.out, strlen(p.out), "the command's output", &root), OK);
+    EXPECT_STATUS(json_need_number(root, "views", "the output", &views), OK);
+    EXPECT_TRUE(json_get_bool(json_member(root, "kept"), &kept) && !kept);
+    const struct json *color = json_member(json_member(root, "calibration"), "color");
+    EXPECT_STATUS(json_need_number(color, "fx", "the output", &fx), OK);
+    EXPECT_NEAR(views, VIEWS, 0);
+    EXPECT_NEAR(fx / true_lens.fx, 1, 0.003);
+    json_free(&root);
+    scratch_remove(&scratch);
 }
 
 // ---------------------------------------------------------------- rolling shutter
@@ -181,6 +227,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_lens_by_circles),
         cmocka_unit_test(test_a_lens_by_chequers),
+        cmocka_unit_test(test_the_command),
         cmocka_unit_test(test_a_rolling_shutter),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
