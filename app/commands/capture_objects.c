@@ -165,12 +165,18 @@ static int note(int argc, char **argv)
 
 int capture_objects(int argc, char **argv)
 {
-    if (argc > 1 && !strcmp(argv[1], "list"))
-        return list(argc - 1, argv + 1);
-    if (argc > 1 && !strcmp(argv[1], "note"))
-        return note(argc - 1, argv + 1);
-    if (argc > 1 && !strcmp(argv[1], "serve"))
-        return serve(argc - 1, argv + 1);
+    static const struct {
+        const char *name;
+        int (*run)(int argc, char **argv);
+    } actions[] = {{"list", list}, {"note", note}, {"serve", serve}};
+    for (size_t i = 0; i < COUNT_OF(actions) && argc > 1; i++) {
+        char name[160]; // as its sentences begin
+        if (strcmp(argv[1], actions[i].name))
+            continue;
+        snprintf(name, sizeof name, "%s %s", argv[0], argv[1]);
+        argv[1] = name;
+        return actions[i].run(argc - 1, argv + 1);
+    }
     struct objects_arguments a = {0};
     const struct argp argp = {
         options,

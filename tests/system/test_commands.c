@@ -96,8 +96,8 @@ static void expect_sentence(struct process_result said, const char *word, int li
 static void test_help_and_usage(void **state)
 {
     (void)state;
-    const char *const capture[] = {"devices", "map",    "record", "info",   "verify",
-                                   "repair",  "export", "tags",   "studio", "calibrate"};
+    const char *const capture[] = {"devices", "map",  "record", "info",      "verify", "repair", "export",
+                                   "library", "tags", "studio", "calibrate", "take",   "objects"};
     for (size_t i = 0; i < COUNT_OF(capture); i++) {
         struct process_result said = PROCESS(CAPTURE, capture[i], "--help");
         if (said.exit_code || !strstr(said.out, "Usage"))
@@ -106,13 +106,14 @@ static void test_help_and_usage(void **state)
         EXPECT_TRUE(strstr(said.out, "Usage"));
         EXPECT_INT(PROCESS(CAPTURE, capture[i], "--no-such-option").exit_code, 2);
     }
-    const char *const reenact[] = {"render", "locate", "compare"};
+    const char *const reenact[] = {"render", "locate", "compare", "surround", "drive"};
     for (size_t i = 0; i < COUNT_OF(reenact); i++) {
         EXPECT_INT(PROCESS(REENACT, reenact[i], "--help").exit_code, 0);
         EXPECT_INT(PROCESS(REENACT, reenact[i]).exit_code, 2);
     }
     EXPECT_INT(PROCESS(CAPTURE).exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "nonsense").exit_code, 2);
+    EXPECT_TRUE(strstr(PROCESS(CAPTURE, "objects", "list").err, "reenact-capture objects list: FILE is needed"));
     EXPECT_INT(PROCESS(REENACT, "--help").exit_code, 0);
     EXPECT_INT(PROCESS(CAPTURE, "record", "--take", "x").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
