@@ -195,9 +195,8 @@ static struct json *add_lens(struct json *root, const char *name, const struct l
     return object;
 }
 
-enum status calibration_write(const char *path, const struct calibration *c)
+void calibration_add_json(struct json *root, const struct calibration *c)
 {
-    struct json *root = json_new_object();
     if (c->color.width)
         add_lens(root, "color", &c->color);
     if (c->depth.width)
@@ -213,6 +212,12 @@ enum status calibration_write(const char *path, const struct calibration *c)
         for (int i = 0; i < 4; i++)
             json_push_number(rotation, (&p->rotation.x)[i]);
     }
+}
+
+enum status calibration_write(const char *path, const struct calibration *c)
+{
+    struct json *root = json_new_object();
+    calibration_add_json(root, c);
     char *text = json_print(root);
     json_free(&root);
     enum status status =
@@ -278,15 +283,9 @@ enum status camera_lens_save(const char *id, const struct lens *lens)
     enum status status = camera_file_for_writing(id, path, sizeof path);
     if (status != OK)
         return status;
-    struct lens kept = *lens;
-    kept.focal_sigma = fmax(MIN_SAVED_SIGMA, lens->focal_sigma);
-    struct json *root = json_new_object();
-    add_lens(root, "color", &kept);
-    char *text = json_print(root);
-    json_free(&root);
-    status = text ? file_write(path, text, strlen(text)) : fail(ERR_MEMORY, "no memory to save a camera's lens");
-    free(text);
-    return status;
+    struct calibration kept = {.color = *lens};
+    kept.color.focal_sigma = fmax(MIN_SAVED_SIGMA, lens->focal_sigma);
+    return calibration_write(path, &kept);
 }
 
 enum status camera_lens_scale(struct lens *lens, int width, int height, const char *id)

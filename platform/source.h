@@ -82,3 +82,6 @@ MUST_CHECK enum status calibration_read(const char *path, struct calibration *ou
 
 // Writes what calibration_read reads. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status calibration_write(const char *path, const struct calibration *calibration);
+// Adds the same members to an object (json.h).
+struct json;
+void calibration_add_json(struct json *object, const struct calibration *calibration);

@@ -166,73 +166,15 @@ static enum status feed(struct calibration_run *r, struct source *source,
 
 // ---------------------------------------------------------------- results
 
-static void add_lens_json(struct json *root, const char *name, const struct lens *l)
-{
-    struct json *lens = json_add_object(root, name);
-    const struct {
-        const char *name;
-        double value;
-    } numbers[] = {{"width", l->width},
-                   {"height", l->height},
-                   {"fx", l->fx},
-                   {"fy", l->fy},
-                   {"cx", l->cx},
-                   {"cy", l->cy},
-                   {"readout_ms", l->readout_s * 1e3}};
-    for (size_t i = 0; i < COUNT_OF(numbers); i++)
-        json_add_number(lens, numbers[i].name, numbers[i].value);
-    struct json *distortion = json_add_array(lens, "distortion");
-    const double k[] = {l->k1, l->k2, l->p1, l->p2, l->k3};
-    for (size_t i = 0; i < COUNT_OF(k); i++)
-        json_push_number(distortion, k[i]);
-}
-
-// As calibration.json has it.
-static void add_calibration_json(struct json *root, const struct calibration *c)
-{
-    if (c->color.width)
-        add_lens_json(root, "color", &c->color);
-    if (c->depth.width)
-        add_lens_json(root, "depth", &c->depth);
-    if (c->color.width && c->depth.width)
-        json_add_bool(root, "registered", c->registered);
-    if (c->color.width && c->depth.width && !c->registered) {
-        struct json *pose = json_add_object(root, "color_from_depth");
-        struct json *t = json_add_array(pose, "translation_m"), *q = json_add_array(pose, "rotation");
-        const double at[] = {c->color_from_depth.translation.x, c->color_from_depth.translation.y,
-                             c->color_from_depth.translation.z},
-                     turn[] = {c->color_from_depth.rotation.x, c->color_from_depth.rotation.y,
-                               c->color_from_depth.rotation.z, c->color_from_depth.rotation.w};
-        for (int i = 0; i < 3; i++)
-            json_push_number(t, at[i]);
-        for (int i = 0; i < 4; i++)
-            json_push_number(q, turn[i]);
-    }
-}
-
-static char *calibration_text(const struct calibration *c)
-{
-    struct json *root = json_new_object();
-    add_calibration_json(root, c);
-    char *text = json_print(root);
-    json_free(&root);
-    return text;
-}
-
 // Where there is no --out, the result goes to where the device's is looked up, if it has such a place (*kept).
 static enum status keep(const struct calibration_run *r, struct source *source, bool *kept)
 {
     *kept = false;
-    if (!r->a->out) {
-        const enum status status = source_save_calibration(source, &r->calibration);
-        *kept = status == OK;
-        return status == NOTHING ? OK : status;
-    }
-    char *text = calibration_text(&r->calibration);
-    const enum status status =
-        text ? file_write(r->a->out, text, strlen(text)) : fail(ERR_MEMORY, "no memory for the calibration");
-    free(text);
-    return status;
+    if (r->a->out)
+        return calibration_write(r->a->out, &r->calibration);
+    const enum status status = source_save_calibration(source, &r->calibration);
+    *kept = status == OK;
+    return status == NOTHING ? OK : status;
 }
 
 static void report_set(struct calibration_run *r, const char *const names[], const double *values, int count)
@@ -258,7 +200,7 @@ static enum status print_json(const struct calibration_run *r, bool kept)
     for (int i = 0; i < r->report_count; i++)
         json_add_number(root, r->report_name[i], r->report_value[i]);
     json_add_bool(root, "kept", kept);
-    add_calibration_json(json_add_object(root, "calibration"), &r->calibration);
+    calibration_add_json(json_add_object(root, "calibration"), &r->calibration);
     return command_print_json(&root);
 }
 
@@ -274,12 +216,9 @@ static enum status keep_and_print(const struct calibration_run *r, struct source
         printf("kept for this %s\n", r->a->color_depth ? "sensor" : "camera");
     if (kept || r->a->out)
         return OK;
-    char *text = calibration_text(&r->calibration);
-    if (!text)
-        return fail(ERR_MEMORY, "no memory to print the calibration");
-    fputs(text, stdout);
-    free(text);
-    return OK;
+    struct json *root = json_new_object();
+    calibration_add_json(root, &r->calibration);
+    return command_print_json(&root);
 }
 
 static enum status solve_lens(struct calibration_run *r)
