@@ -5,7 +5,7 @@
 
 #define DEFORMATION_STEP_M 0.06 // between neighbouring points; chosen by hand
 
-enum { DEFORMATION_POINTS_MOST = 1 << 20 }; // 226 cubic metres; a standing person takes some ten thousand
+enum { DEFORMATION_POINTS_MOST = 1 << 20 }; // 226 cubic metres; the models of three filmed people take 6900 to 10700
 
 // Point (x, y, z) lies at corner + (x, y, z) * DEFORMATION_STEP_M; its index is (z * size[1] + y) * size[0] + x.
 struct deformation_grid {

@@ -194,12 +194,38 @@ static void test_deformation_follows_sliding_cloth(void **state)
     deformation_case_close(&s);
 }
 
+// What a damaged file could ask for is refused before it is allocated; also where the points' number exceeds 32 bits.
+static void test_the_grid_is_bounded(void **state)
+{
+    (void)state;
+    static struct painted seen;
+    struct deformation_case s;
+    deformation_case_open(&s, &whole_measures, &seen);
+    const struct deformation_grid person = deformation_grid_about(&s.avatar.surface);
+    print_message("a standing person: %d x %d x %d points\n", person.size[0], person.size[1], person.size[2]);
+    EXPECT_TRUE(deformation_grid_is_small(&s.avatar.surface));
+    deformation_case_close(&s);
+
+    struct vec3 points[2] = {{0, 0, 0}};
+    const struct surface_mesh two = {.points = points, .point_count = 2};
+    const double sides_m[] = {5.8, 6, 97, 199}; // 97: as a number of 32 bits the count is negative
+    for (size_t i = 0; i < COUNT_OF(sides_m); i++) {
+        points[1] = v3(sides_m[i], sides_m[i], sides_m[i]);
+        const struct deformation_grid g = deformation_grid_about(&two);
+        const int64_t count = (int64_t)g.size[0] * g.size[1] * g.size[2];
+        print_message("%g m: %d points a side, %lld in all\n", sides_m[i], g.size[0], (long long)count);
+        EXPECT_INT(deformation_grid_is_small(&two), count <= DEFORMATION_POINTS_MOST);
+        EXPECT_INT(deformation_grid_is_small(&two), i == 0);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_deformation_follows_nonrigid_motion),
         cmocka_unit_test(test_deformation_keeps_good_fit),
         cmocka_unit_test(test_deformation_follows_sliding_cloth),
+        cmocka_unit_test(test_the_grid_is_bounded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
