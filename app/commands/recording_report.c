@@ -14,6 +14,8 @@ void recording_report_print_rest(const struct recording_report *r)
         printf("the place with its views");
     else
         printf("%d views of the place", (int)r->lost_views);
+    if (r->lost_map_covariances)
+        printf(", covariances or viewing directions of its points and tags");
     if (r->lost_things)
         printf(", %d things in it or their pictures", r->lost_things);
 }
@@ -34,6 +36,7 @@ enum status recording_report_print_json(const char *path, enum status status, co
     json_add_number(root, "lost_takes", r->lost_takes);
     json_add_number(root, "lost_views", r->lost_views);
     json_add_bool(root, "lost_place", r->lost_place);
+    json_add_bool(root, "lost_map_covariances", r->lost_map_covariances);
     json_add_number(root, "lost_things", r->lost_things);
     json_add_number(root, "findings", r->findings);
     struct json *list = json_add_array(root, "first_findings");

@@ -176,14 +176,15 @@ MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8
 enum { RECORDING_FINDINGS_MAX = 12 };
 struct recording_report {
     int takes, interrupted_takes;
-    int64_t frames;           // that are there
-    int64_t damaged_frames;   // of them: images, or one of them, cannot be read
-    int64_t lost_frames;      // that are not there, or cannot be read
-    int64_t lost_covariances; // of the joints: of how many frames they cannot be read
-    int lost_takes;           // whose row cannot be read
-    int32_t lost_views;       // of the place
-    bool lost_place;          // it is there and cannot be read; its views are then not counted
-    int lost_things;          // of the place; things, and pictures or models of things
+    int64_t frames;            // that are there
+    int64_t damaged_frames;    // of them: images, or one of them, cannot be read
+    int64_t lost_frames;       // that are not there, or cannot be read
+    int64_t lost_covariances;  // of the joints: of how many frames they cannot be read
+    int lost_takes;            // whose row cannot be read
+    int32_t lost_views;        // of the place
+    bool lost_place;           // it is there and cannot be read; its views are then not counted
+    bool lost_map_covariances; // of the place; or its points' viewing directions
+    int lost_things;           // of the place; things, and pictures or models of things
     int64_t bytes;
     int findings; // how many things are wrong; the sentences of the first of them:
     char finding[RECORDING_FINDINGS_MAX][200];

@@ -248,6 +248,7 @@ static enum status copy_place(struct repair *v, const char *path, const char *to
     v->has_calibration = counts.has_calibration;
     v->report->lost_place = counts.lost_place;
     v->report->lost_views = counts.lost_views;
+    v->report->lost_map_covariances = counts.lost_map_covariances;
     v->report->lost_things = counts.lost_things;
     return status;
 }

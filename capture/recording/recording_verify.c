@@ -49,6 +49,7 @@ static void check_place(struct verification *v)
         return;
     int32_t undecodable = 0;
     v->report->lost_views = place.views_lost;
+    v->report->lost_map_covariances = place.errors_lost;
     if (place.views_lost)
         note(v, fail(ERR_CORRUPT, "%s: %d of %d views of the place are damaged or missing", path_of(v),
                      (int)place.views_lost, (int)(place.views_lost + place.view_count)));

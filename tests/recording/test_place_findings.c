@@ -63,6 +63,7 @@ static void test_a_view_costs_itself_alone(void **state)
     put_view(path, &POSE_IDENTITY, no_jpeg, sizeof no_jpeg);
     struct recording_report report = expect_repair(path, "1 views of the place cannot be decoded");
     EXPECT_INT(report.lost_views, 1);
+    EXPECT_INT(report.lost_map_covariances, false);
     struct place place = repaired_place();
     EXPECT_INT(place.view_count, SAMPLE_VIEWS - 1);
     place_free(&place);
@@ -122,8 +123,12 @@ static void test_points_covariances_cost_themselves_alone(void **state)
             put_infinite_covariance(path);
         else
             run_sql(path, "UPDATE point_error SET crc = 0");
+        struct recording_report verified;
+        EXPECT_STATUS(recording_verify(path, &verified), ERR_CORRUPT);
+        EXPECT_INT(verified.lost_map_covariances, true);
         const struct recording_report report = expect_repair(path, "covariances or viewing directions");
         EXPECT_INT(report.lost_place, false);
+        EXPECT_INT(report.lost_map_covariances, true);
         struct place place = repaired_place();
         EXPECT_NEAR(place.points[3].covariance[0], 0, 0);
         EXPECT_NEAR(place.points[3].seen_from[0], 3e-3F, 0);
