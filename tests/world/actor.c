@@ -173,23 +173,23 @@ static bool edges_of(const struct screen_corner *p, const struct screen_corner *
     return true;
 }
 
-// An image's samples, `side` along a pixel's side.
+// An image's samples, 2^log2_side along a pixel's side.
 struct sample_grid {
     struct actor_sample *samples;
-    int side;
+    int log2_side;
 };
 
 // Rasterises one triangle into the rows [first, end) of pixels.
 static void rasterise(struct actor *a, int triangle, const struct edges *e, struct sample_grid grid, int first, int end)
 {
-    const int side = grid.side;
+    const int shift = grid.log2_side, side = 1 << shift, inner = side - 1;
     const int *t = a->mesh->triangles[triangle];
     const struct screen_corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
     double low_x = least(p->x, least(q->x, r->x)), high_x = most(p->x, most(q->x, r->x));
     double low_y = least(p->y, least(q->y, r->y)), high_y = most(p->y, most(q->y, r->y));
     // Sample s of a row is at x = x0 - 0.5 + (s + 0.5) / side.
-    int s0 = (int)ceil((low_x - a->x0 + 0.5) * side - 0.5), s1 = (int)floor((high_x - a->x0 + 0.5) * side - 0.5);
-    int r0 = (int)ceil((low_y - a->y0 + 0.5) * side - 0.5), r1 = (int)floor((high_y - a->y0 + 0.5) * side - 0.5);
+    int s0 = ceil_int((low_x - a->x0 + 0.5) * side - 0.5), s1 = floor_int((high_x - a->x0 + 0.5) * side - 0.5);
+    int r0 = ceil_int((low_y - a->y0 + 0.5) * side - 0.5), r1 = floor_int((high_y - a->y0 + 0.5) * side - 0.5);
     s0 = s0 > 0 ? s0 : 0;
     s1 = s1 < (a->x1 - a->x0) * side ? s1 : (a->x1 - a->x0) * side - 1;
     r0 = r0 > (first - a->y0) * side ? r0 : (first - a->y0) * side;
@@ -204,9 +204,9 @@ static void rasterise(struct actor *a, int triangle, const struct edges *e, stru
                 continue;
             float z = (float)(1 / (u * e->iz[0] + v * e->iz[1] + w * e->iz[2]));
             // all samples of a pixel lie together
-            size_t pixel = (size_t)(row / side) * (size_t)(a->x1 - a->x0) + (size_t)(s / side);
+            size_t pixel = (size_t)(row >> shift) * (size_t)(a->x1 - a->x0) + (size_t)(s >> shift);
             struct actor_sample *to =
-                &grid.samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
+                &grid.samples[(pixel << 2 * shift) + (size_t)(((row & inner) << shift) + (s & inner))];
             if (to->z == 0 || z < to->z)
                 *to = (struct actor_sample){z, triangle};
         }
@@ -228,9 +228,9 @@ void actor_draw_rows(struct actor *a, int first, int end)
         struct edges e;
         if (!edges_of(p, q, r, &e))
             continue;
-        rasterise(a, i, &e, (struct sample_grid){a->centre, 1}, first, end);
+        rasterise(a, i, &e, (struct sample_grid){a->centre, 0}, first, end);
         if (a->fine)
-            rasterise(a, i, &e, (struct sample_grid){a->fine, ACTOR_SIDE}, first, end);
+            rasterise(a, i, &e, (struct sample_grid){a->fine, ACTOR_LOG2_SIDE}, first, end);
     }
 }
 
@@ -336,9 +336,9 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         color[c] /= (float)*count;
 }
 
-bool actor_shades(const struct actor *a, int surface, double u, double v)
+bool actor_shades(const struct actor *a, int surface, double u, double v, double around)
 {
-    return shadow_reaches(a->shadow, surface, u, v);
+    return shadow_reaches(a->shadow, surface, u, v, around);
 }
 
 void actor_shadow(const struct actor *a, struct vec3 at, struct vec3 normal, float lost[3], float *ambient)

@@ -6,7 +6,7 @@
 struct actor;
 
 // Samples per pixel side in the colour image.
-enum { ACTOR_SIDE = 4, ACTOR_SAMPLES = ACTOR_SIDE * ACTOR_SIDE };
+enum { ACTOR_LOG2_SIDE = 2, ACTOR_SIDE = 1 << ACTOR_LOG2_SIDE, ACTOR_SAMPLES = ACTOR_SIDE * ACTOR_SIDE };
 
 // Poses and, when `lit`, lights the figure. ERR_MEMORY.
 MUST_CHECK enum status actor_open(struct actor **out, const struct world *w, double time_s, bool lit);
@@ -28,7 +28,7 @@ int actor_cover(const struct actor *a, int x, int y, double *z_near, double *z_f
 // many those are. room_z NULL: all of them.
 void actor_color(const struct actor *a, int x, int y, const double *room_z, float color[3], int *count);
 
-// Whether the figure may darken a point of a room's surface; and by how much: `lost` of irradiance / pi, and a share (1
-// - ambient) of what remains.
-bool actor_shades(const struct actor *a, int surface, double u, double v);
+// Whether the figure may darken a point of a room's surface, known to within `around` metres; and by how much: `lost`
+// of irradiance / pi, and a share (1 - ambient) of what remains.
+bool actor_shades(const struct actor *a, int surface, double u, double v, double around);
 void actor_shadow(const struct actor *a, struct vec3 at, struct vec3 normal, float lost[3], float *ambient);

@@ -134,7 +134,7 @@ void world_color_noise(uint8_t *color, int width, int height, uint64_t seed)
         for (int c = 0; c < 3; c++) {
             double own = (double)(d >> (32 + 10 * c) & 0x3ff) / 0x3ff - 0.5;
             double value = color[i * 3 + (size_t)c] + 2.2 * common + 3.0 * own;
-            color[i * 3 + (size_t)c] = (uint8_t)least(255, most(0, floor(value + 0.5)));
+            color[i * 3 + (size_t)c] = (uint8_t)least(255, most(0, value + 0.5));
         }
     }
 }

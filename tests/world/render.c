@@ -7,12 +7,6 @@
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
 
-struct pixel_corner { // what the ray through a corner of pixels hits
-    struct vec3 ray;  // world, z = 1 in the camera
-    struct hit hit;
-    int decal;
-};
-
 struct job {
     const struct world *w;
     const struct world_shot *shot;
@@ -22,7 +16,8 @@ struct job {
     struct vec3 eye;
     int tiles_across, bands;
     uint32_t *boxes;              // bands x tiles_across: the boxes a tile may see
-    struct pixel_corner *corners; // for each band two rows of width + 1
+    struct pixel_corner *corners; // for each band two rows of width + 1; NULL where there is a view
+    struct still_view *view;      // of this camera; NULL: everything is computed
 };
 
 static struct vec3 ray_at(const struct job *j, double x, double y)
@@ -81,7 +76,7 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
     float albedo[3], light[3];
     float glow = scene_albedo(s, (struct surface_point){h->surface, decal, h->u, h->v}, foot, albedo);
     scene_light(f, h->u, h->v, light);
-    if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
+    if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v, 0)) {
         float lost[3], ambient;
         actor_shadow(j->actor, at, f->normal, lost, &ambient);
         for (int c = 0; c < 3; c++)
@@ -129,9 +124,14 @@ static bool same_thing(const struct pixel_corner *a, const struct pixel_corner *
     return a->hit.surface == b->hit.surface && a->decal == b->decal;
 }
 
-// One pixel of the room: one sample where it shows one surface, else SIDE x SIDE.
-static void room_color(const struct job *j, const struct pixel_corner *top, const struct pixel_corner *low,
-                       uint32_t boxes, float color[3])
+static struct room_sample sample_of(const struct hit *h)
+{
+    return (struct room_sample){(float)h->u, (float)h->v, h->surface};
+}
+
+// One pixel of the room: one sample where it shows one surface, else SIDE x SIDE. Returns how many.
+static int room_color(const struct job *j, const struct pixel_corner *top, const struct pixel_corner *low,
+                      uint32_t boxes, float color[3], struct room_sample samples[ROOM_SAMPLES])
 {
     const struct world_scene *s = &j->w->scene;
     bool one = same_thing(&top[0], &top[1]) && same_thing(&top[0], &low[0]) && same_thing(&top[0], &low[1]) &&
@@ -145,7 +145,8 @@ static void room_color(const struct job *j, const struct pixel_corner *top, cons
         h.u = v3_dot(in, f->u);
         h.v = v3_dot(in, f->v);
         shade(j, &h, top[0].decal, at, footprint_of(top, low, 1), color);
-        return;
+        samples[0] = sample_of(&h);
+        return 1;
     }
     float sum[3] = {0};
     for (int i = 0; i < SIDE * SIDE; i++) {
@@ -154,11 +155,34 @@ static void room_color(const struct job *j, const struct pixel_corner *top, cons
         float part[3];
         shade(j, &h, scene_decal(s, h.surface, h.u, h.v), v3_add(j->eye, v3_scale(ray, h.distance)),
               footprint_at(j, &h, ray, top, low, 1.0f / SIDE), part);
+        samples[i] = sample_of(&h);
         for (int c = 0; c < 3; c++)
             sum[c] += part[c];
     }
     for (int c = 0; c < 3; c++)
         color[c] = sum[c] / (SIDE * SIDE);
+    return SIDE * SIDE;
+}
+
+// Whether the figure's shadow may reach a pixel of the view. True also where rounding leaves it open.
+static bool is_shaded(const struct job *j, int band, size_t at)
+{
+    const struct room_sample *s = still_view_samples(j->view, band, at);
+    for (int i = 0; i < j->view->sample_count[at]; i++)
+        if (actor_shades(j->actor, s[i].surface, (double)s[i].u, (double)s[i].v, ROOM_SAMPLE_ROUNDING))
+            return true;
+    return false;
+}
+
+static void view_or_room_color(const struct job *j, int x, int y, const struct pixel_corner *top,
+                               const struct pixel_corner *low, uint32_t boxes, float color[3])
+{
+    const size_t at = (size_t)y * (size_t)j->shot->lens.width + (size_t)x;
+    struct room_sample samples[ROOM_SAMPLES];
+    if (j->view && !(j->actor && is_shaded(j, y / TILE, at)))
+        memcpy(color, j->view->color[at], sizeof j->view->color[at]);
+    else
+        room_color(j, top, low, boxes, color, samples);
 }
 
 static void color_pixel(const struct job *j, int x, int y, const struct pixel_corner *top,
@@ -179,7 +203,7 @@ static void color_pixel(const struct job *j, int x, int y, const struct pixel_co
         actor_color(j->actor, x, y, clear ? NULL : room_z, body, &seen);
     }
     if (seen < ACTOR_SAMPLES)
-        room_color(j, top, low, boxes, room);
+        view_or_room_color(j, x, y, top, low, boxes, room);
     for (int c = 0; c < 3 && seen; c++)
         room[c] += (body[c] - room[c]) * (float)seen / ACTOR_SAMPLES;
     tone(room, j->out->color + ((size_t)y * (size_t)j->shot->lens.width + (size_t)x) * 3);
@@ -196,10 +220,15 @@ static void corner_row(const struct job *j, int band, int y, struct pixel_corner
     }
 }
 
+static double room_depth(const struct job *j, int x, int y, uint32_t boxes)
+{
+    return scene_hit(&j->w->scene, j->eye, ray_at(j, x, y), boxes).distance;
+}
+
 static void depth_pixel(const struct job *j, int x, int y, uint32_t boxes)
 {
     size_t at = (size_t)y * (size_t)j->shot->lens.width + (size_t)x;
-    double z = scene_hit(&j->w->scene, j->eye, ray_at(j, x, y), boxes).distance;
+    double z = j->view ? j->view->depth[at] : room_depth(j, x, y, boxes);
     double body = j->actor ? actor_depth(j->actor, x, y) : 0;
     bool person = body > 0 && body < z;
     double mm = (person ? body : z) * 1000;
@@ -216,24 +245,70 @@ static void draw_band(void *context, int band)
     end = end < j->shot->lens.height ? end : j->shot->lens.height;
     if (j->actor)
         actor_draw_rows(j->actor, first, end);
-    struct pixel_corner *rows[2] = {j->corners + (size_t)(2 * band) * (size_t)(width + 1),
-                                    j->corners + (size_t)(2 * band + 1) * (size_t)(width + 1)};
-    if (j->out->color)
+    struct pixel_corner *rows[2] = {NULL, NULL};
+    for (int i = 0; i < 2 && j->out->color && !j->view; i++)
+        rows[i] = j->corners + (size_t)(2 * band + i) * (size_t)(width + 1);
+    if (rows[0])
         corner_row(j, band, first, rows[first & 1]);
     for (int y = first; y < end; y++) {
-        if (j->out->color)
+        if (rows[0])
             corner_row(j, band, y + 1, rows[(y + 1) & 1]);
+        const struct pixel_corner *top = j->view ? still_view_corners(j->view, band, y - first) : rows[y & 1],
+                                  *low = j->view ? still_view_corners(j->view, band, y - first + 1) : rows[(y + 1) & 1];
         for (int x = 0; x < width; x++) {
             uint32_t boxes = j->boxes[band * j->tiles_across + x / TILE];
             if (j->out->color)
-                color_pixel(j, x, y, rows[y & 1] + x, rows[(y + 1) & 1] + x, boxes);
+                color_pixel(j, x, y, top + x, low + x, boxes);
             if (j->out->depth || j->out->mask)
                 depth_pixel(j, x, y, boxes);
         }
     }
 }
 
-enum status world_render(const struct world *w, const struct world_shot *shot, struct world_image *out)
+// Fills the view's rows of a band.
+static void fill_view(void *context, int band)
+{
+    struct job *j = context;
+    struct still_view *v = j->view;
+    const int width = v->lens.width, first = band * TILE,
+              end = first + TILE < v->lens.height ? first + TILE : v->lens.height;
+    corner_row(j, band, first, still_view_corners(v, band, 0));
+    for (int y = first; y < end; y++) {
+        const struct pixel_corner *top = still_view_corners(v, band, y - first);
+        struct pixel_corner *low = still_view_corners(v, band, y - first + 1);
+        corner_row(j, band, y + 1, low);
+        for (int x = 0; x < width; x++) {
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            const uint32_t boxes = j->boxes[band * j->tiles_across + x / TILE];
+            struct room_sample samples[ROOM_SAMPLES];
+            still_view_add(v, band, at, samples, room_color(j, top + x, low + x, boxes, v->color[at], samples));
+            v->depth[at] = room_depth(j, x, y, boxes);
+        }
+    }
+}
+
+// The kept view of the camera, or a new one where it pays; j->view stays NULL where there is none, or no memory.
+static void find_view(struct job *j)
+{
+    bool known;
+    struct still_views *views = j->w->views;
+    j->view = still_views_find(views, &j->shot->lens, j->shot->world_from_camera, &known);
+    if (j->view || !known || !j->out->color)
+        return;
+    j->view = still_view_make(&j->shot->lens, j->shot->world_from_camera, TILE);
+    if (!j->view)
+        return;
+    parallel_for(j->w->options.threads, j->bands, fill_view, j);
+    if (j->view->failed) {
+        still_view_free(j->view);
+        j->view = NULL;
+    } else {
+        still_views_keep(views, j->view);
+    }
+}
+
+// With the views of cameras that stand still, or without.
+static enum status render(const struct world *w, const struct world_shot *shot, struct world_image *out, bool views)
 {
     enum status status = lens_check(&shot->lens, "small world's");
     if (status)
@@ -244,11 +319,14 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     j.tiles_across = (width + TILE - 1) / TILE;
     j.bands = (height + TILE - 1) / TILE;
     j.boxes = calloc((size_t)j.tiles_across * (size_t)j.bands, sizeof *j.boxes);
-    j.corners = out->color ? malloc((size_t)(2 * j.bands) * (size_t)(width + 1) * sizeof *j.corners) : NULL;
-    if (!j.boxes || (out->color && !j.corners))
-        status = fail(ERR_MEMORY, "out of memory for an image of %d x %d", width, height);
-    for (int i = 0; i < w->scene.box_count && !status; i++)
+    for (int i = 0; i < w->scene.box_count && j.boxes; i++)
         mark_box(&j, i);
+    if (views && j.boxes)
+        find_view(&j);
+    if (out->color && !j.view)
+        j.corners = malloc((size_t)(2 * j.bands) * (size_t)(width + 1) * sizeof *j.corners);
+    if (!j.boxes || (out->color && !j.view && !j.corners))
+        status = fail(ERR_MEMORY, "out of memory for an image of %d x %d", width, height);
     if (!status && shot->actor) {
         status = actor_open(&j.actor, w, shot->time_s, out->color != NULL);
         if (!status)
@@ -257,9 +335,15 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     if (!status)
         parallel_for(w->options.threads, j.bands, draw_band, &j);
     actor_close(&j.actor);
+    still_views_leave(w->views, j.view);
     free(j.boxes);
     free(j.corners);
     return status;
+}
+
+enum status world_render(const struct world *w, const struct world_shot *shot, struct world_image *out)
+{
+    return render(w, shot, out, true);
 }
 
 struct rolling {
@@ -285,7 +369,7 @@ static void render_row(void *context, int y)
     row.lens.height = 1;
     row.lens.cy -= y;
     row.world_from_camera = r->path(r->context, r->time_s + r->shot->lens.readout_s * (y - middle) / rows);
-    r->done[y] = world_render(r->w, &row, &part) == OK;
+    r->done[y] = render(r->w, &row, &part, false) == OK;
 }
 
 enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,

@@ -17,7 +17,7 @@ static void add_surface(struct world_scene *s, struct rectangle r, enum material
 {
     assert(s->surface_count < MAX_SURFACES);
     struct room_surface *f = &s->surfaces[s->surface_count++];
-    *f = (struct room_surface){r.corner, r.u, r.v, v3_cross(r.u, r.v), r.width, r.height, material, {0}, 0, 0, NULL};
+    *f = (struct room_surface){r.corner, r.u, r.v, v3_cross(r.u, r.v), r.width, r.height, material, {0}, 0, 0, NULL, 0};
     for (int c = 0; c < 3; c++)
         f->tint[c] = 0.9f * srgb_to_linear((uint8_t)(color >> (16 - 8 * c)));
 }
@@ -59,6 +59,7 @@ struct decal_spot {
 static struct decal *add_decal(struct world_scene *s, struct decal_spot spot)
 {
     assert(s->decal_count < MAX_DECALS);
+    s->surfaces[spot.surface].decals |= 1ULL << s->decal_count;
     struct decal *d = &s->decals[s->decal_count++];
     double a = spot.rotation_deg * 3.14159265358979323846 / 180;
     *d = (struct decal){.surface = spot.surface,
@@ -316,10 +317,10 @@ bool scene_blocked(const struct world_scene *s, struct vec3 from, struct vec3 to
 
 int scene_decal(const struct world_scene *s, int surface, double u, double v)
 {
-    for (int i = s->decal_count - 1; i >= 0; i--) {
+    for (uint64_t left = s->surfaces[surface].decals; left;) {
+        const int i = 63 - __builtin_clzll(left);
         const struct decal *d = &s->decals[i];
-        if (d->surface != surface)
-            continue;
+        left &= ~(1ULL << i);
         double du = u - d->u, dv = v - d->v;
         if (fabs(du * d->cosine + dv * d->sine) < d->width / 2 && fabs(dv * d->cosine - du * d->sine) < d->height / 2)
             return i;
@@ -334,8 +335,8 @@ static float lines(double x, double period, double line, double w)
     double low = (x - w / 2) / period, high = (x + w / 2) / period, share = line / period;
     // the integral of the pulse train, shifted so that pulses start at whole numbers
     low += share / 2, high += share / 2;
-    double a = floor(low) * share + least(low - floor(low), share),
-           b = floor(high) * share + least(high - floor(high), share);
+    const double i = floor_int(low), j = floor_int(high);
+    double a = i * share + least(low - i, share), b = j * share + least(high - j, share);
     return (float)((b - a) / (high - low));
 }
 

@@ -25,6 +25,7 @@ struct room_surface {
     float tint[3]; // linear albedo, which the texture varies
     int light_width, light_height;
     float (*light)[3]; // irradiance / pi without the figure, on a grid that includes the edges
+    uint64_t decals;   // a bit for each that is on it
 };
 
 // A poster or tag on a surface: in the surface's metres.

@@ -8,11 +8,17 @@
 
 enum { MAP_SIDE = 192, POINTS_A_LAMP = 6, MAPS = LAMP_COUNT * POINTS_A_LAMP };
 
+// One on each joint; an even number, for vectors of two, the last without size.
+enum { SPHERES = JOINT_COUNT + (JOINT_COUNT & 1) };
+
+static const float NO_FIGURE = 1e9F;
+
 // A depth map of the figure from one point of a lamp, over a square of directions.
 struct shadow_map {
     struct vec3 from, x, y, z; // z towards the figure
     double spread;             // half the square's side at z = 1
-    float *depth;              // MAP_SIDE x MAP_SIDE, along z; large: nothing
+    float *depth;              // MAP_SIDE x MAP_SIDE, along z, or NO_FIGURE
+    double low[2], high[2];    // nothing lies outside, in half sides at z = 1 from the middle
     float weight[3];           // radiance * area / samples / pi
 };
 
@@ -24,40 +30,54 @@ struct shadow {
     const struct world_scene *scene;
     struct shadow_map maps[MAPS];
     struct shadow_bounds bounds[MAX_SURFACES];
-    struct vec3 sphere[JOINT_COUNT];
+    double sphere_x[SPHERES], sphere_y[SPHERES], sphere_z[SPHERES], sphere_radius[SPHERES];
     const struct mesh *mesh;
     const struct vec3 *at;
+    struct vec3 *in_map; // for each map, `at` in its texels, and along its z; while the maps are made
     struct vec3 middle;
     double radius;
 };
 
-static void splat(struct shadow_map *m, const struct vec3 p[3])
+static void splat(struct shadow_map *m, const struct vec3 *p, const struct vec3 *q, const struct vec3 *r)
 {
-    double x[3], y[3], z[3];
-    for (int i = 0; i < 3; i++) {
-        struct vec3 d = v3_sub(p[i], m->from);
-        z[i] = v3_dot(d, m->z);
-        x[i] = (v3_dot(d, m->x) / z[i] / m->spread + 1) * MAP_SIDE / 2;
-        y[i] = (v3_dot(d, m->y) / z[i] / m->spread + 1) * MAP_SIDE / 2;
-    }
+    const double x[3] = {p->x, q->x, r->x}, y[3] = {p->y, q->y, r->y}, z[3] = {p->z, q->z, r->z};
     double area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
     if (!(fabs(area) > 1e-12))
         return;
-    int x0 = (int)most(0, ceil(least(x[0], least(x[1], x[2])) - 0.5)),
-        x1 = (int)least(MAP_SIDE - 1, floor(most(x[0], most(x[1], x[2])) - 0.5));
-    int y0 = (int)most(0, ceil(least(y[0], least(y[1], y[2])) - 0.5)),
-        y1 = (int)least(MAP_SIDE - 1, floor(most(y[0], most(y[1], y[2])) - 0.5));
+    const double sign = area > 0 ? 1 : -1;
+    int x0 = ceil_int(most(0, least(x[0], least(x[1], x[2])) - 0.5)),
+        x1 = floor_int(least(MAP_SIDE - 1, most(x[0], most(x[1], x[2])) - 0.5));
+    int y0 = ceil_int(most(0, least(y[0], least(y[1], y[2])) - 0.5)),
+        y1 = floor_int(least(MAP_SIDE - 1, most(y[0], most(y[1], y[2])) - 0.5));
     for (int j = y0; j <= y1; j++)
         for (int i = x0; i <= x1; i++) {
             double px = i + 0.5, py = j + 0.5;
-            double a = ((x[1] - px) * (y[2] - py) - (y[1] - py) * (x[2] - px)) / area;
-            double b = ((x[2] - px) * (y[0] - py) - (y[2] - py) * (x[0] - px)) / area, c = 1 - a - b;
-            if (a < 0 || b < 0 || c < 0)
+            const double area_a = (x[1] - px) * (y[2] - py) - (y[1] - py) * (x[2] - px),
+                         area_b = (x[2] - px) * (y[0] - py) - (y[2] - py) * (x[0] - px);
+            if (area_a * sign < 0 || area_b * sign < 0) // before dividing: most end here
+                continue;
+            double a = area_a / area, b = area_b / area, c = 1 - a - b;
+            if (c < 0)
                 continue;
             float d = (float)(a * z[0] + b * z[1] + c * z[2]);
             float *to = &m->depth[j * MAP_SIDE + i];
             *to = minf(*to, d);
         }
+}
+
+// Sets low and high: a bilinear sample outside them touches no texel that is covered.
+static void find_extent(struct shadow_map *m)
+{
+    int x0 = MAP_SIDE, x1 = -1, y0 = MAP_SIDE, y1 = -1;
+    for (int j = 0; j < MAP_SIDE; j++)
+        for (int i = 0; i < MAP_SIDE; i++)
+            if (m->depth[j * MAP_SIDE + i] < NO_FIGURE) {
+                x0 = i < x0 ? i : x0, x1 = i > x1 ? i : x1;
+                y0 = j < y0 ? j : y0, y1 = j;
+            }
+    const double texel = 2.0 / MAP_SIDE, rounding = 0.01;
+    m->low[0] = (x0 - 0.5 - rounding) * texel - 1, m->high[0] = (x1 + 1.5 + rounding) * texel - 1;
+    m->low[1] = (y0 - 0.5 - rounding) * texel - 1, m->high[1] = (y1 + 1.5 + rounding) * texel - 1;
 }
 
 static void fill_map(void *context, int index)
@@ -74,12 +94,19 @@ static void fill_map(void *context, int index)
     for (int c = 0; c < 3; c++)
         m->weight[c] = lamp->radiance[c] * (float)(lamp_area(lamp) / POINTS_A_LAMP / 3.14159265358979);
     for (int i = 0; i < MAP_SIDE * MAP_SIDE; i++)
-        m->depth[i] = 1e9f;
+        m->depth[i] = NO_FIGURE;
+    struct vec3 *in = s->in_map + (size_t)index * (size_t)s->mesh->vertex_count;
+    for (int i = 0; i < s->mesh->vertex_count; i++) {
+        struct vec3 d = v3_sub(s->at[i], m->from);
+        in[i].z = v3_dot(d, m->z);
+        in[i].x = (v3_dot(d, m->x) / in[i].z / m->spread + 1) * MAP_SIDE / 2;
+        in[i].y = (v3_dot(d, m->y) / in[i].z / m->spread + 1) * MAP_SIDE / 2;
+    }
     for (int t = 0; t < s->mesh->triangle_count; t++) {
         const int *k = s->mesh->triangles[t];
-        struct vec3 p[3] = {s->at[k[0]], s->at[k[1]], s->at[k[2]]};
-        splat(m, p);
+        splat(m, &in[k[0]], &in[k[1]], &in[k[2]]);
     }
+    find_extent(m);
 }
 
 // The share of a point's light that map m lets through, 0..1: bilinear over four texels.
@@ -89,8 +116,10 @@ static float passes(const struct shadow_map *m, struct vec3 at, double bias)
     double z = v3_dot(d, m->z);
     if (z < 0.1)
         return 1;
-    double x = (v3_dot(d, m->x) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5,
-           y = (v3_dot(d, m->y) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
+    const double right = v3_dot(d, m->x), down = v3_dot(d, m->y), half = z * m->spread;
+    if (!(right > half * m->low[0] && right < half * m->high[0] && down > half * m->low[1] && down < half * m->high[1]))
+        return 1;
+    double x = (right / z / m->spread + 1) * MAP_SIDE / 2 - 0.5, y = (down / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
     if (!(x > 0 && y > 0 && x < MAP_SIDE - 1 && y < MAP_SIDE - 1))
         return 1;
     int i = (int)x, j = (int)y;
@@ -138,15 +167,23 @@ enum status shadow_open(struct shadow **out, const struct world_scene *scene, co
     *out = NULL;
     struct shadow *s = calloc(1, sizeof *s);
     float *depth = malloc(sizeof(float) * MAPS * MAP_SIDE * MAP_SIDE);
-    if (!s || !depth) {
+    struct vec3 *in_map = malloc(sizeof *in_map * MAPS * ((size_t)mesh->vertex_count + 1));
+    if (!s || !depth || !in_map) {
         free(s);
         free(depth);
+        free(in_map);
         return fail(ERR_MEMORY, "out of memory for the figure's shadow");
     }
     s->scene = scene;
     s->mesh = mesh;
     s->at = at;
-    memcpy(s->sphere, joints->joint, sizeof s->sphere);
+    s->in_map = in_map;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        s->sphere_x[j] = joints->joint[j].x;
+        s->sphere_y[j] = joints->joint[j].y;
+        s->sphere_z[j] = joints->joint[j].z;
+        s->sphere_radius[j] = j == JOINT_WAIST || j == JOINT_TORSO ? 0.16 : 0.09;
+    }
     struct vec3 low = v3(1e9, 1e9, 1e9), high = v3(-1e9, -1e9, -1e9);
     for (int i = 0; i < mesh->vertex_count; i++) {
         low = v3(least(low.x, at[i].x), least(low.y, at[i].y), least(low.z, at[i].z));
@@ -158,6 +195,8 @@ enum status shadow_open(struct shadow **out, const struct world_scene *scene, co
     for (int i = 0; i < MAPS; i++)
         s->maps[i].depth = depth + (size_t)i * MAP_SIDE * MAP_SIDE;
     parallel_for(threads, MAPS, fill_map, s);
+    free(in_map);
+    s->in_map = NULL;
     find_bounds(s, low, high);
     *out = s;
     return OK;
@@ -189,10 +228,10 @@ void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, f
     }
 }
 
-bool shadow_reaches(const struct shadow *s, int surface, double u, double v)
+bool shadow_reaches(const struct shadow *s, int surface, double u, double v, double around)
 {
     const struct shadow_bounds *r = &s->bounds[surface];
-    return u > r->u0 && u < r->u1 && v > r->v0 && v < r->v1;
+    return u > r->u0 - around && u < r->u1 + around && v > r->v0 - around && v < r->v1 + around;
 }
 
 void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float lost[3], float *ambient)
@@ -211,13 +250,15 @@ void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float
             lost[c] += m->weight[c] * stopped * (float)(here * lamp / d2);
     }
     // Spheres on the joints occlude the ambient light (Quilez: r^2 / d^2 times the cosine).
-    float sky = 1;
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        struct vec3 to = v3_sub(s->sphere[j], at);
-        double d2 = v3_dot(to, to), r = j == JOINT_WAIST || j == JOINT_TORSO ? 0.16 : 0.09;
-        double cosine = v3_dot(to, normal) / sqrt(d2 + 1e-9);
-        if (cosine > 0)
-            sky *= 1 - (float)least(0.75, cosine * r * r / most(d2, r * r));
+    double hidden[SPHERES];
+    for (int j = 0; j < SPHERES; j++) {
+        const double x = s->sphere_x[j] - at.x, y = s->sphere_y[j] - at.y, z = s->sphere_z[j] - at.z;
+        const double d2 = x * x + y * y + z * z, r = s->sphere_radius[j];
+        const double cosine = (x * normal.x + y * normal.y + z * normal.z) / sqrt(d2 + 1e-9);
+        hidden[j] = least(0.75, most(0, cosine) * r * r / most(d2, most(r * r, 1e-9)));
     }
+    float sky = 1;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        sky *= 1 - (float)hidden[j];
     *ambient = sky;
 }

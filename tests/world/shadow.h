@@ -15,5 +15,5 @@ void shadow_close(struct shadow **s); // NULL is fine
 void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, float out[3]);
 
 // Whether a point of a surface may lie in shadow; and how much light it loses: see actor.h.
-bool shadow_reaches(const struct shadow *s, int surface, double u, double v);
+bool shadow_reaches(const struct shadow *s, int surface, double u, double v, double around);
 void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float lost[3], float *ambient);

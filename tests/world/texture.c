@@ -92,6 +92,8 @@ void texture_finish(struct texture *t)
 
 static int inside(int i, int n, bool wrap)
 {
+    if (i >= 0 && i < n)
+        return i;
     if (wrap) {
         i %= n;
         return i < 0 ? i + n : i;
@@ -111,10 +113,10 @@ static void bilinear(const struct texture *t, struct texture_tap tap, bool wrap,
     const int level = tap.level;
     int w = t->width[level], h = t->height[level];
     double u = tap.x * w / t->width[0] - 0.5, v = tap.y * h / t->height[0] - 0.5;
-    double fu = floor(u), fv = floor(v);
-    float a = (float)(u - fu), b = (float)(v - fv);
-    int x0 = inside((int)fu, w, wrap), x1 = inside((int)fu + 1, w, wrap);
-    int y0 = inside((int)fv, h, wrap), y1 = inside((int)fv + 1, h, wrap);
+    const int i = floor_int(u), j = floor_int(v);
+    float a = (float)(u - i), b = (float)(v - j);
+    int x0 = inside(i, w, wrap), x1 = wrap ? inside(x0 + 1, w, wrap) : inside(i + 1, w, wrap);
+    int y0 = inside(j, h, wrap), y1 = wrap ? inside(y0 + 1, h, wrap) : inside(j + 1, h, wrap);
     const uint8_t *row0 = t->level[level] + (size_t)y0 * (size_t)w * 3,
                   *row1 = t->level[level] + (size_t)y1 * (size_t)w * 3;
     for (int c = 0; c < 3; c++) {
@@ -172,9 +174,9 @@ static float ease(float t) { return t * t * (3 - 2 * t); }
 
 float noise2(float x, float y, uint32_t seed)
 {
-    float fx = floorf(x), fy = floorf(y);
-    float a = ease(x - fx), b = ease(y - fy);
-    uint32_t i = (uint32_t)(int32_t)fx, j = (uint32_t)(int32_t)fy;
+    const int left = floor_int((double)x), above = floor_int((double)y);
+    float a = ease(x - (float)left), b = ease(y - (float)above);
+    const uint32_t i = (uint32_t)left, j = (uint32_t)above;
     float top = hash_unit(i, j, seed) * (1 - a) + hash_unit(i + 1, j, seed) * a;
     float low = hash_unit(i, j + 1, seed) * (1 - a) + hash_unit(i + 1, j + 1, seed) * a;
     return top * (1 - b) + low * b;
@@ -194,9 +196,9 @@ float fractal2(float x, float y, int octaves, uint32_t seed)
 
 float noise3(float x, float y, float z, uint32_t seed)
 {
-    float fx = floorf(x), fy = floorf(y), fz = floorf(z);
-    float a = ease(x - fx), b = ease(y - fy), c = ease(z - fz), sum = 0;
-    uint32_t i = (uint32_t)(int32_t)fx, j = (uint32_t)(int32_t)fy, k = (uint32_t)(int32_t)fz;
+    const int left = floor_int((double)x), near = floor_int((double)y), under = floor_int((double)z);
+    float a = ease(x - (float)left), b = ease(y - (float)near), c = ease(z - (float)under), sum = 0;
+    const uint32_t i = (uint32_t)left, j = (uint32_t)near, k = (uint32_t)under;
     for (uint32_t l = 0; l < 2; l++) {
         uint32_t layer = seed ^ (k + l) * 0x9e3779b1u;
         float top = hash_unit(i, j, layer) * (1 - a) + hash_unit(i + 1, j, layer) * a;

@@ -118,6 +118,8 @@ enum status world_open(struct world **out, const struct world_options *options)
         status = scene_build(&w->scene, options);
     if (!status)
         status = figure_build(&w->figure, &w->physique, options->plain);
+    if (!status && !(w->views = still_views_open()))
+        status = fail(ERR_MEMORY, "out of memory for a world");
     if (status)
         world_close(&w);
     *out = w;
@@ -130,6 +132,7 @@ void world_close(struct world **w)
         world_motion_close(&(*w)->motion);
         scene_free(&(*w)->scene);
         figure_free(&(*w)->figure);
+        still_views_close((*w)->views);
         free(*w);
         *w = NULL;
     }

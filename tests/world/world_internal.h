@@ -4,6 +4,7 @@
 #include "tests/world/figure.h"
 #include "tests/world/motion.h"
 #include "tests/world/scene.h"
+#include "tests/world/still_view.h"
 
 struct world {
     struct world_options options; // `motion` and `edit` are the caller's: NULL
@@ -13,6 +14,7 @@ struct world {
     struct figure_motion *motion;
     struct world_scene scene;
     struct figure figure;
+    struct still_views *views; // the only thing that a render changes
 };
 
 // The figure's stance at `time_s`, positioned by the options. world.c
