@@ -36,6 +36,9 @@ MUST_CHECK enum status recording_begin_take(struct recording_writer *w, const ch
                                             const struct calibration *calibration);
 
 // What is written for one instant. Everything is copied.
+// A frame's time lies between minus this and this, so that the time between any two frames is an int64_t, too.
+#define TAKE_TIME_MOST_NS (INT64_MAX / 2)
+
 struct take_frame {
     int64_t time_ns;               // strictly increasing within the take
     struct pose world_from_camera; // of the colour camera; identity without a place
@@ -49,8 +52,9 @@ struct take_frame {
 };
 
 // Copies the frame into the current batch (async_writer.h). ERR_ORDER: not later than the last one, ERR_INPUT: it does
-// not fit the calibration or holds a number that is not finite; nothing is written and the writer can go on. ERR_IO:
-// disk full or gone; what was committed stays readable, only recording_close is allowed from here on. ERR_MEMORY.
+// not fit the calibration, or holds a number that is not finite or a time beyond TAKE_TIME_MOST_NS; nothing is written
+// and the writer can go on. ERR_IO: disk full or gone; what was committed stays readable, only recording_close is
+// allowed from here on. ERR_MEMORY.
 MUST_CHECK enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame);
 
 // Stores the body as far as it is measured; may be called repeatedly during the take. ERR_INPUT, ERR_IO.

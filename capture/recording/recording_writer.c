@@ -462,6 +462,8 @@ static enum status check_frame(const struct recording_writer *w, const struct ta
     if (w->frames && f->time_ns <= w->last_time_ns)
         return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)f->time_ns,
                     (long long)w->last_time_ns);
+    if (f->time_ns < -TAKE_TIME_MOST_NS || f->time_ns > TAKE_TIME_MOST_NS)
+        return fail(ERR_INPUT, "a frame's time, %lld ns, is of no clock", (long long)f->time_ns);
     if (w->frames > FRAME_NUMBER_MAX)
         return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
     if (!pose_finite(f->world_from_camera) || (f->has_skeleton && !skeleton_is_finite(&f->skeleton)))

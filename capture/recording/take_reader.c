@@ -133,6 +133,7 @@ enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entr
     bool located = statement_number(s, 2) == 1;
     const int64_t crc = statement_number(s, 6);
     if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || images < 0 || images > 7 ||
+        time_ns < -TAKE_TIME_MOST_NS || time_ns > TAKE_TIME_MOST_NS ||
         frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)images) != crc ||
         !seal_matches(s, FRAME_SEAL, row_seal(key, (uint32_t)crc)))
         return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(key & FRAME_NUMBER_MAX));

@@ -115,6 +115,63 @@ static void test_damaged_ids_are_found_and_put_right(void **state)
         }
 }
 
+// Gives the last frame that time, with the right checksum.
+static void put_last_time(const char *path, int64_t time_ns)
+{
+    struct database *db;
+    struct statement *s;
+    uint8_t pose[POSE_BYTES];
+    put_pose(pose, &POSE_IDENTITY);
+    EXPECT_STATUS(database_open(&db, path, DATABASE_WRITE), OK);
+    EXPECT_STATUS(select_open(&s, db, TABLE_FRAME, "ORDER BY rowid DESC LIMIT 1"), OK);
+    EXPECT_STATUS(statement_step(s), OK);
+    const int64_t key = statement_number(s, 0), images = statement_number(s, 5);
+    statement_close(&s);
+    const uint32_t crc = frame_crc(time_ns, false, pose, NULL, 0, (unsigned)images);
+    EXPECT_STATUS(insert_open(&s, db, TABLE_FRAME, true), OK);
+    statement_bind_number(s, 1, key);
+    statement_bind_number(s, 2, time_ns);
+    statement_bind_number(s, 3, 0);
+    statement_bind_blob(s, 4, pose, sizeof pose);
+    statement_bind_number(s, 6, images);
+    statement_bind_number(s, 7, crc);
+    statement_bind_number(s, FRAME_SEAL + 1, row_seal(key, crc));
+    EXPECT_STATUS(statement_run(s), OK);
+    statement_close(&s);
+    database_close(&db);
+}
+
+// A writer's bug: a time from which the time to another frame would not be a number. It is the frame that is lost.
+static void test_a_time_of_no_clock_costs_its_frame_alone(void **state)
+{
+    (void)state;
+    static const struct {
+        int64_t time_ns;
+        int kept;
+    } times[] = {{INT64_MAX, 2}, {TAKE_TIME_MOST_NS + 1, 2}, {TAKE_TIME_MOST_NS, 3}};
+    for (size_t i = 0; i < COUNT_OF(times); i++) {
+        struct recording_report report;
+        const char *path = copy_of("sealed");
+        put_last_time(path, times[i].time_ns);
+        if (times[i].kept == OLD_FRAMES) {
+            EXPECT_STATUS(recording_verify(path, &report), OK);
+            continue;
+        }
+        EXPECT_INT(expect_repair(path, "1 frames of take 'one'").frames, times[i].kept);
+    }
+    const struct calibration calibration = sample_calibration();
+    struct recording_writer *w;
+    struct take_frame frame = {.world_from_camera = POSE_IDENTITY, .time_ns = -TAKE_TIME_MOST_NS - 1};
+    EXPECT_STATUS(recording_create(&w, sample_path("times")), OK);
+    EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
+    frame.time_ns++;
+    EXPECT_STATUS(recording_add_frame(w, &frame), OK);
+    frame.time_ns = TAKE_TIME_MOST_NS + 1;
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
+    EXPECT_STATUS(recording_close(&w), OK);
+}
+
 static void test_missing_rows_are_found(void **state)
 {
     (void)state;
@@ -351,6 +408,7 @@ int main(void)
         cmocka_unit_test(test_past_versions_open),
         cmocka_unit_test(test_no_flipped_bit_loses_anything_unsaid),
         cmocka_unit_test(test_damaged_ids_are_found_and_put_right),
+        cmocka_unit_test(test_a_time_of_no_clock_costs_its_frame_alone),
         cmocka_unit_test(test_missing_rows_are_found),
         cmocka_unit_test(test_repaired_take_tells_the_truth),
         cmocka_unit_test(test_damage_costs_itself_alone),
