@@ -336,7 +336,7 @@ static void read_clock(struct kinect *k)
         frame_ns = FRAME_NS;
     k->half_ns = frame_ns / 2;
     k->delay_ns = delay ? strtoll(delay, NULL, 10) : 0;
-    if (llabs(k->delay_ns) > frame_ns) // the sensor allows less
+    if (k->delay_ns < -frame_ns || k->delay_ns > frame_ns) // the sensor allows less
         k->delay_ns = 0;
     k->color.last_ns = k->depth.last_ns = INT64_MIN;
 }

@@ -198,6 +198,7 @@ struct mkv_layout {
     const char *depth_title;
     int frames;
     int without_color; // the frame whose colour is left out; -1: none
+    const char *delay; // of depth, nanoseconds; NULL: what it is
 };
 
 static void need(bool good, const char *what)
@@ -252,7 +253,10 @@ static AVFormatContext *mkv_begin(const char *path, const struct mkv_layout *lay
     if (layout->calibration)
         add_attachment(f, layout->calibration);
     av_dict_set(&f->metadata, "title", "Azure Kinect", 0);
-    av_dict_set_int(&f->metadata, "K4A_DEPTH_DELAY_NS", DELAY_MS * 1000000, 0);
+    if (layout->delay)
+        av_dict_set(&f->metadata, "K4A_DEPTH_DELAY_NS", layout->delay, 0);
+    else
+        av_dict_set_int(&f->metadata, "K4A_DEPTH_DELAY_NS", DELAY_MS * 1000000, 0);
     need(avio_open(&f->pb, path, AVIO_FLAG_WRITE) >= 0, "cannot write");
     av_dict_set(&options, "allow_raw_vfw", "1", 0);
     need(avformat_write_header(f, &options) >= 0, "header");
@@ -347,7 +351,8 @@ static void test_frames_of_a_recording(void **state)
 {
     enum { COUNT = 9, WITHOUT = 4 };
     static uint16_t mm[DEPTH_W * DEPTH_H];
-    const struct mkv_layout layout = {calibration_text(mild_parameters, depth_parameters), "DEPTH", COUNT, WITHOUT};
+    const struct mkv_layout layout = {calibration_text(mild_parameters, depth_parameters), "DEPTH", COUNT, WITHOUT,
+                                      NULL};
     mkv_write(scratch_file(*state, "a.mkv"), &layout);
     struct source *s;
     struct frame frame;
@@ -376,15 +381,33 @@ static void test_frames_of_a_recording(void **state)
     source_close(&s);
 }
 
+// As if none were written: each image of depth still has its colour.
+static void test_delays_that_cannot_be(void **state)
+{
+    static const char *const delays[] = {"-9223372036854775808", "9223372036854775807", "33333334", "soon"};
+    for (size_t i = 0; i < COUNT_OF(delays); i++) {
+        struct source *s;
+        struct frame frame;
+        mkv_write(scratch_file(*state, "delay.mkv"),
+                  &(struct mkv_layout){calibration_text(mild_parameters, depth_parameters), "DEPTH", 2, -1, delays[i]});
+        EXPECT_STATUS(source_open(&s, uri_of(*state, "delay.mkv"), SOURCE_SENSOR), OK);
+        for (int k = 0; k < 2; k++) {
+            EXPECT_STATUS(source_next(s, &frame), OK);
+            EXPECT_TRUE(frame.depth && frame.color);
+        }
+        source_close(&s);
+    }
+}
+
 static void test_faulty_files(void **state)
 {
     struct source *s;
     struct frame frame;
     const char *calibration = calibration_text(mild_parameters, depth_parameters);
-    mkv_write(scratch_file(*state, "none.mkv"), &(struct mkv_layout){NULL, "DEPTH", 2, -1});
-    mkv_write(scratch_file(*state, "other.mkv"), &(struct mkv_layout){calibration, "Film", 2, -1});
-    mkv_write(scratch_file(*state, "wrong.mkv"), &(struct mkv_layout){"{\"a\": 1}", "DEPTH", 2, -1});
-    mkv_write(scratch_file(*state, "cut.mkv"), &(struct mkv_layout){calibration, "DEPTH", 6, -1});
+    mkv_write(scratch_file(*state, "none.mkv"), &(struct mkv_layout){NULL, "DEPTH", 2, -1, NULL});
+    mkv_write(scratch_file(*state, "other.mkv"), &(struct mkv_layout){calibration, "Film", 2, -1, NULL});
+    mkv_write(scratch_file(*state, "wrong.mkv"), &(struct mkv_layout){"{\"a\": 1}", "DEPTH", 2, -1, NULL});
+    mkv_write(scratch_file(*state, "cut.mkv"), &(struct mkv_layout){calibration, "DEPTH", 6, -1, NULL});
     scratch_text(*state, "text.mkv", "no film");
     const struct {
         const char *name, *says;
@@ -428,7 +451,7 @@ static void test_a_person_is_recorded(void **state)
     options.plain = true;
     struct world *w;
     EXPECT_STATUS(world_open(&w, &options), OK);
-    struct mkv_layout layout = {calibration_text(mild_parameters, depth_parameters), "DEPTH", COUNT, -1};
+    struct mkv_layout layout = {calibration_text(mild_parameters, depth_parameters), "DEPTH", COUNT, -1, NULL};
     struct azure_calibration c =
         parse(mild_parameters, (const int[2]){COLOR_W, COLOR_H}, (const int[2]){DEPTH_W, DEPTH_H});
     AVFormatContext *f = mkv_begin(scratch_file(*state, "person.mkv"), &layout);
@@ -489,6 +512,7 @@ int main(void)
         cmocka_unit_test(test_calibrations_that_are_none),
 #ifdef REENACT_FFMPEG
         cmocka_unit_test_setup_teardown(test_frames_of_a_recording, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_delays_that_cannot_be, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_faulty_files, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(test_a_person_is_recorded, make_folder, remove_folder),
 #endif
