@@ -236,6 +236,22 @@ bool file_exists(const char *path)
     return stat(path, &about) == 0;
 }
 
+bool path_stays_below(const char *path)
+{
+    int depth = 0;
+    for (const char *at = path; *at;) {
+        const size_t length = strcspn(at, "/");
+        if (length == 2 && !strncmp(at, "..", 2))
+            depth--;
+        else if (length && !(length == 1 && *at == '.'))
+            depth++;
+        if (depth < 0)
+            return false;
+        at += length + (at[length] == '/');
+    }
+    return true;
+}
+
 int64_t file_free_bytes(const char *path)
 {
     struct statvfs about;

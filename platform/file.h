@@ -32,6 +32,9 @@ bool file_is_same(const char *a, const char *b);
 
 bool file_exists(const char *path); // a file or a folder
 
+// Whether a path below a folder stays there: no ".." of it leads out. Links are not looked at.
+bool path_stays_below(const char *path);
+
 // Bytes that an ordinary user can still write to the file system of `path`; -1: not known.
 int64_t file_free_bytes(const char *path);
 

@@ -111,18 +111,8 @@ static enum status check_path(const struct image_list *list, const char *dir, co
     if (!text_is_printable(path))
         return fail(ERR_INPUT, "%s/%s, line %d: the file's name is not UTF-8 or holds control characters", dir,
                     list->name, number);
-    int depth = 0;
-    for (const char *at = path; *at;) {
-        const size_t length = strcspn(at, "/");
-        if (length == 2 && !strncmp(at, "..", 2))
-            depth--;
-        else if (length && !(length == 1 && *at == '.'))
-            depth++;
-        if (depth < 0)
-            return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number,
-                        path);
-        at += length + (at[length] == '/');
-    }
+    if (!path_stays_below(path))
+        return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number, path);
     return OK;
 }
 

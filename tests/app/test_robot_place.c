@@ -80,6 +80,10 @@ static void test_a_drive_is_kept_in_the_place(void **state)
     EXPECT_INT(sim.exit_code, 1);
     EXPECT_TRUE(strstr(sim.err, "too little of the place"));
     EXPECT_INT(PROCESS(PROGRAM_DIR "/reenact", "drive", "sim:", "--keep", "--out", out).exit_code, 2);
+    const struct process_result stage =
+        PROCESS(PROGRAM_DIR "/reenact", "drive", "sim:3x", "--out", elsewhere, "--seconds", "0.5");
+    EXPECT_INT(stage.exit_code, 1);
+    EXPECT_TRUE(strstr(stage.err, "not '3x'"));
     scratch_remove(&scratch);
 }
 

@@ -1,6 +1,5 @@
 #include "reenact/surround/drive/drive_session.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 struct drive_options drive_default_options(void) { return (struct drive_options){.patience_s = 0.5}; }
@@ -31,7 +30,7 @@ static enum status open_simulated(struct drive_session *s, const char *stage)
     struct box_world world;
     struct pose start;
     struct rover_options how = rover_default_options();
-    const int number = *stage ? atoi(stage) : 3;
+    const int number = !*stage ? 3 : stage[1] ? 0 : stage[0] - '0';
     if (number < 1 || number > 3)
         return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
                     stage);

@@ -51,8 +51,8 @@ static bool header_line(struct ply_header *h, const char *line)
             if (c[0] == "xyz"[k] && !c[1]) {
                 h->at[k] = h->stride;
                 h->wide[k] = bytes == 8;
-                if (bytes < 4)
-                    return false;
+                if (!h->ascii && strncmp(b, "float", 5) != 0 && strcmp(b, "double") != 0)
+                    return false; // its bytes would be taken for those of a float
             }
         h->stride += h->ascii ? 1 : bytes;
         return bytes > 0 && h->stride < 4096;

@@ -57,5 +57,6 @@ MUST_CHECK enum status surround_rig_read(struct surround_set *out, const char *p
 // A capture's picture without pose or depth. A damaged file is ERR_CORRUPT or ERR_INPUT.
 MUST_CHECK enum status surround_set_picture(const struct surround_set *set, int capture, struct surround_picture *out);
 
-// Points of a binary little-endian or ASCII PLY file with float x, y, z among its vertex properties. *out is malloc'ed.
+// Points of a PLY file, ASCII or binary little-endian, with x, y, z among its vertex properties, in binary as float or
+// double. *out is malloc'ed.
 MUST_CHECK enum status ply_points_read(const char *path, float (**out)[3], int *count);
