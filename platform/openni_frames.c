@@ -72,9 +72,11 @@ void image_stream_release_frames(struct image_stream *stream)
     stream->count = 0;
 }
 
+// Times of no clock, in a damaged file, are all the same, so that those after the first do not rise.
 static int64_t time_of(const OniFrame *frame)
 {
-    return (int64_t)frame->timestamp * 1000; // microseconds
+    const uint64_t most_us = INT64_MAX / 4000;
+    return (int64_t)(frame->timestamp < most_us ? frame->timestamp : most_us) * 1000;
 }
 
 static void drop_oldest(struct image_stream *stream, int how_many)

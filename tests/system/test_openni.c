@@ -383,6 +383,45 @@ static void test_recording_closed_unread(void **state)
     EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin_ns), 5);
 }
 
+// Replaces each 8 bytes that hold the number. Returns how many.
+static int replace_number(uint8_t *bytes, size_t count, uint64_t number, uint64_t by)
+{
+    int replaced = 0;
+    for (size_t i = 0; i + sizeof number <= count; i++)
+        if (!memcmp(bytes + i, &number, sizeof number)) {
+            memcpy(bytes + i, &by, sizeof by);
+            replaced++;
+        }
+    return replaced;
+}
+
+// The last two images' times are so late that their nanoseconds would overflow: the first of them is the last to come.
+static void test_recording_of_no_clock(void **state)
+{
+    struct openni_case *setup = *state;
+    record(setup);
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(setup->oni + 4, &bytes, &count), OK);
+    for (int i = 1; i <= 2; i++)
+        EXPECT_AT_LEAST(replace_number(bytes, count, (uint64_t)(FRAMES - i) * STEP_US, UINT64_MAX / 3 - (uint64_t)i),
+                        1);
+    EXPECT_STATUS(file_write(setup->oni + 4, bytes, count), OK);
+    free(bytes);
+    struct source *s = open_it(setup->oni);
+    struct frame f;
+    for (int i = 0; i < FRAMES - 2; i++) {
+        EXPECT_STATUS(source_next(s, &f), OK);
+        EXPECT_INT(f.time_ns, (int64_t)i * STEP_US * 1000);
+    }
+    EXPECT_STATUS(source_next(s, &f), OK);
+    print_message("%lld ns\n", (long long)f.time_ns);
+    EXPECT_TRUE(f.time_ns > 1000000000000000000 && f.time_ns <= INT64_MAX / 2);
+    EXPECT_STATUS(source_next(s, &f), NOTHING);
+    EXPECT_INT(source_dropped(s), 1);
+    source_close(&s);
+}
+
 static void test_recording_damaged(void **state)
 {
     struct openni_case *setup = *state;
@@ -444,6 +483,7 @@ int main(void)
         WITH_CASE(test_recording_with_less_colour),
         WITH_CASE(test_recording_mirrored),
         WITH_CASE(test_recording_closed_unread),
+        WITH_CASE(test_recording_of_no_clock),
         WITH_CASE(test_recording_damaged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
