@@ -228,6 +228,22 @@ static void put_view(struct database *db, struct input *in)
     statement_close(&s);
 }
 
+// The takes of a sound file last as long as a number can say.
+static void check_takes(const char *path)
+{
+    struct recording *r;
+    FUZZ_CHECK(recording_open(&r, path) == OK);
+    for (int i = 0; i < recording_take_count(r); i++) {
+        struct take *t;
+        FUZZ_CHECK(take_open(&t, r, recording_take_name(r, i)) == OK);
+        const int64_t count = take_frame_count(t);
+        FUZZ_CHECK(!count || (take_entry(t, 0)->time_ns >= -TAKE_TIME_MOST_NS &&
+                              take_entry(t, count - 1)->time_ns <= TAKE_TIME_MOST_NS));
+        take_close(&t);
+    }
+    recording_free(&r);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct input in = {data, size};
@@ -253,6 +269,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const enum status status = fuzz_said(recording_verify(fuzz_path("rows"), &found));
     const enum status repaired = fuzz_said(recording_repair(fuzz_path("rows"), fuzz_path("repaired"), &report));
     FUZZ_CHECK((status == OK) == (repaired == NOTHING));
+    if (status == OK)
+        check_takes(fuzz_path("rows"));
     if (repaired == OK)
         FUZZ_CHECK(recording_verify(fuzz_path("repaired"), &report) == OK);
     return 0;
