@@ -51,6 +51,18 @@ struct vec3 quat_to_rotation_vector(struct quat q)
     return v3_scale(u, scale);
 }
 
+bool matrix_is_rotation(double m[3][3], double tolerance)
+{
+    struct vec3 row[3];
+    for (int i = 0; i < 3; i++) {
+        row[i] = v3(m[i][0], m[i][1], m[i][2]);
+        for (int j = 0; j <= i; j++)
+            if (!(fabs(v3_dot(row[i], row[j]) - (i == j)) < tolerance)) // NaN is no number
+                return false;
+    }
+    return v3_dot(v3_cross(row[0], row[1]), row[2]) > 0;
+}
+
 struct quat quat_from_matrix(double m[3][3])
 {
     // Branches on the largest of the four squared components (Shepperd 1978).

@@ -66,6 +66,9 @@ static inline struct vec3 quat_rotate(struct quat q, struct vec3 v)
 struct quat quat_from_rotation_vector(struct vec3 r); // axis times angle; series near 0
 struct vec3 quat_to_rotation_vector(struct quat q);   // angle in [0, pi]
 struct quat quat_from_matrix(double m[3][3]);         // a rotation matrix, row-major
+// Whether its rows are of unit length and orthogonal, products off by less than `tolerance`, and right-handed: no
+// mirror image.
+bool matrix_is_rotation(double m[3][3], double tolerance);
 void quat_to_matrix(struct quat q, double m[3][3]);
 struct quat quat_between(struct vec3 a, struct vec3 b); // shortest rotation taking a's direction to b's
 struct quat quat_slerp(struct quat a, struct quat b, double t);

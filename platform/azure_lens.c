@@ -212,15 +212,10 @@ static enum status read_pose(const struct json *camera, const char *name, struct
         status = read_array(json_member(rt, "Translation"), "Rt.Translation", name, 3, t);
     if (status != OK)
         return status;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            double product = 0; // of rows i and j
-            for (int k = 0; k < 3; k++)
-                product += m[3 * i + k] * m[3 * j + k];
-            rotation[i][j] = m[3 * i + j];
-            if (!(fabs(product - (i == j)) < 1e-2))
-                return fail(ERR_INPUT, "%s: 'Rt.Rotation' of a camera is no rotation", name);
-        }
+    for (int i = 0; i < 9; i++)
+        rotation[i / 3][i % 3] = m[i];
+    if (!matrix_is_rotation(rotation, 1e-2))
+        return fail(ERR_INPUT, "%s: 'Rt.Rotation' of a camera is no rotation", name);
     for (int i = 0; i < 3; i++)
         if (!(fabs(t[i]) <= 100)) // metres; no sensor is that wide
             return fail(ERR_INPUT, "%s: the cameras are %g m apart", name, t[i]);

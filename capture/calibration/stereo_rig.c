@@ -10,6 +10,8 @@
 
 enum { MOST_PAIRS = 512, MOST_NAME = 128 };
 
+static const double FARTHEST_M = 100; // one camera from the other
+
 static enum status read_board(const char *folder, struct stereo_board *board)
 {
     char path[1024];
@@ -196,10 +198,11 @@ enum status stereo_rig_read(const char *path, struct stereo_rig *rig)
     if (status == OK) {
         double r[3][3] = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}};
         rig->left_from_right = (struct pose){quat_from_matrix(r), v3(m[3], m[7], m[11])};
-        const struct vec3 x = v3(m[0], m[4], m[8]), y = v3(m[1], m[5], m[9]), z = v3(m[2], m[6], m[10]);
-        if (!pose_finite(rig->left_from_right) || fabs(v3_dot(v3_cross(x, y), z) - 1) > 1e-3 ||
-            fabs(v3_dot(x, y)) + fabs(v3_dot(y, z)) + fabs(v3_dot(z, x)) > 1e-3)
+        if (!matrix_is_rotation(r, 1e-3))
             status = fail(ERR_INPUT, "%s: \"left_from_right\" is no rotation with a shift", path);
+        else if (!(v3_length(rig->left_from_right.translation) <= FARTHEST_M))
+            status =
+                fail(ERR_INPUT, "%s: its cameras are %g m apart", path, v3_length(rig->left_from_right.translation));
     }
     if (status == OK)
         read_error(json_member(root, "error_at_1_m"), &rig->error_at_1m);

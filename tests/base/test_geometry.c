@@ -33,6 +33,22 @@ static void test_matrix_and_back_for_half_rotations(void **state)
     }
 }
 
+static void test_matrices_that_are_no_rotation(void **state)
+{
+    (void)state;
+    double turned[3][3];
+    quat_to_matrix(quat_from_rotation_vector(v3(1, -2, 0.5)), turned);
+    EXPECT_TRUE(matrix_is_rotation(turned, 1e-12));
+    double bad[][3][3] = {{{0, 1, 0}, {1, 0, 0}, {0, 0, 1}},    // a mirror image
+                          {{-1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, // the same
+                          {{2, 0, 0}, {0, 0.5, 0}, {0, 0, 1}},  // the volume is kept, lengths are not
+                          {{1, 1e-2, 0}, {0, 1, 0}, {0, 0, 1}},  {{NAN, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                          {{1e300, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0}}};
+    for (size_t i = 0; i < COUNT_OF(bad); i++)
+        EXPECT_TRUE(!matrix_is_rotation(bad[i], 1e-3));
+    EXPECT_TRUE(matrix_is_rotation(bad[3], 2e-2));
+}
+
 static void test_quat_between_opposite_and_zero(void **state)
 {
     (void)state;
@@ -82,11 +98,9 @@ static void test_lens_check_refuses_invalid(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rotation_vector_and_back),
-        cmocka_unit_test(test_matrix_and_back_for_half_rotations),
-        cmocka_unit_test(test_quat_between_opposite_and_zero),
-        cmocka_unit_test(test_pose_inverse_far_from_origin),
-        cmocka_unit_test(test_lens_undistorts),
+        cmocka_unit_test(test_rotation_vector_and_back),      cmocka_unit_test(test_matrix_and_back_for_half_rotations),
+        cmocka_unit_test(test_matrices_that_are_no_rotation), cmocka_unit_test(test_quat_between_opposite_and_zero),
+        cmocka_unit_test(test_pose_inverse_far_from_origin),  cmocka_unit_test(test_lens_undistorts),
         cmocka_unit_test(test_lens_check_refuses_invalid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

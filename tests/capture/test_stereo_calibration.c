@@ -125,6 +125,12 @@ static void test_a_rig_is_read_as_written(void **state)
     EXPECT_NEAR(back.error_at_1m.yy, 2e-7, 1e-20);
     scratch_text(&scratch, "bad.json", "{\"left\": {\"K\": [[1,0,0],[0,1,0]]}}");
     EXPECT_STATUS(stereo_rig_read(scratch_file(&scratch, "bad.json"), &back), ERR_INPUT);
+    rig.left_from_right.translation.x = 101;
+    text = stereo_rig_print(&rig);
+    scratch_text(&scratch, "far.json", text);
+    free(text);
+    EXPECT_STATUS(stereo_rig_read(scratch_file(&scratch, "far.json"), &back), ERR_INPUT);
+    EXPECT_SAYS("101 m apart");
     scratch_remove(&scratch);
 }
 

@@ -14,7 +14,8 @@ struct timed_file {
 };
 
 // *out is malloc'ed, the caller frees it; on failure untouched. ERR_INPUT: a line is no pose or file, not finite, times
-// do not rise or are beyond 4e9 seconds, a file lies outside of the folder, or the list is empty. ERR_MISSING, ERR_IO, ERR_MEMORY.
+// do not rise or are beyond 4e9 seconds, a file lies outside of the folder, or the list is empty. ERR_MISSING, ERR_IO,
+// ERR_MEMORY.
 MUST_CHECK enum status pose_list_read(const char *path, struct timed_pose **out, int *count);
 MUST_CHECK enum status file_list_read(const char *folder, const char *name, struct timed_file **out, int *count);
 

@@ -9,7 +9,8 @@
 #include <string.h>
 
 static const char *const camera_names[SURROUND_DEPTH_CAMERAS] = {"front", "left", "back", "right"};
-#define MOST_APART_NS 50000000 // files of one instant: half of a frame at 10 Hz
+static const double FARTHEST_M = 100; // a camera from the body's middle: no body is longer
+#define MOST_APART_NS 50000000        // files of one instant: half of a frame at 10 Hz
 
 static enum status read_lens(const struct json *from, const char *path, struct lens *out)
 {
@@ -47,12 +48,11 @@ static enum status read_motion(const struct json *from, const char *path, struct
         for (int j = 0; j < 4; j++)
             if (!json_get_number(json_at(json_at(rows, i), j), j < 3 ? &m[i][j] : &t[i]))
                 return fail(ERR_INPUT, "%s: body_from_camera must be a 4 x 4 matrix", path);
+    if (!matrix_is_rotation(m, 1e-3))
+        return fail(ERR_INPUT, "%s: body_from_camera is no rotation of right-handed axes", path);
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            const double dot = m[i][0] * m[j][0] + m[i][1] * m[j][1] + m[i][2] * m[j][2];
-            if (fabs(dot - (i == j)) > 1e-3)
-                return fail(ERR_INPUT, "%s: body_from_camera is no rotation", path);
-        }
+        if (!(fabs(t[i]) < FARTHEST_M))
+            return fail(ERR_INPUT, "%s: body_from_camera is %g m from the body", path, fabs(t[i]));
     out->rotation = quat_from_matrix(m);
     out->translation = v3(t[0], t[1], t[2]);
     return OK;

@@ -1,4 +1,5 @@
-// The lists and points that surroundings are read from: what they may say, and the sentence where they may not.
+// The lists, points and calibrations that surroundings are read from: what they may say, and the sentence where they
+// may not.
 #include "tests/support/test.h"
 
 #include "platform/file.h"
@@ -112,6 +113,41 @@ static void test_points(void **state)
     EXPECT_STATUS(read_points("binary_big_endian", "float", body, sizeof body, &points, &count), ERR_CORRUPT);
 }
 
+static enum status read_rig(const char *motion, struct surround_set *rig)
+{
+    char text[600];
+    snprintf(text, sizeof text,
+             "{\"view\": {\"width\": 64, \"height\": 48, \"fx\": 40, \"fy\": 40, \"cx\": 31.5, \"cy\": 23.5},"
+             "\"panorama\": {\"projection\": \"equirectangular\", \"body_from_camera\": %s}}",
+             motion);
+    scratch_text(&scratch, "calibration.json", text);
+    return surround_rig_read(rig, scratch_file(&scratch, "calibration.json"));
+}
+
+static void test_where_cameras_are_on_a_body(void **state)
+{
+    (void)state;
+    struct surround_set rig;
+    EXPECT_STATUS(read_rig("[[0, 0, 1, 0.1], [-1, 0, 0, -0.2], [0, -1, 0, 1.5], [0, 0, 0, 1]]", &rig), OK);
+    EXPECT_TRUE(rig.panorama_placed);
+    const struct vec3 ahead = pose_apply(rig.body_from_panorama, v3(0, 0, 1)); // x of the body is ahead
+    EXPECT_NEAR(ahead.x, 1.1, 1e-9);
+    EXPECT_NEAR(ahead.y, -0.2, 1e-9);
+    EXPECT_NEAR(ahead.z, 1.5, 1e-9);
+    surround_set_free(&rig);
+    static const struct {
+        const char *motion, *says;
+    } bad[] = {{"[[0, 0, 1, 0], [1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]]", "no rotation of right-handed axes"},
+               {"[[1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]", "no rotation"},
+               {"[[1000, 0, 0, 0], [0, 1000, 0, 0], [0, 0, 1000, 0], [0, 0, 0, 1]]", "no rotation"},
+               {"[[1, 0, 0, 0], [0, 1, 0, 1500], [0, 0, 1, 0], [0, 0, 0, 1]]", "1500 m from the body"},
+               {"[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "4 x 4"}};
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        EXPECT_STATUS(read_rig(bad[i].motion, &rig), ERR_INPUT);
+        EXPECT_SAYS(bad[i].says);
+    }
+}
+
 int main(void)
 {
     scratch = scratch_make();
@@ -119,6 +155,7 @@ int main(void)
         cmocka_unit_test(test_pose_lists),
         cmocka_unit_test(test_file_lists),
         cmocka_unit_test(test_points),
+        cmocka_unit_test(test_where_cameras_are_on_a_body),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     scratch_remove(&scratch);
