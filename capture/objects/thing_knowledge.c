@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_DEPTH = 4 }; // of @graph and arrays that are searched for the thing
+enum { MOST_DEPTH = 4, MOST_ENTRIES = 1000 }; // of @graph and arrays that are searched for the thing
 
 // Bytes of the UTF-8 character at `s`; 0: not one (Unicode 15, table 3-7).
 static int character_bytes(const char *s)
@@ -81,12 +81,9 @@ static void take_text(const struct json *object, const char *name, char *out, si
         plain_text(text, out, bytes);
 }
 
-static bool names_thing(const struct json *type)
+static bool is_thing_type(const struct json *type)
 {
     const char *name;
-    for (int i = 0; json_is_array(type) && i < json_count(type); i++)
-        if (names_thing(json_at(type, i)))
-            return true;
     if (!json_get_string(type, &name))
         return false;
     const char *slash = strrchr(name, '/');
@@ -95,13 +92,24 @@ static bool names_thing(const struct json *type)
            !strcmp(name, "schema:Thing") || !strcmp(name, "IndividualProduct") || !strcmp(name, "ProductModel");
 }
 
+// A type or an array of them.
+static bool names_thing(const struct json *types)
+{
+    const struct json *type = json_is_array(types) ? json_first(types) : types;
+    for (int i = 0; type && i < MOST_ENTRIES; i++, type = json_is_array(types) ? json_next(type) : NULL)
+        if (is_thing_type(type))
+            return true;
+    return false;
+}
+
 static const struct json *find_thing(const struct json *value, int depth)
 {
     if (json_is_object(value) && names_thing(json_member(value, "@type")))
         return value;
     const struct json *list = json_is_array(value) ? value : json_member(value, "@graph");
-    for (int i = 0; depth < MOST_DEPTH && json_is_array(list) && i < json_count(list) && i < 1000; i++) {
-        const struct json *found = find_thing(json_at(list, i), depth + 1);
+    const struct json *entry = depth < MOST_DEPTH && json_is_array(list) ? json_first(list) : NULL;
+    for (int i = 0; entry && i < MOST_ENTRIES; i++, entry = json_next(entry)) {
+        const struct json *found = find_thing(entry, depth + 1);
         if (found)
             return found;
     }

@@ -97,6 +97,26 @@ static void test_malice(void **state)
     EXPECT_INT(strlen(k.name), 126);
 }
 
+// Searching a list for each of its entries from the beginning would take minutes.
+static void test_long_lists_are_not_searched_to_the_end(void **state)
+{
+    (void)state;
+    enum { ENTRIES = 300000 };
+    static const char *const begin[] = {"{\"name\":\"a\",\"@type\":[", "{\"@graph\":["},
+                             *const end[] = {"\"Thing\"]}", "{\"@type\":\"Thing\",\"name\":\"a\"}]}"};
+    struct thing_knowledge k;
+    char *text = malloc(2 * ENTRIES + 200);
+    for (int i = 0; i < 2; i++)
+        for (int entries = 9; entries <= ENTRIES; entries += ENTRIES - 9) {
+            char *at = text + sprintf(text, "%s", begin[i]);
+            for (int n = 0; n < entries; n++)
+                at += sprintf(at, "0,");
+            strcpy(at, end[i]);
+            EXPECT_STATUS(parse(text, &k), entries == 9 ? OK : ERR_INPUT);
+        }
+    free(text);
+}
+
 static void test_what_is_printed_is_read(void **state)
 {
     (void)state;
@@ -273,6 +293,7 @@ int main(void)
         cmocka_unit_test(test_a_product),
         cmocka_unit_test(test_forms_that_occur),
         cmocka_unit_test(test_malice),
+        cmocka_unit_test(test_long_lists_are_not_searched_to_the_end),
         cmocka_unit_test(test_what_is_printed_is_read),
         cmocka_unit_test(test_a_server_good_and_bad),
     };
