@@ -1,6 +1,7 @@
 // reenact-capture objects list and note: the things of a recording, and what is written of them by hand.
 #include "app/commands/objects_run.h"
 
+#include "base/text.h"
 #include "capture/objects/thing_knowledge.h"
 #include "capture/recording/recorded_things.h"
 #include "app/commands/command.h"
@@ -95,7 +96,9 @@ enum status objects_note(const char *path, const char *name, const char *text, c
         return status;
     while (i < count && strcmp(things[i].name, name))
         i++;
-    if (strlen(name) >= sizeof things->name || strlen(text) >= sizeof things->note)
+    if (!text_is_printable(name) || !text_is_printable(text))
+        status = fail(ERR_INPUT, "a name or note must be UTF-8 without control characters");
+    else if (strlen(name) >= sizeof things->name || strlen(text) >= sizeof things->note)
         status = fail(ERR_INPUT, "a name has at most %zu bytes, a note %zu", sizeof things->name - 1,
                       sizeof things->note - 1);
     else if (i == count && !at)

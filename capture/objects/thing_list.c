@@ -1,4 +1,6 @@
 #include "capture/objects/thing.h"
+
+#include "base/text.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -19,12 +21,13 @@ static enum status read_thing(const struct json *object, const char *path, struc
     char file[1024];
     if (!json_get_string(json_member(object, "name"), &name) || !*name || strlen(name) >= THING_NAME_BYTES)
         return fail(ERR_INPUT, "%s: each object needs a \"name\" of at most %d bytes", path, THING_NAME_BYTES - 1);
-    for (const char *c = name; *c; c++)
-        if ((unsigned char)*c < ' ')
-            return fail(ERR_INPUT, "%s: a name has a control character", path);
+    if (!text_is_printable(name))
+        return fail(ERR_INPUT, "%s: an object's name is not UTF-8 or holds control characters", path);
     if (!json_get_string(json_member(object, "picture"), &picture))
         return fail(ERR_INPUT, "%s: '%s' needs a \"picture\"", path, name);
     (void)json_get_string(json_member(object, "url"), &url);
+    if (!text_is_printable(url))
+        return fail(ERR_INPUT, "%s: the url of '%s' is not UTF-8 or holds control characters", path, name);
     if (strlen(url) >= THING_URL_BYTES)
         return fail(ERR_INPUT, "%s: the url of '%s' is longer than %d bytes", path, name, THING_URL_BYTES - 1);
     if (!json_get_number(json_member(object, "width_m"), &out->width_m) ||

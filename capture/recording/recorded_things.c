@@ -1,5 +1,6 @@
 #include "capture/recording/recorded_things.h"
 
+#include "base/text.h"
 #include "capture/recording/little_endian.h"
 #include "capture/recording/recording_change.h"
 #include "capture/recording/recording_reader.h"
@@ -62,6 +63,14 @@ static bool copy_text(struct statement *s, int column, char *out, size_t bytes)
     return (size_t)snprintf(out, bytes, "%s", text) < bytes;
 }
 
+// Its texts may be a stranger's, and are shown on terminals and sent to servers.
+static void make_printable(struct recorded_thing *t)
+{
+    char *const texts[] = {t->name, t->url, t->etag, t->note};
+    for (size_t i = 0; i < COUNT_OF(texts); i++)
+        text_make_printable(texts[i]);
+}
+
 static enum status thing_from_row(struct statement *s, struct recorded_thing *out)
 {
     const uint8_t *numbers = recording_blob(s, 6, NUMBERS_BYTES);
@@ -80,6 +89,8 @@ static enum status thing_from_row(struct statement *s, struct recorded_thing *ou
         get_numbers(numbers, out);
         good = is_finite(out) && thing_crc(out, numbers) == (uint32_t)statement_number(s, 9);
     }
+    if (good)
+        make_printable(out);
     return good ? OK : fail(ERR_CORRUPT, "a thing cannot be read");
 }
 

@@ -176,6 +176,33 @@ static void test_a_thing_costs_itself_alone(void **state)
     expect_repaired_things(THINGS - 1, 1);
 }
 
+// Of a stranger's recording, with the right checksums: what is read is shown on terminals and sent to servers.
+static void test_texts_of_things_are_printable(void **state)
+{
+    (void)state;
+    const char *path = sample_recording();
+    struct recorded_thing thing = {.name = "\x1b[2Jlamp",
+                                   .url = "http://a/\xff",
+                                   .etag = "a\r\nCookie: b",
+                                   .note = "höher \xc2\x9b",
+                                   .world_from_thing = POSE_IDENTITY};
+    struct recorded_thing *things;
+    struct recording_report report;
+    struct recording *r;
+    int count;
+    EXPECT_STATUS(recording_write_things(path, &thing, 1), OK);
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(recording_read_things(r, &things, &count), OK);
+    recording_free(&r);
+    EXPECT_INT(count, 1);
+    assert_string_equal(things[0].name, "?[2Jlamp");
+    assert_string_equal(things[0].url, "http://a/?");
+    assert_string_equal(things[0].etag, "a??Cookie: b");
+    assert_string_equal(things[0].note, "höher ??");
+    recorded_things_free(&things, count);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -183,6 +210,7 @@ int main(void)
         cmocka_unit_test(test_an_unreadable_place_is_said),
         cmocka_unit_test(test_points_covariances_cost_themselves_alone),
         cmocka_unit_test(test_a_thing_costs_itself_alone),
+        cmocka_unit_test(test_texts_of_things_are_printable),
     };
     return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

@@ -104,6 +104,9 @@ static void test_kept_in_a_recording_without_a_server(void **state)
     EXPECT_INT(PROCESS(program, "objects", "note", recording, "--thing", "bokken", "--text", "oak", "--at", "1,2,0.5")
                    .exit_code,
                0);
+    r = PROCESS(program, "objects", "note", recording, "--thing", "there-1", "--text", "\x1b[2J");
+    EXPECT_INT(r.exit_code, 1);
+    EXPECT_TRUE(strstr(r.err, "without control characters"));
     r = PROCESS(program, "objects", "list", recording);
     EXPECT_INT(r.exit_code, 0);
     EXPECT_TRUE(strstr(r.out, "note: fragile") && strstr(r.out, "bokken at 1.000 2.000 0.500 m") &&
@@ -113,6 +116,23 @@ static void test_kept_in_a_recording_without_a_server(void **state)
     EXPECT_INT(r.exit_code, 0);
     r = PROCESS(program, "objects", "list", recording, "--json");
     EXPECT_TRUE(strstr(r.out, "fragile") && strstr(r.out, "oak"));
+}
+
+static void test_names_that_a_terminal_would_obey(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {"{\"name\": \"a\\u009b2J\", \"picture\": \"a.png\"}",
+                                      "{\"name\": \"a\", \"picture\": \"a.png\", \"url\": \"http://a/\xff\"}"};
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        char text[200];
+        snprintf(text, sizeof text, "{\"objects\": [%s]}", bad[i]);
+        scratch_text(&scratch, "bad.json", text);
+        const struct process_result r = PROCESS(program, "objects", "--stereo", pairs, "--rig", rig, "--objects",
+                                                scratch_file(&scratch, "bad.json"), "--out", out, "--force");
+        EXPECT_INT(r.exit_code, 1);
+        print_message("%s", r.err);
+        EXPECT_TRUE(strstr(r.err, "not UTF-8 or holds control characters"));
+    }
 }
 
 static void test_a_knowledge_base_is_written(void **state)
@@ -149,6 +169,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_found_and_written),
         cmocka_unit_test(test_kept_in_a_recording_without_a_server),
+        cmocka_unit_test(test_names_that_a_terminal_would_obey),
         cmocka_unit_test(test_a_knowledge_base_is_written),
     };
     scratch = scratch_make();
