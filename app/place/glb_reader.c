@@ -6,7 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HEADER = 12, CHUNK = 8, JSON_CHUNK = 0x4e4f534a, BINARY_CHUNK = 0x004e4942, MOST_DEPTH = 16, MOST_NODES = 4096 };
+enum { HEADER = 12, CHUNK = 8, JSON_CHUNK = 0x4e4f534a, BINARY_CHUNK = 0x004e4942 };
+
+// Looking something up in the description takes time in proportion to its length, so a stranger's is bounded.
+enum { MOST_DEPTH = 16, MOST_NODES = 4096, MOST_TEXT_BYTES = 1 << 20 };
 
 struct file {
     const struct json *root;
@@ -14,7 +17,7 @@ struct file {
     size_t count;
     struct glb_model *out;
     int capacity; // of out->corners
-    int visited;
+    int visited;  // nodes and primitives
 };
 
 static uint32_t u32_at(const uint8_t *p)
@@ -34,7 +37,7 @@ static int64_t whole(const struct json *object, const char *name, int64_t otherw
 static const struct json *item(const struct file *f, const char *list, int64_t index)
 {
     const struct json *array = json_member(f->root, list);
-    return index >= 0 && json_is_array(array) && index < json_count(array) ? json_at(array, (int)index) : NULL;
+    return index >= 0 && json_is_array(array) ? json_at(array, (int)index) : NULL;
 }
 
 // ---------------------------------------------------------------- buffers
@@ -282,10 +285,20 @@ static bool read_corner(const struct primitive *p, const struct map *to, int64_t
     return isfinite(c->at[0]) && isfinite(c->at[1]) && isfinite(c->at[2]);
 }
 
+static enum status count_visit(struct file *f)
+{
+    return f->visited++ < MOST_NODES
+               ? OK
+               : fail(ERR_INPUT, "the model has more than %d nodes and primitives", (int)MOST_NODES);
+}
+
 static enum status read_primitive(struct file *f, const struct json *json, const struct map *to)
 {
     struct glb_model *m = f->out;
     struct primitive p;
+    enum status status = count_visit(f);
+    if (status != OK)
+        return status;
     if (!open_primitive(f, json, &p))
         return OK; // lines, points, or what is compressed
     const int64_t count = (p.has_indices ? p.indices.count : p.at.count) / 3 * 3;
@@ -294,7 +307,7 @@ static enum status read_primitive(struct file *f, const struct json *json, const
                     (int)GLB_MOST_PARTS);
     struct glb_part *part = &m->parts[m->part_count++];
     *part = (struct glb_part){.first = m->corner_count};
-    const enum status status = read_material(f, whole(json, "material", -1), part);
+    status = read_material(f, whole(json, "material", -1), part);
     for (int64_t i = 0; i < count && status == OK; i += 3) {
         struct glb_corner c[3];
         bool good = true;
@@ -314,11 +327,13 @@ static enum status read_primitive(struct file *f, const struct json *json, const
 static enum status read_node(struct file *f, int64_t index, const struct map *parent, int depth)
 {
     const struct json *node = item(f, "nodes", index);
-    if (!node || depth > MOST_DEPTH || f->visited++ > MOST_NODES)
+    if (!node || depth > MOST_DEPTH)
         return fail(ERR_INPUT, "the model's nodes make no tree");
+    enum status status = count_visit(f);
+    if (status != OK)
+        return status;
     const struct map own = node_map(node), to = chain(parent, &own);
     const struct json *mesh = item(f, "meshes", whole(node, "mesh", -1));
-    enum status status = OK;
     for (const struct json *p = json_first(json_member(mesh, "primitives")); p && status == OK; p = json_next(p))
         status = read_primitive(f, p, &to);
     for (const struct json *c = json_first(json_member(node, "children")); c && status == OK; c = json_next(c)) {
@@ -362,6 +377,8 @@ enum status glb_read(const uint8_t *bytes, size_t count, struct glb_model *out)
     const size_t text = u32_at(bytes + HEADER), after = HEADER + CHUNK + text;
     if (u32_at(bytes + HEADER + 4) != JSON_CHUNK || text > count - HEADER - CHUNK)
         return fail(ERR_INPUT, "the model's first chunk is broken");
+    if (text > MOST_TEXT_BYTES)
+        return fail(ERR_INPUT, "the model's description is longer than %d bytes", (int)MOST_TEXT_BYTES);
     struct file f = {.out = out};
     if (count - after >= CHUNK && u32_at(bytes + after + 4) == BINARY_CHUNK) {
         f.bytes = bytes + after + CHUNK;

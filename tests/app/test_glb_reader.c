@@ -6,6 +6,7 @@
 #include "tests/support/test.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -63,6 +64,45 @@ static void test_broken_models_are_refused(void **state)
     free(bytes);
 }
 
+// A model of a description alone.
+static enum status read_described(const char *text, struct glb_model *m)
+{
+    const size_t length = strlen(text), padded = (length + 3) & ~(size_t)3, count = 20 + padded;
+    uint8_t *bytes = malloc(count);
+    const uint32_t numbers[4] = {2, (uint32_t)count, (uint32_t)padded, 0x4e4f534a};
+    memset(bytes, ' ', count);
+    memcpy(bytes, "glTF", 4);
+    memcpy(bytes + 4, numbers, sizeof numbers); // little-endian, as all machines are that this runs on
+    memcpy(bytes + 20, text, length);
+    const enum status status = glb_read(bytes, count, m);
+    free(bytes);
+    return status;
+}
+
+// What would take minutes to look through.
+static void test_long_descriptions_are_refused(void **state)
+{
+    (void)state;
+    enum { PRIMITIVES = 5000 };
+    struct glb_model m;
+    char *text = malloc((2 << 20) + 200);
+    char *at =
+        text + sprintf(text, "{\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],\"meshes\":[{\"primitives\":["
+                             "{\"mode\":1}");
+    for (int i = 0; i < PRIMITIVES; i++)
+        at += sprintf(at, ",{\"mode\":1}");
+    strcpy(at, "]}]}");
+    EXPECT_STATUS(read_described(text, &m), ERR_INPUT);
+    EXPECT_SAYS("more than 4096 nodes and primitives");
+    memset(text, ' ', 1 << 20);
+    strcpy(text + (1 << 20), "{}");
+    EXPECT_STATUS(read_described(text, &m), ERR_INPUT);
+    EXPECT_SAYS("longer than");
+    EXPECT_STATUS(read_described("{\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"children\":[0]}]}", &m), ERR_INPUT);
+    EXPECT_SAYS("no tree");
+    free(text);
+}
+
 static void test_ellipsoids(void **state)
 {
     (void)state;
@@ -84,6 +124,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_model_is_read),
         cmocka_unit_test(test_broken_models_are_refused),
+        cmocka_unit_test(test_long_descriptions_are_refused),
         cmocka_unit_test(test_ellipsoids),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
