@@ -37,6 +37,27 @@ static void test_pose_lists(void **state)
     }
 }
 
+// Against a search one by one.
+static void test_the_pose_at_a_time(void **state)
+{
+    (void)state;
+    enum { POSES = 9 };
+    struct timed_pose list[POSES];
+    static const int64_t times[POSES] = {-5, 0, 0, 1, 3, 10, 11, 50, 60};
+    for (int i = 0; i < POSES; i++)
+        list[i] = (struct timed_pose){.time_ns = times[i], .pose = {{0, 0, 0, 1}, {i, 0, 0}}};
+    for (int count = 1; count <= POSES; count++)
+        for (int64_t t = -7; t < 63; t++) {
+            int after = 0;
+            while (after < count && times[after] < t)
+                after++;
+            const double share =
+                after && after < count ? (double)(t - times[after - 1]) / (double)(times[after] - times[after - 1]) : 0;
+            const double want = after == count ? count - 1 : after ? after - 1 + share : 0;
+            EXPECT_NEAR(pose_list_at(list, count, t).translation.x, want, 1e-12);
+        }
+}
+
 static void test_file_lists(void **state)
 {
     (void)state;
@@ -153,6 +174,7 @@ int main(void)
     scratch = scratch_make();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pose_lists),
+        cmocka_unit_test(test_the_pose_at_a_time),
         cmocka_unit_test(test_file_lists),
         cmocka_unit_test(test_points),
         cmocka_unit_test(test_where_cameras_are_on_a_body),

@@ -151,9 +151,14 @@ enum status file_list_read(const char *folder, const char *name, struct timed_fi
 
 struct pose pose_list_at(const struct timed_pose *list, int count, int64_t time_ns)
 {
-    int after = 0;
-    while (after < count && list[after].time_ns < time_ns)
-        after++;
+    int after = 0; // how many are before the time
+    for (int end = count; after < end;) {
+        const int middle = after + (end - after) / 2;
+        if (list[middle].time_ns < time_ns)
+            after = middle + 1;
+        else
+            end = middle;
+    }
     if (after == 0)
         return list[0].pose;
     if (after == count)

@@ -132,13 +132,12 @@ static enum status open_calibration(struct surround_set *set, const char *folder
     return status;
 }
 
-// The file nearest to a time, or NULL.
-static const char *file_at(const struct timed_file *list, int count, int64_t time_ns)
+// The file nearest to a time, or NULL. `from`: where the search begins, 0 or as the call for an earlier time left it.
+static const char *file_at(const struct timed_file *list, int count, int64_t time_ns, int *from)
 {
-    const struct timed_file *best = NULL;
-    for (int i = 0; i < count; i++)
-        if (!best || llabs(list[i].time_ns - time_ns) < llabs(best->time_ns - time_ns))
-            best = &list[i];
+    while (*from + 1 < count && llabs(list[*from + 1].time_ns - time_ns) < llabs(list[*from].time_ns - time_ns))
+        ++*from;
+    const struct timed_file *best = count ? &list[*from] : NULL;
     return best && llabs(best->time_ns - time_ns) <= MOST_APART_NS ? best->path : NULL;
 }
 
@@ -157,12 +156,13 @@ static enum status read_captures(struct surround_set *set, const char *folder)
         status = file_list_read(folder, "depth.txt", &set->files[1], &counts[0]);
     if (status == OK && !(set->captures = calloc((size_t)set->capture_count, sizeof *set->captures)))
         status = fail(ERR_MEMORY, "out of memory");
+    int nearest[SURROUND_DEPTH_CAMERAS] = {0};
     for (int i = 0; status == OK && i < set->capture_count; i++) {
         struct capture *capture = &set->captures[i];
         capture->time_ns = set->files[0][i].time_ns;
         capture->panorama = set->files[0][i].path;
         for (int c = 0; c < SURROUND_DEPTH_CAMERAS; c++)
-            capture->depth[c] = file_at(set->files[1 + c], counts[c], capture->time_ns);
+            capture->depth[c] = file_at(set->files[1 + c], counts[c], capture->time_ns, &nearest[c]);
         capture->guess = pose_list_at(set->odometry, set->odometry_count, capture->time_ns);
     }
     return status;
