@@ -57,7 +57,7 @@ bool matrix_is_rotation(double m[3][3], double tolerance)
     for (int i = 0; i < 3; i++) {
         row[i] = v3(m[i][0], m[i][1], m[i][2]);
         for (int j = 0; j <= i; j++)
-            if (!(fabs(v3_dot(row[i], row[j]) - (i == j)) < tolerance)) // NaN is no number
+            if (!(fabs(v3_dot(row[i], row[j]) - (i == j)) < tolerance)) // NaN, too
                 return false;
     }
     return v3_dot(v3_cross(row[0], row[1]), row[2]) > 0;
