@@ -30,11 +30,14 @@ static enum status read_board(const char *folder, struct stereo_board *board)
         (void)json_get_string(json_member(root, "pattern"), &pattern);
         if (strcmp(pattern, "circles"))
             status = fail(ERR_INPUT, "%s: the pattern '%s' is not known; print circles", path, pattern);
-        else if (!(columns >= 3 && rows >= 3 && columns * rows <= STEREO_MOST_CIRCLES))
-            status = fail(ERR_INPUT, "%s: a board has 3 or more columns and rows, and at most %d circles", path,
+        else if (!(columns >= 3 && rows >= 3 && columns * rows <= STEREO_MOST_CIRCLES) || columns != floor(columns) ||
+                 rows != floor(rows))
+            status = fail(ERR_INPUT, "%s: a board has 3 or more whole columns and rows, and at most %d circles", path,
                           STEREO_MOST_CIRCLES);
         else if (!(board->pitch_m > 1e-4 && board->pitch_m < 10))
             status = fail(ERR_INPUT, "%s: pitch_m is the distance of two circles' centres in metres", path);
+    }
+    if (status == OK) {
         board->columns = (int)columns;
         board->rows = (int)rows;
     }
@@ -52,12 +55,20 @@ static enum status list_pairs(const char *folder, char (*names)[MOST_NAME], int 
     DIR *dir = opendir(path);
     if (!dir)
         return fail(ERR_MISSING, "%s is no folder; pairs lie in left/ and right/ under equal names", path);
-    for (struct dirent *entry; (entry = readdir(dir)) && *count < MOST_PAIRS;)
-        if (entry->d_name[0] != '.' && strlen(entry->d_name) < MOST_NAME)
+    enum status status = OK;
+    for (struct dirent *entry; status == OK && (entry = readdir(dir));) {
+        if (entry->d_name[0] == '.')
+            continue;
+        if (*count == MOST_PAIRS)
+            status = fail(ERR_INPUT, "%s holds more than %d pictures", path, MOST_PAIRS);
+        else if (strlen(entry->d_name) >= MOST_NAME)
+            status = fail(ERR_INPUT, "%s: the name %.40s… is longer than %d bytes", path, entry->d_name, MOST_NAME - 1);
+        else
             strcpy(names[(*count)++], entry->d_name);
+    }
     closedir(dir);
     qsort(names, (size_t)*count, sizeof *names, compare_names);
-    return *count ? OK : fail(ERR_INPUT, "%s is empty", path);
+    return status == OK && !*count ? fail(ERR_INPUT, "%s is empty", path) : status;
 }
 
 struct sheet {

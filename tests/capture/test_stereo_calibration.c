@@ -5,6 +5,8 @@
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 
+#include <stdio.h>
+
 enum { VIEWS = 8, WIDTH = 320, HEIGHT = 240, COLUMNS = 7, ROWS = 5, SEED = 5 };
 #define PITCH 0.025
 
@@ -110,6 +112,39 @@ static void test_what_is_said(void **state)
     EXPECT_INT(count, 0);
 }
 
+static void expect_folder_fault(const struct scratch *scratch, const char *board_json, const char *says)
+{
+    struct stereo_rig rig;
+    struct stereo_report report;
+    int pairs;
+    scratch_text(scratch, "board.json", board_json);
+    EXPECT_STATUS(stereo_calibrate_folder(scratch_file(scratch, "."), &rig, &report, &pairs), ERR_INPUT);
+    EXPECT_SAYS(says);
+}
+
+static void test_faults_of_a_folder(void **state)
+{
+    (void)state;
+    enum { MORE_THAN_MOST = 513 };
+    struct scratch scratch = scratch_make();
+    EXPECT_STATUS(folder_make(scratch_file(&scratch, "left")), OK);
+    expect_folder_fault(&scratch, "{\"columns\": 7.5, \"rows\": 5, \"pitch_m\": 0.02}", "whole columns and rows");
+    expect_folder_fault(&scratch, "{\"columns\": 1e300, \"rows\": 5, \"pitch_m\": 0.02}", "whole columns and rows");
+    const char *good = "{\"columns\": 7, \"rows\": 5, \"pitch_m\": 0.02}";
+    expect_folder_fault(&scratch, good, "is empty");
+    char name[200] = "left/";
+    memset(name + 5, 'a', 130);
+    scratch_text(&scratch, name, "");
+    expect_folder_fault(&scratch, good, "is longer than 127 bytes");
+    EXPECT_TRUE(!remove(scratch_file(&scratch, name)));
+    for (int i = 0; i < MORE_THAN_MOST; i++) {
+        snprintf(name, sizeof name, "left/%03d.png", i);
+        scratch_text(&scratch, name, "");
+    }
+    expect_folder_fault(&scratch, good, "more than 512 pictures");
+    scratch_remove(&scratch);
+}
+
 static void test_a_rig_is_read_as_written(void **state)
 {
     (void)state;
@@ -139,6 +174,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lenses_and_baseline),
         cmocka_unit_test(test_what_is_said),
+        cmocka_unit_test(test_faults_of_a_folder),
         cmocka_unit_test(test_a_rig_is_read_as_written),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
