@@ -9,6 +9,10 @@ bool text_is_printable(const char *text);
 // Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
 void text_make_printable(char *text);
 
+// Read times lie between minus this and this: the year 2096, counted from 1970. The difference of any two fits into an
+// int64_t of nanoseconds.
+#define SECONDS_MOST 4000000000
+
 // "-1.500000000": nanoseconds as seconds with `decimals` digits, 0 to 9, the rest cut off towards zero.
 enum { SECONDS_TEXT_BYTES = 32 };
 const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BYTES]);

@@ -1,6 +1,7 @@
 // Reading joints-csv files.
 #include "compare/joint_samples.h"
 
+#include "base/text.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -82,7 +83,7 @@ static enum status take_row(struct csv *c, char *line)
         if (!number(field[i], &x[i - 2]))
             return fail(ERR_INPUT, "%s, line %lld: '%.40s' is no number", c->path, (long long)c->line, field[i]);
     // Far from every camera and clock: a damaged row. NaN fails all comparisons.
-    if (!(fabs(time) < 4e9) || !joint_from_name(field[1], &joint)) {
+    if (!(fabs(time) < SECONDS_MOST) || !joint_from_name(field[1], &joint)) {
         c->out->dropped++;
         return OK;
     }

@@ -1,5 +1,7 @@
 #include "platform/file.h"
 
+#include "base/text.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -236,7 +238,8 @@ bool file_exists(const char *path)
     return stat(path, &about) == 0;
 }
 
-bool path_stays_below(const char *path)
+// Whether a path below a folder stays there: no ".." of it leads out.
+static bool stays_below(const char *path)
 {
     int depth = 0;
     for (const char *at = path; *at;) {
@@ -250,6 +253,16 @@ bool path_stays_below(const char *path)
         at += length + (at[length] == '/');
     }
     return true;
+}
+
+enum status file_check_listed(const char *folder, const char *list, int line, const char *name)
+{
+    if (!text_is_printable(name))
+        return fail(ERR_INPUT, "%s/%s, line %d: the file's name is not UTF-8 or holds control characters", folder, list,
+                    line);
+    if (!stays_below(name))
+        return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", folder, list, line, name);
+    return OK;
 }
 
 int64_t file_free_bytes(const char *path)

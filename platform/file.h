@@ -32,8 +32,10 @@ bool file_is_same(const char *a, const char *b);
 
 bool file_exists(const char *path); // a file or a folder
 
-// Whether a path below a folder stays there: no ".." of it leads out. Links are not looked at.
-bool path_stays_below(const char *path);
+// Checks a name in line `line` of a list of the folder's files, which may come from a stranger: it leads to no file
+// outside of the folder (links are not looked at) and holds nothing that a terminal would obey. ERR_INPUT names the
+// line.
+MUST_CHECK enum status file_check_listed(const char *folder, const char *list, int line, const char *name);
 
 // Bytes that an ordinary user can still write to the file system of `path`; -1: not known.
 int64_t file_free_bytes(const char *path);

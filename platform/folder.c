@@ -31,8 +31,6 @@
 
 enum { PATH_BYTES = 4096 };
 
-#define SECONDS_MOST 4000000000 // the year 2096, counted from 1970
-
 struct image_entry {
     int64_t time_ns;
     const char *path; // inside the list's text
@@ -105,17 +103,6 @@ static char *trim(char *line)
     return line;
 }
 
-// A list may come from a stranger: it names no file outside of its folder, and nothing that a terminal would obey.
-static enum status check_path(const struct image_list *list, const char *dir, const char *path, int number)
-{
-    if (!text_is_printable(path))
-        return fail(ERR_INPUT, "%s/%s, line %d: the file's name is not UTF-8 or holds control characters", dir,
-                    list->name, number);
-    if (!path_stays_below(path))
-        return fail(ERR_INPUT, "%s/%s, line %d: '%.100s' lies outside of the folder", dir, list->name, number, path);
-    return OK;
-}
-
 // Adds the image of one line to the list.
 static enum status add_line(struct image_list *list, const char *dir, const char *line, int number)
 {
@@ -125,7 +112,7 @@ static enum status add_line(struct image_list *list, const char *dir, const char
         return fail(ERR_INPUT, "%s/%s, line %d: '%.40s' does not begin with a time in seconds and a file", dir,
                     list->name, number, line);
     path += strspn(path, " \t");
-    enum status status = check_path(list, dir, path, number);
+    enum status status = file_check_listed(dir, list->name, number, path);
     if (status != OK)
         return status;
     if (list->count) {

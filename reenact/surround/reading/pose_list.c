@@ -8,9 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The year 2096, counted from 1970: the difference of any two times fits into an int64_t of nanoseconds.
-static const double SECONDS_MOST = 4e9;
-
 // The next line that is neither empty nor a comment, ended by 0; NULL: none. *number: of that line, from 1.
 static char *next_line(char **text, int *number)
 {
@@ -126,14 +123,9 @@ enum status file_list_read(const char *folder, const char *name, struct timed_fi
     while (status == OK && (line = next_line(&text, &number))) {
         if (strlen(line) < 3 || !parse_time(line, &rest, &list[n].time_ns) || sscanf(rest, "%511s", file) != 1)
             status = fail(ERR_INPUT, "%s line %d is no time and file", path, number);
-        else if (!text_is_printable(file))
-            status =
-                fail(ERR_INPUT, "%s line %d: the file's name is not UTF-8 or holds control characters", path, number);
-        else if (!path_stays_below(file))
-            status = fail(ERR_INPUT, "%s line %d: '%.100s' lies outside of the folder", path, number, file);
         else if (n && list[n - 1].time_ns >= list[n].time_ns)
             status = fail(ERR_INPUT, "%s line %d: the times do not rise; sort the lines", path, number);
-        else
+        else if ((status = file_check_listed(folder, name, number, file)) == OK)
             snprintf(list[n].path, sizeof list[n].path, "%.500s/%s", folder, file);
         n++;
     }
