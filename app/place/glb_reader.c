@@ -8,8 +8,7 @@
 
 enum { HEADER = 12, CHUNK = 8, JSON_CHUNK = 0x4e4f534a, BINARY_CHUNK = 0x004e4942 };
 
-// Looking something up in the description takes time in proportion to its length, so a stranger's is bounded.
-enum { MOST_DEPTH = 16, MOST_NODES = 4096, MOST_TEXT_BYTES = 1 << 20 };
+enum { MOST_DEPTH = 16 }; // of nodes
 
 struct file {
     const struct json *root;
@@ -287,9 +286,9 @@ static bool read_corner(const struct primitive *p, const struct map *to, int64_t
 
 static enum status count_visit(struct file *f)
 {
-    return f->visited++ < MOST_NODES
+    return f->visited++ < GLB_MOST_VISITS
                ? OK
-               : fail(ERR_INPUT, "the model has more than %d nodes and primitives", (int)MOST_NODES);
+               : fail(ERR_INPUT, "the model has more than %d nodes and primitives", (int)GLB_MOST_VISITS);
 }
 
 static enum status read_primitive(struct file *f, const struct json *json, const struct map *to)
@@ -339,7 +338,7 @@ static enum status read_node(struct file *f, int64_t index, const struct map *pa
     for (const struct json *c = json_first(json_member(node, "children")); c && status == OK; c = json_next(c)) {
         double child;
         if (json_get_number(c, &child))
-            status = read_node(f, child >= 0 && child < MOST_NODES ? (int64_t)child : -1, &to, depth + 1);
+            status = read_node(f, child >= 0 && child < GLB_MOST_VISITS ? (int64_t)child : -1, &to, depth + 1);
     }
     return status;
 }
@@ -352,7 +351,7 @@ static enum status read_scene(struct file *f)
     for (const struct json *n = json_first(json_member(scene, "nodes")); n && status == OK; n = json_next(n)) {
         double node;
         if (json_get_number(n, &node))
-            status = read_node(f, node >= 0 && node < MOST_NODES ? (int64_t)node : -1, &identity, 0);
+            status = read_node(f, node >= 0 && node < GLB_MOST_VISITS ? (int64_t)node : -1, &identity, 0);
     }
     return status == OK && !f->out->corner_count ? fail(ERR_INPUT, "the model holds no triangles") : status;
 }
@@ -377,8 +376,8 @@ enum status glb_read(const uint8_t *bytes, size_t count, struct glb_model *out)
     const size_t text = u32_at(bytes + HEADER), after = HEADER + CHUNK + text;
     if (u32_at(bytes + HEADER + 4) != JSON_CHUNK || text > count - HEADER - CHUNK)
         return fail(ERR_INPUT, "the model's first chunk is broken");
-    if (text > MOST_TEXT_BYTES)
-        return fail(ERR_INPUT, "the model's description is longer than %d bytes", (int)MOST_TEXT_BYTES);
+    if (text > GLB_MOST_TEXT_BYTES)
+        return fail(ERR_INPUT, "the model's description is longer than %d bytes", (int)GLB_MOST_TEXT_BYTES);
     struct file f = {.out = out};
     if (count - after >= CHUNK && u32_at(bytes + after + 4) == BINARY_CHUNK) {
         f.bytes = bytes + after + CHUNK;

@@ -6,6 +6,8 @@
 #include "platform/image_file.h"
 
 enum { GLB_MOST_TRIANGLES = 100000, GLB_MOST_PARTS = 64, GLB_MOST_TEXTURE = 4096 };
+// Looking something up in the description takes time in proportion to its length, so that is bounded, too.
+enum { GLB_MOST_VISITS = 4096, GLB_MOST_TEXT_BYTES = 1 << 20 }; // visits: nodes and primitives
 
 struct glb_corner {
     float at[3];     // metres, y up, as in the file's scene

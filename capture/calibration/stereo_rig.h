@@ -8,11 +8,11 @@
 #include "capture/calibration/stereo_calibration.h"
 
 // Finds the circles in all pairs of `folder` (left/NAME and right/NAME beside board.json) and calibrates. *pairs: how
-// many there are. ERR_MISSING, ERR_IO, ERR_INPUT, ERR_CORRUPT, ERR_MEMORY, ERR_SOLVER.
+// many there are, at most 512. ERR_MISSING, ERR_IO, ERR_INPUT, ERR_CORRUPT, ERR_MEMORY, ERR_SOLVER.
 MUST_CHECK enum status stereo_calibrate_folder(const char *folder, struct stereo_rig *rig, struct stereo_report *report,
                                                int *pairs);
 
-// ERR_INPUT: not a rig. ERR_MISSING, ERR_IO, ERR_MEMORY.
+// ERR_INPUT: not a rig, or its cameras are more than 100 m apart. ERR_MISSING, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status stereo_rig_read(const char *path, struct stereo_rig *rig);
 
 // The text of rig.json; the caller frees it; NULL: no memory.

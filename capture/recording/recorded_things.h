@@ -24,7 +24,8 @@ struct recorded_thing {
 enum { THING_CONTENT_MOST = 16 << 20 }; // bytes of one
 
 // *things is malloc'ed; recorded_things_free frees it. A file without the table has none. ERR_CORRUPT: one of them is
-// damaged; ERR_IO, ERR_MEMORY; on error there are none. A picture or model that is damaged is left out.
+// damaged; ERR_IO, ERR_MEMORY; on error there are none. A picture or model that is damaged is left out. Names,
+// addresses and notes are printable (base/text.h): what a terminal or server would obey is read as '?'.
 MUST_CHECK enum status recording_read_things(struct recording *r, struct recorded_thing **things, int *count);
 // The same, but what is damaged costs itself alone and is counted. ERR_IO, ERR_MEMORY.
 struct things_lost {

@@ -6,6 +6,7 @@
 #include <string.h>
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
+_Static_assert(SIDE *SIDE <= ROOM_SAMPLES, "a pixel's samples fit");
 
 struct job {
     const struct world *w;
