@@ -39,7 +39,8 @@ enum status scale_features_detect(const uint8_t *plane, int width, int height, s
             f.at = {keypoints[i].pt.x, keypoints[i].pt.y};
             f.size_px = keypoints[i].size;
             f.angle = keypoints[i].angle * 0.017453292519943295f;
-            std::copy_n(descriptors.ptr<float>((int)i), SCALE_FEATURE_DIMENSIONS, f.descriptor);
+            const float *d = descriptors.ptr<float>((int)i); // OpenCV has rounded them
+            std::transform(d, d + SCALE_FEATURE_DIMENSIONS, f.descriptor, [](float v) { return (int16_t)v; });
         }
         return OK;
     } catch (...) {

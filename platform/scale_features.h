@@ -12,8 +12,7 @@ struct scale_feature {
     struct pixel at; // centre of the top-left pixel is (0, 0)
     float size_px;   // diameter of what it describes
     float angle;     // radians, clockwise in the image
-    // Whole numbers 0..255, as floats: sums of products of two descriptors are exact, in any order.
-    float descriptor[SCALE_FEATURE_DIMENSIONS];
+    int16_t descriptor[SCALE_FEATURE_DIMENSIONS]; // whole numbers 0..255, signed so that they can be subtracted
 };
 
 // plane: width * height bytes, one channel of an image. Writes at most `capacity` features, the strongest; *count is

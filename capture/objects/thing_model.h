@@ -1,5 +1,5 @@
 // A thing's reference picture prepared for recognition: which pixels show it, its size in metres, its texture at all
-// scales, its features. Made once, then only read. Memory: about 60 bytes a pixel and 0.5 KB a feature.
+// scales, its features. Made once, then only read. Memory: about 60 bytes a pixel and 0.3 KB a feature.
 #pragma once
 #include "capture/objects/texture_pyramid.h"
 #include "capture/objects/thing.h"
