@@ -3,22 +3,11 @@
 
 #include "compare/findings.h"
 
+#include "base/html.h"
 #include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-void report_escaped(FILE *to, const char *text)
-{
-    for (; *text; text++)
-        switch (*text) {
-        case '<': fputs("&lt;", to); break;
-        case '>': fputs("&gt;", to); break;
-        case '&': fputs("&amp;", to); break;
-        case '"': fputs("&quot;", to); break;
-        default: fputc(*text, to);
-        }
-}
 
 // ------------------------------------------------------------- which moments
 
@@ -145,25 +134,12 @@ static void figure(FILE *to, const struct movement_frame *f, const char *class, 
 
 // ------------------------------------------------------------- pictures
 
-static void base64(FILE *to, const uint8_t *bytes, size_t size)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    for (size_t i = 0; i < size; i += 3) {
-        const uint32_t v = (uint32_t)bytes[i] << 16 | (i + 1 < size ? (uint32_t)bytes[i + 1] << 8 : 0) |
-                           (i + 2 < size ? bytes[i + 2] : 0);
-        fputc(digits[v >> 18], to);
-        fputc(digits[v >> 12 & 63], to);
-        fputc(i + 1 < size ? digits[v >> 6 & 63] : '=', to);
-        fputc(i + 2 < size ? digits[v & 63] : '=', to);
-    }
-}
-
 static void picture(FILE *to, const struct report_picture *p, double left)
 {
     const double width = 88, height = width * p->height_px / p->width_px, scale = width / p->width_px;
     fprintf(to, "<image x=\"%.1f\" y=\"0\" width=\"%.1f\" height=\"%.1f\" href=\"data:image/png;base64,", left, width,
             height);
-    base64(to, p->png, p->png_size);
+    html_put_base64(to, p->png, p->png_size);
     fputs("\"/>", to);
     if (p->marked)
         fprintf(to, "<line class=\"bone bad\" x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\"/>",

@@ -3,6 +3,8 @@
 
 #include "compare/findings.h"
 
+#include "base/html.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -137,7 +139,7 @@ static void progress(FILE *to, const struct report_attempt *attempts, int32_t co
     for (int32_t k = 0; k < count; k++) {
         const double x = LEFT + 10 + k * step, y = HEIGHT + 10 - attempts[k].c->score * HEIGHT / 100;
         fprintf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"var(--a)\"><title>", x, y);
-        report_escaped(to, attempts[k].name);
+        html_put_text(to, attempts[k].name);
         fprintf(to, ": %.0f</title></circle><text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">%d</text>",
                 attempts[k].c->score, x, HEIGHT + 26, (int)k + 1);
     }
@@ -145,7 +147,7 @@ static void progress(FILE *to, const struct report_attempt *attempts, int32_t co
     for (int32_t k = 0; k < count; k++) {
         const struct comparison *c = attempts[k].c;
         fputs("<li>", to);
-        report_escaped(to, attempts[k].name);
+        html_put_text(to, attempts[k].name);
         fprintf(to, ": <b>%.0f</b> <span class=\"dim\">%s</span></li>", c->score,
                 c->finding_count ? c->findings[0].sentence : "nothing was found");
     }
@@ -189,11 +191,11 @@ char *report_html(const struct report_attempt *attempts, int32_t count, const ch
     fputs(head, to);
     fputs("<h1>", to);
     if (count == 1)
-        report_escaped(to, attempts[0].name);
+        html_put_text(to, attempts[0].name);
     else
         fprintf(to, "%d attempts", (int)count);
     fputs(" <span class=\"dim\">compared with</span> ", to);
-    report_escaped(to, reference_name);
+    html_put_text(to, reference_name);
     fputs("</h1>", to);
     bool broken = false;
     if (count > 1)
@@ -202,7 +204,7 @@ char *report_html(const struct report_attempt *attempts, int32_t count, const ch
         // Of several the last is open.
         if (count > 1) {
             fprintf(to, "<details%s><summary>", k + 1 < count ? "" : " open");
-            report_escaped(to, attempts[k].name);
+            html_put_text(to, attempts[k].name);
             fprintf(to, ": %.0f</summary>", attempts[k].c->score);
         }
         broken = !attempt(to, &attempts[k]) || broken;

@@ -4,5 +4,4 @@
 
 #include <stdio.h>
 
-void report_escaped(FILE *to, const char *text); // text from outside: file and take names
 void report_figures(FILE *to, const struct report_attempt *a);

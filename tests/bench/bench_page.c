@@ -2,6 +2,7 @@
 #include "tests/bench/bench_page.h"
 
 #include "base/clock.h"
+#include "base/html.h"
 
 #include <ctype.h>
 #include <math.h>
@@ -44,18 +45,6 @@ static const char style[] =
     "@media print{:root{--paper:#fff;--ink:#000;--soft:#444;--line:#ccc;--ours:#0b62c4;--theirs:#b35a00;"
     "--good:#0a7f45;--bad:#c2222d}body{max-width:none;font-size:10pt}nav{display:none}section,figure,table"
     "{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}}\n";
-
-void bench_put_text(FILE *file, const char *text)
-{
-    for (; *text; text++)
-        switch (*text) {
-        case '<': fputs("&lt;", file); break;
-        case '>': fputs("&gt;", file); break;
-        case '&': fputs("&amp;", file); break;
-        case '"': fputs("&quot;", file); break;
-        default: fputc(*text, file);
-        }
-}
 
 const struct bench_result *bench_find_result(const struct bench_whole *w, const char *stage)
 {
@@ -111,11 +100,11 @@ static void put_machine(const struct bench_page *page, const struct bench_whole 
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
     if (page->html) {
         fputs("<p class=\"soft\">", page->html);
-        bench_put_text(page->html, processor);
+        html_put_text(page->html, processor);
         fprintf(page->html, ", %ld cores, %s %s; compiler ", cores, name.sysname, name.machine);
-        bench_put_text(page->html, __VERSION__);
+        html_put_text(page->html, __VERSION__);
         fprintf(page->html, "; load %.1f; made in %.0f s by <code>", load[0], w->took_s);
-        bench_put_text(page->html, command);
+        html_put_text(page->html, command);
         fputs("</code></p>\n", page->html);
     }
     struct json *o = page->stages ? json_add_object(page->stages, NULL) : NULL;
@@ -155,7 +144,7 @@ static void put_table(FILE *f, const struct bench_result *r)
         if (row->group)
             continue;
         fprintf(f, "<tr class=\"%s%s\"><td>", row->baseline ? "theirs-row" : "", row->usual ? "usual" : "");
-        bench_put_text(f, row->name);
+        html_put_text(f, row->name);
         fputs(row->usual ? " (default)</td>" : "</td>", f);
         put_cell(f, row->error);
         put_cell(f, row->error_p95);
@@ -173,20 +162,6 @@ static void put_table(FILE *f, const struct bench_result *r)
     fputs("</table></div>\n", f);
 }
 
-static void put_base64(FILE *f, const uint8_t *bytes, size_t count)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    for (size_t i = 0; i < count; i += 3) {
-        const size_t left = count - i;
-        const unsigned v =
-            (unsigned)bytes[i] << 16 | (left > 1 ? (unsigned)bytes[i + 1] << 8 : 0) | (left > 2 ? bytes[i + 2] : 0);
-        fputc(digits[v >> 18], f);
-        fputc(digits[v >> 12 & 63], f);
-        fputc(left > 1 ? digits[v >> 6 & 63] : '=', f);
-        fputc(left > 2 ? digits[v & 63] : '=', f);
-    }
-}
-
 static void put_shots(FILE *f, const struct bench_shots *shots)
 {
     if (!shots->count)
@@ -195,11 +170,11 @@ static void put_shots(FILE *f, const struct bench_shots *shots)
     for (int i = 0; i < shots->count; i++) {
         const struct bench_shot *s = &shots->at[i];
         fprintf(f, "<figure><img width=\"%d\" height=\"%d\" alt=\"", s->width, s->height);
-        bench_put_text(f, s->caption);
+        html_put_text(f, s->caption);
         fputs("\" src=\"data:image/jpeg;base64,", f);
-        put_base64(f, s->jpeg, s->bytes);
+        html_put_base64(f, s->jpeg, s->bytes);
         fputs("\"><figcaption>", f);
-        bench_put_text(f, s->caption);
+        html_put_text(f, s->caption);
         fputs("</figcaption></figure>", f);
     }
     fputs("</div>\n", f);
@@ -208,10 +183,10 @@ static void put_shots(FILE *f, const struct bench_shots *shots)
 static void put_about(FILE *f, const struct bench_stage *stage, const char *title)
 {
     fprintf(f, "<section id=\"%s\"><h2>", stage->name);
-    bench_put_text(f, title);
+    html_put_text(f, title);
     fputs("</h2>\n<p>", f);
     fputc(toupper((unsigned char)stage->about[0]), f);
-    bench_put_text(f, stage->about + 1);
+    html_put_text(f, stage->about + 1);
 }
 
 static void put_stage(FILE *f, const struct bench_result *r, const struct bench_section *section)
@@ -235,7 +210,7 @@ void bench_put_plain_table(FILE *f, const struct bench_plain *p)
     fputs("</tr>\n", f);
     for (size_t i = 0; i < p->count; i++) {
         fputs("<tr><td>", f);
-        bench_put_text(f, p->rows[i].name);
+        html_put_text(f, p->rows[i].name);
         fputs("</td>", f);
         for (size_t k = 0; k < p->columns; k++)
             put_cell(f, p->rows[i].value[k]);
@@ -268,7 +243,7 @@ static void put_unsteady(FILE *f, const struct bench_whole *w)
         for (size_t k = 0; k < w->results[i].count; k++)
             if (bench_row_unsteady(&w->results[i].rows[k])) {
                 fprintf(f, "%s, ", w->results[i].stage->name);
-                bench_put_text(f, w->results[i].rows[k].name);
+                html_put_text(f, w->results[i].rows[k].name);
                 fputs(--count ? "; " : "", f);
             }
     fputs(".</p>\n", f);
@@ -296,7 +271,7 @@ static void put_head(FILE *f, const struct bench_whole *w)
             style);
     for (int i = 0; i < w->count; i++) {
         fprintf(f, "<a href=\"#%s\">", w->results[i].stage->name);
-        bench_put_text(f, w->sections[i]->title);
+        html_put_text(f, w->sections[i]->title);
         fputs("</a> ", f);
     }
     for (int i = 0; i < w->plain_count; i++)

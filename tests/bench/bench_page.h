@@ -19,7 +19,6 @@ struct bench_section {
     const char *error_text, *time_text; // what the plot's axes say
 };
 
-void bench_put_text(FILE *file, const char *text); // as HTML shows it literally
 void bench_put_plain_table(FILE *html, const struct bench_plain *p);
 
 // The stability table; `answers`: a file to store them in, or NULL. *wrong: cases that are wrong, or right without

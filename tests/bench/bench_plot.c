@@ -1,6 +1,8 @@
 // Plots for the page as inline SVG: error against time with the frontier, and curves over sizes.
 #include "tests/bench/bench_page.h"
 
+#include "base/html.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -66,9 +68,9 @@ static void put_frame(FILE *f, const struct plot_axis *x, const struct plot_axis
     put_grid(f, x, true);
     put_grid(f, y, false);
     fprintf(f, "<text x=\"%d\" y=\"%d\" text-anchor=\"middle\">", (LEFT + RIGHT) / 2, HIGH - 12);
-    bench_put_text(f, x_text);
+    html_put_text(f, x_text);
     fprintf(f, "</text><text transform=\"translate(14 %d) rotate(-90)\" text-anchor=\"middle\">", (TOP + BOTTOM) / 2);
-    bench_put_text(f, y_text);
+    html_put_text(f, y_text);
     fputs("</text>\n", f);
 }
 
@@ -120,7 +122,7 @@ static void put_mark(FILE *f, const struct bench_row *row, double x, double y, d
         fprintf(f, "<circle class=\"ring\" cx=\"%.1f\" cy=\"%.1f\" r=\"9\"/>", x, y);
     fprintf(f, "<text x=\"%.1f\" y=\"%.1f\"%s%s>", x + (left ? -12 : 12), label_y, left ? " text-anchor=\"end\"" : "",
             row->baseline ? " font-style=\"italic\"" : "");
-    bench_put_text(f, row->name);
+    html_put_text(f, row->name);
     fputs("</text>\n", f);
 }
 
@@ -197,7 +199,7 @@ void bench_put_curves(FILE *f, const struct bench_curves *c)
     fputs("</svg><figcaption>", f);
     for (int k = 0; k < c->count; k++) {
         fprintf(f, "<span class=\"key c%d\"></span>", k % 6);
-        bench_put_text(f, c->curve[k].name);
+        html_put_text(f, c->curve[k].name);
         if (!isnan(c->curve[k].exponent))
             fprintf(f, " ∝ n<sup>%.2f</sup>", c->curve[k].exponent);
         fputs(k + 1 < c->count ? " · " : "", f);

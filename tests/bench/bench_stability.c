@@ -1,4 +1,5 @@
 // The stability stage: the table of hard cases (tests/stability), as text, as JSON, or as a section of the page.
+#include "base/html.h"
 #include "tests/bench/bench_page.h"
 #include "tests/bench/bench_stages.h"
 #include "tests/stability/stability.h"
@@ -63,15 +64,15 @@ static void put_case(FILE *html, const struct stability_result *r)
     stability_print_answer(answer, sizeof answer, &r->shipped, 5);
     stability_print_answer(unguarded, sizeof unguarded, &r->unguarded, 3);
     fprintf(html, "<tr%s><td>", r->right && r->guard_seen ? "" : " class=\"bad\"");
-    bench_put_text(html, r->of->asked);
+    html_put_text(html, r->of->asked);
     fputs("</td><td>", html);
-    bench_put_text(html, answer);
+    html_put_text(html, answer);
     fprintf(html, "</td><td>%s</td><td>%s</td><td>%s</td><td>%s</td><td>%s</td><td>", judged(r),
             short_number(n[0], r->float_error), short_number(n[1], r->double_error), short_number(n[2], r->error),
             short_number(n[3], r->condition));
-    bench_put_text(html, r->of->guard);
+    html_put_text(html, r->of->guard);
     fputs("</td><td>", html);
-    bench_put_text(html, unguarded);
+    html_put_text(html, unguarded);
     fputs("</td></tr>\n", html);
 }
 
