@@ -1,5 +1,7 @@
 #include "platform/database.h"
 
+#include "platform/file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <sqlite3.h>
@@ -233,7 +235,6 @@ const char *database_path(const struct database *db) { return db->path; }
 enum status database_rename(struct database **db, const char *to)
 {
     struct database *closing = *db;
-    char folder[4200];
     enum status status = OK;
     int file = open(closing->path, O_RDONLY | O_CLOEXEC);
     sqlite3_close(closing->handle);
@@ -242,26 +243,10 @@ enum status database_rename(struct database **db, const char *to)
         status = fail(ERR_IO, "%s: %s", closing->path, strerror(errno));
     if (file >= 0)
         close(file);
-    // Without replacing: link() fails where the name is taken, rename() does not. Where the file system has no links,
-    // the check and the renaming are two steps.
-    if (status == OK && link(closing->path, to)) {
-        struct stat about;
-        if (errno == EEXIST || !lstat(to, &about))
-            status = fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", to);
-        else if (rename(closing->path, to))
-            status = fail(ERR_IO, "%s cannot be made: %s", to, strerror(errno));
-    }
-    unlink(closing->path);
-    if (status == OK && snprintf(folder, sizeof folder, "%s", to) < (int)sizeof folder) {
-        char *slash = strrchr(folder, '/');
-        if (slash)
-            slash[slash == folder] = 0;
-        file = open(slash ? folder : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (file >= 0) {
-            fsync(file); // so that the name outlives a power cut
-            close(file);
-        }
-    }
+    if (status == OK)
+        status = file_name_new(closing->path, to);
+    if (status != OK)
+        unlink(closing->path);
     database_close(db);
     return status;
 }

@@ -201,6 +201,19 @@ enum status file_end(const char *path, const char *part, enum status status)
     return end_file(path, part, status, true);
 }
 
+enum status file_name_new(const char *from, const char *to)
+{
+    struct stat about;
+    if (link(from, to) == 0)
+        unlink(from); // link() fails where the name is taken, rename() does not
+    else if (errno == EEXIST || !lstat(to, &about))
+        return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", to);
+    else if (rename(from, to))
+        return fail(ERR_IO, "%s cannot be made: %s", to, strerror(errno));
+    sync_folder(to);
+    return OK;
+}
+
 static enum status write_bytes(const char *to, const char *path, const void *bytes, size_t count)
 {
     FILE *file = fopen(to, "wb");

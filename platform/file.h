@@ -19,6 +19,10 @@ enum { FILE_PATH_BYTES = 4096 };
 MUST_CHECK enum status file_begin(const char *path, char part[FILE_PATH_BYTES]);
 MUST_CHECK enum status file_end(const char *path, const char *part, enum status status);
 
+// Gives a file its name, synced, never in another file's place. Where the file system has no links (FAT, as on memory
+// cards), looking and renaming are two steps. ERR_EXISTS: the name is taken; ERR_IO. `from` stays then.
+MUST_CHECK enum status file_name_new(const char *from, const char *to);
+
 // Before long work: whether a file can be written there. ERR_EXISTS: there is a recording, which nothing overwrites; or
 // another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be written. Devices and
 // pipes can be written.

@@ -3,16 +3,25 @@
 #include "base/queue.h"
 #include "base/thread_priority.h"
 #include "capture/body_radii.h"
+#include "platform/file.h"
 #include "platform/jpeg.h"
 
+#include <dirent.h>
+#include <errno.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+#include <sys/random.h>
 
 static const int JPEG_QUALITY = 92; // as the recorder's
 enum { MOST_NAMES = 1000 };         // attempts beside one recording
+enum { WAITING_WORDS = 8 };         // room in the queue beside the frames: asking must not wait for a slow disk
+
+// Where the spools of one recording are: FOLDER/PREFIX and eight random hexadecimal digits.
+struct spools {
+    char folder[FILE_PATH_BYTES], prefix[FILE_PATH_BYTES];
+};
 
 enum item_kind { ITEM_BEGIN, ITEM_FRAME, ITEM_END, ITEM_KEEP };
 
@@ -42,7 +51,7 @@ struct live_keeper {
     struct calibration writing;
     struct body_radii radii;
     int64_t index;
-    bool whole; // the spool is a complete recording that may be kept
+    bool whole; // the spool's take is complete and may be kept
 
     pthread_mutex_t lock; // protects the fields below
     struct live_keeper_state state;
@@ -71,7 +80,7 @@ static void discard(struct live_keeper *k)
 {
     if (k->writer && recording_close(&k->writer) != OK)
         note_failure(k);
-    (void)unlink(k->spool);
+    recording_discard(k->spool);
     k->whole = false;
 }
 
@@ -112,7 +121,7 @@ static enum status encode(struct keeper_item *item, const struct lens *color)
 
 static void write_frame(struct live_keeper *k, struct keeper_item *item)
 {
-    if (!k->writer)
+    if (!k->writer || k->whole)
         return;
     struct take_frame *f = &item->frame;
     enum status status = encode(item, &k->writing.color);
@@ -131,9 +140,10 @@ static void write_frame(struct live_keeper *k, struct keeper_item *item)
     }
 }
 
+// The writer stays open, and with it the lock by which others see that the spool is in use.
 static void end(struct live_keeper *k)
 {
-    if (!k->writer)
+    if (!k->writer || k->whole)
         return;
     pthread_mutex_lock(&k->lock);
     const int64_t left_out = k->state.left_out;
@@ -141,34 +151,35 @@ static void end(struct live_keeper *k)
     enum status status = recording_put_dropped(k->writer, left_out);
     if (status == OK)
         status = recording_end_take(k->writer);
-    const enum status closed = recording_close(&k->writer);
-    k->whole = status == OK && closed == OK && k->index > 0;
-    if (!k->whole) {
-        if (status != OK || closed != OK)
-            note_failure(k);
+    k->whole = status == OK && k->index > 0;
+    if (status != OK)
+        note_failure(k);
+    if (!k->whole)
         discard(k);
-    }
 }
 
-// Gives the spool a name that no file has: link() never replaces one.
+// Gives the spool the first name that no file has.
 static enum status give_name(struct live_keeper *k, char *path, size_t capacity)
 {
-    const char *dot = strstr(k->watched, ".reenact");
-    const int stem = dot && !dot[8] ? (int)(dot - k->watched) : (int)strlen(k->watched);
-    for (int i = 1; i <= MOST_NAMES; i++) {
+    const size_t length = strlen(k->watched), ending = strlen(".reenact");
+    const bool ends_so = length > ending && !strcmp(k->watched + length - ending, ".reenact");
+    const int stem = (int)(ends_so ? length - ending : length);
+    enum status status = ERR_EXISTS;
+    for (int i = 1; i <= MOST_NAMES && status == ERR_EXISTS; i++) {
         snprintf(path, capacity, "%.*s-attempt-%d.reenact", stem, k->watched, i);
-        if (link(k->spool, path) == 0)
-            return OK;
-        if (access(path, F_OK))
-            break;
+        status = file_name_new(k->spool, path);
     }
-    return fail(ERR_IO, "the attempt cannot be kept beside %s: the folder cannot be written", k->watched);
+    return status;
 }
 
 static void keep(struct live_keeper *k)
 {
-    char path[600] = "";
+    char path[FILE_PATH_BYTES] = "";
     end(k);
+    if (k->writer && recording_close(&k->writer) != OK) {
+        note_failure(k);
+        discard(k);
+    }
     enum status status = k->whole ? give_name(k, path, sizeof path) : NOTHING;
     pthread_mutex_lock(&k->lock);
     k->state.kept++;
@@ -181,10 +192,41 @@ static void keep(struct live_keeper *k)
     else if (status == NOTHING)
         snprintf(k->state.sentence, sizeof k->state.sentence, "There is no attempt to keep");
     else
-        snprintf(k->state.sentence, sizeof k->state.sentence, "%.299s", status_message());
+        snprintf(k->state.sentence, sizeof k->state.sentence, "Not kept: %.200s", status_message());
     pthread_mutex_unlock(&k->lock);
     if (status == OK)
         discard(k); // it has its name; a second wish finds nothing
+}
+
+// Hidden files beside the recording, ".NAME.attempt-…".
+static struct spools spools_of(const char *watched)
+{
+    struct spools out;
+    const char *slash = strrchr(watched, '/');
+    snprintf(out.folder, sizeof out.folder, "%.*s", slash ? (int)(slash + 1 - watched) : 1, slash ? watched : ".");
+    snprintf(out.prefix, sizeof out.prefix, ".%s.attempt-", slash ? slash + 1 : watched);
+    return out;
+}
+
+// What a killed program left: nobody has it open for writing.
+static void remove_abandoned(const char *watched)
+{
+    const struct spools spools = spools_of(watched);
+    const size_t prefix = strlen(spools.prefix);
+    DIR *folder = opendir(spools.folder);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        char path[FILE_PATH_BYTES];
+        struct recording_writer *w = NULL;
+        const char *number = entry->d_name + prefix;
+        if (strncmp(entry->d_name, spools.prefix, prefix) != 0 || strlen(number) != 8 ||
+            strspn(number, "0123456789abcdef") != 8 ||
+            snprintf(path, sizeof path, "%s/%s", spools.folder, entry->d_name) >= (int)sizeof path)
+            continue;
+        if (recording_append(&w, path) == OK && recording_close(&w) == OK)
+            recording_discard(path);
+    }
+    if (folder)
+        closedir(folder);
 }
 
 static void *write_all(void *context)
@@ -192,6 +234,7 @@ static void *write_all(void *context)
     struct live_keeper *k = context;
     struct keeper_item *item;
     thread_lower_priority();
+    remove_abandoned(k->watched);
     while ((item = queue_take(k->queue))) {
         switch (item->kind) {
         case ITEM_BEGIN: begin(k, item); break;
@@ -207,16 +250,18 @@ static void *write_all(void *context)
 
 // ---------------------------------------------------------------- opening
 
-// ".NAME.attempt-PID" beside the recording.
-static char *spool_path(const char *watched)
+static enum status new_spool(struct live_keeper *k)
 {
-    const char *slash = strrchr(watched, '/');
-    const int folder = slash ? (int)(slash + 1 - watched) : 0;
-    const size_t capacity = strlen(watched) + 40;
-    char *path = malloc(capacity);
-    if (path)
-        snprintf(path, capacity, "%.*s.%s.attempt-%d", folder, watched, watched + folder, (int)getpid());
-    return path;
+    const struct spools spools = spools_of(k->watched);
+    const size_t capacity = strlen(spools.folder) + strlen(spools.prefix) + 10;
+    uint32_t number;
+    k->spool = malloc(capacity);
+    if (!k->spool)
+        return fail(ERR_MEMORY, "no memory to keep attempts");
+    if (getrandom(&number, sizeof number, 0) != (ssize_t)sizeof number)
+        return fail(ERR_IO, "no random name to keep attempts under: %s", strerror(errno));
+    snprintf(k->spool, capacity, "%s/%s%08x", spools.folder, spools.prefix, (unsigned)number);
+    return OK;
 }
 
 enum status live_keeper_open(struct live_keeper **out, const struct live_keeper_options *options)
@@ -228,10 +273,9 @@ enum status live_keeper_open(struct live_keeper **out, const struct live_keeper_
     pthread_mutex_init(&k->lock, NULL);
     k->place = options->place;
     k->watched = strdup(options->watched);
-    k->spool = spool_path(options->watched);
-    enum status status = k->watched && k->spool ? OK : fail(ERR_MEMORY, "no memory to keep attempts");
+    enum status status = k->watched ? new_spool(k) : fail(ERR_MEMORY, "no memory to keep attempts");
     if (status == OK)
-        status = queue_open(&k->queue, KEEPER_WAITING);
+        status = queue_open(&k->queue, KEEPER_WAITING + WAITING_WORDS);
     if (status == OK && pthread_create(&k->thread, NULL, write_all, k)) {
         queue_close(&k->queue);
         status = fail(ERR_MEMORY, "no thread to keep attempts");
@@ -268,14 +312,12 @@ static void count_left_out(struct live_keeper *k)
     pthread_mutex_unlock(&k->lock);
 }
 
-static void put_word(struct live_keeper *k, enum item_kind kind, int attempt)
+static void put_word(struct live_keeper *k, const struct keeper_item *word)
 {
-    struct keeper_item *item = calloc(1, sizeof *item);
+    struct keeper_item *item = malloc(sizeof *item);
     if (!item)
         return;
-    item->kind = kind;
-    item->attempt = attempt;
-    item->calibration = k->calibration;
+    *item = *word;
     if (!queue_put(k->queue, item))
         item_free(item);
 }
@@ -284,12 +326,12 @@ void live_keeper_begin(struct live_keeper *k, const struct calibration *calibrat
 {
     k->calibration = *calibration;
     k->any = false;
-    put_word(k, ITEM_BEGIN, attempt);
+    put_word(k, &(struct keeper_item){.kind = ITEM_BEGIN, .attempt = attempt, .calibration = *calibration});
 }
 
-void live_keeper_end(struct live_keeper *k) { put_word(k, ITEM_END, 0); }
+void live_keeper_end(struct live_keeper *k) { put_word(k, &(struct keeper_item){.kind = ITEM_END}); }
 
-void live_keeper_keep(struct live_keeper *k) { put_word(k, ITEM_KEEP, 0); }
+void live_keeper_keep(struct live_keeper *k) { put_word(k, &(struct keeper_item){.kind = ITEM_KEEP}); }
 
 static void *copy(const void *bytes, size_t count)
 {

@@ -1,6 +1,7 @@
 // Keeps an attempt as a take: while it is made its frames are written into a hidden recording beside the one that is
 // watched, on a thread of its own at lower priority; on request that becomes a recording with a name, never over an
-// existing file, else it is removed. Frames that come faster than they can be written are left out and counted.
+// existing file, else it is removed; so is what a killed program left beside the same recording. Frames that come
+// faster than they can be written are left out and counted.
 //
 // Threads: begin, add and end are for the sensor's thread, keep and query for the screen's. Memory: at most
 // KEEPER_WAITING frames. Disk: what KEEPER_MOST_S seconds of a take need; later frames are left out.

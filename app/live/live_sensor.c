@@ -112,7 +112,8 @@ static enum status fill(struct sensor_slot *slot, const struct frame *frame, con
 {
     const size_t color = lens_pixels(&c->color), depth = lens_pixels(&c->depth);
     struct live_frame *f = &slot->frame;
-    if (color != lens_pixels(&f->calibration.color) || depth != lens_pixels(&f->calibration.depth) || !slot->depth) {
+    const bool allocated = slot->rgb && slot->depth && slot->mask;
+    if (color != lens_pixels(&f->calibration.color) || depth != lens_pixels(&f->calibration.depth) || !allocated) {
         free(slot->rgb);
         free(slot->depth);
         free(slot->mask);
