@@ -3,8 +3,6 @@
 #include "platform/file.h"
 
 #include <errno.h>
-#include <fcntl.h>
-#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -12,7 +10,7 @@
 
 struct output {
     FILE *file;
-    char path[PATH_MAX], part[PATH_MAX];
+    char path[FILE_PATH_BYTES], part[FILE_PATH_BYTES];
     bool standard; // standard output
     bool device;   // `path` is a device or a pipe, written where it is
 };
@@ -28,27 +26,13 @@ enum status output_check(const char *path, const char *input, bool force)
     return file_check_output(path, force);
 }
 
-// Makes PATH.part, or PATH.part1 and so on where that is another's: nothing that exists is written over.
 static enum status open_part(struct output *o)
 {
-    enum { MOST = 100 };
-    for (int i = 0; i < MOST; i++) {
-        const int length = i ? snprintf(o->part, sizeof o->part, "%s.part%d", o->path, i)
-                             : snprintf(o->part, sizeof o->part, "%s.part", o->path);
-        if (length >= (int)sizeof o->part)
-            return fail(ERR_INPUT, "the path %.60s… is too long", o->path);
-        const int file = open(o->part, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (file < 0 && errno == EEXIST)
-            continue;
-        if (file < 0)
-            return fail(ERR_IO, "%s: %s", o->part, strerror(errno));
-        if ((o->file = fdopen(file, "w+b")))
-            return OK;
-        close(file);
-        unlink(o->part);
-        return fail(ERR_MEMORY, "no memory to write %s", o->path);
-    }
-    return fail(ERR_EXISTS, "%s.part and others are there; remove what an earlier run left", o->path);
+    enum status status = file_begin(o->path, o->part);
+    if (status != OK || (o->file = fopen(o->part, "w+b")))
+        return status;
+    unlink(o->part);
+    return fail(ERR_IO, "%s cannot be written: %s", o->path, strerror(errno));
 }
 
 static enum status open_device(struct output *o)
@@ -94,17 +78,14 @@ enum status output_close(struct output **out, enum status status)
     struct failure first;
     failure_keep(&first, status);
     bool written = !ferror(o->file);
-    const bool renamed = !o->standard && !o->device;
-    if (renamed && written && status == OK)
-        written = fflush(o->file) == 0 && fsync(fileno(o->file)) == 0; // before it takes another file's place
     written = (o->standard ? fflush(o->file) : fclose(o->file)) == 0 && written;
-    const char *name = o->standard ? "standard output" : o->path;
-    if (status == OK && (!written || (renamed && rename(o->part, o->path))))
-        status = fail(ERR_IO, "%s could not be written: %s", name, strerror(errno));
+    if (status == OK && !written)
+        status =
+            fail(ERR_IO, "%s could not be written: %s", o->standard ? "standard output" : o->path, strerror(errno));
     else if (status != OK)
         status = failure_restore(&first);
-    if (status != OK && renamed)
-        unlink(o->part);
+    if (!o->standard && !o->device)
+        status = file_end(o->path, o->part, status);
     free(o);
     return status;
 }

@@ -1,9 +1,9 @@
 #include "platform/page.h"
 
+#include "platform/output.h"
+
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 
 static const double MM_PER_INCH = 25.4, POINTS_PER_INCH = 72;
 
@@ -13,8 +13,13 @@ static const double MM_PER_INCH = 25.4, POINTS_PER_INCH = 72;
 struct page {
     cairo_surface_t *surface;
     cairo_t *cr;
-    char path[1024]; // "" for a picture
+    struct output *out; // NULL for a picture
 };
+
+static cairo_status_t write_bytes(void *file, const unsigned char *bytes, unsigned count)
+{
+    return fwrite(bytes, 1, count, file) == count ? CAIRO_STATUS_SUCCESS : CAIRO_STATUS_WRITE_ERROR;
+}
 
 bool page_available(void) { return true; }
 
@@ -29,12 +34,13 @@ static enum status open_surface(struct page *p, double width_mm, double height_m
     const double per_inch = dpi > 0 ? dpi : POINTS_PER_INCH, per_mm = per_inch / MM_PER_INCH;
     p->surface = dpi > 0 ? cairo_image_surface_create(CAIRO_FORMAT_A8, (int)(width_mm * per_mm + 0.5),
                                                       (int)(height_mm * per_mm + 0.5))
-                         : cairo_pdf_surface_create(p->path, width_mm * per_mm, height_mm * per_mm);
+                         : cairo_pdf_surface_create_for_stream(write_bytes, output_file(p->out), width_mm * per_mm,
+                                                               height_mm * per_mm);
     cairo_status_t status = cairo_surface_status(p->surface);
     if (status != CAIRO_STATUS_SUCCESS)
         return status == CAIRO_STATUS_NO_MEMORY
                    ? fail(ERR_MEMORY, "no memory for a page")
-                   : fail(ERR_IO, "%s cannot be written: %s", p->path, cairo_status_to_string(status));
+                   : fail(ERR_IO, "a page cannot be made: %s", cairo_status_to_string(status));
     p->cr = cairo_create(p->surface);
     cairo_scale(p->cr, per_mm, per_mm);
     cairo_select_font_face(p->cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
@@ -52,11 +58,9 @@ enum status page_open(struct page **out, const char *path, double width_mm, doub
     struct page *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "no memory for a page");
-    if (dpi <= 0 && snprintf(p->path, sizeof p->path, "%s", path) >= (int)sizeof p->path) {
-        free(p);
-        return fail(ERR_INPUT, "the path %.200s... is too long", path);
-    }
-    enum status status = open_surface(p, width_mm, height_mm, dpi);
+    enum status status = dpi > 0 ? OK : output_open(&p->out, path);
+    if (status == OK)
+        status = open_surface(p, width_mm, height_mm, dpi);
     if (status != OK)
         page_discard(&p);
     *out = p;
@@ -65,7 +69,7 @@ enum status page_open(struct page **out, const char *path, double width_mm, doub
 
 static void set_grey(struct page *p, double grey)
 {
-    if (*p->path) {
+    if (p->out) {
         cairo_set_source_rgb(p->cr, grey, grey, grey);
     } else {
         cairo_set_operator(p->cr, CAIRO_OPERATOR_SOURCE);
@@ -76,7 +80,7 @@ static void set_grey(struct page *p, double grey)
 void page_next(struct page *p)
 {
     cairo_show_page(p->cr);
-    if (*p->path)
+    if (p->out)
         fresh_page(p);
     else {
         set_grey(p, 1);
@@ -114,7 +118,7 @@ void page_line(struct page *p, const double from[2], const double to[2], double 
 void page_text(struct page *p, double x, double y, double size, const char *text)
 {
     set_grey(p, 0);
-    if (!*p->path)
+    if (!p->out)
         cairo_set_operator(p->cr, CAIRO_OPERATOR_OVER);
     cairo_set_font_size(p->cr, size);
     cairo_move_to(p->cr, x, y);
@@ -140,37 +144,35 @@ const uint8_t *page_pixels(struct page *p, int *width, int *height, int *stride)
     return pixels;
 }
 
-void page_discard(struct page **out)
+// Ends the surface, which writes what it still holds, and then the file.
+static enum status end_page(struct page **out, enum status status)
 {
     struct page *p = *out;
-    if (!p)
-        return;
     if (p->cr)
         cairo_destroy(p->cr);
     if (p->surface) {
         cairo_surface_finish(p->surface);
+        const cairo_status_t ended = cairo_surface_status(p->surface);
+        if (status == OK && ended != CAIRO_STATUS_SUCCESS)
+            status = fail(ERR_IO, "the pages cannot be written: %s", cairo_status_to_string(ended));
         cairo_surface_destroy(p->surface);
     }
-    if (*p->path)
-        unlink(p->path);
+    status = output_close(&p->out, status);
     free(p);
     *out = NULL;
+    return status;
+}
+
+void page_discard(struct page **out)
+{
+    if (*out)
+        (void)end_page(out, ERR_IO); // the caller's sentence stays
 }
 
 enum status page_finish(struct page **out)
 {
-    struct page *p = *out;
-    cairo_show_page(p->cr);
-    cairo_surface_finish(p->surface);
-    cairo_status_t status = cairo_surface_status(p->surface);
-    if (status != CAIRO_STATUS_SUCCESS) {
-        enum status failed = fail(ERR_IO, "%s cannot be written: %s", p->path, cairo_status_to_string(status));
-        page_discard(out);
-        return failed;
-    }
-    *p->path = 0;
-    page_discard(out);
-    return OK;
+    cairo_show_page((*out)->cr);
+    return end_page(out, OK);
 }
 
 #else

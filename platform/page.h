@@ -10,8 +10,9 @@ struct page;
 
 bool page_available(void); // cairo was there at build time
 
-// Begins the first page. dpi 0: a PDF that page_finish writes to `path`; else a picture of the last page, `path`
-// unused. ERR_INPUT: built without cairo; a size out of range. ERR_IO, ERR_MEMORY. *out is NULL on error.
+// Begins the first page. dpi 0: a PDF, written as output_open has it, which gets its name `path` by page_finish; else a
+// picture of the last page, `path` unused. ERR_INPUT: built without cairo; a size out of range. ERR_IO, ERR_MEMORY.
+// *out is NULL on error.
 MUST_CHECK enum status page_open(struct page **out, const char *path, double width_mm, double height_mm, double dpi);
 
 void page_next(struct page *p);                                                           // the next page begins, empty

@@ -3,9 +3,10 @@
 
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/printed_board.h"
-#include "platform/file.h"
+#include "platform/output.h"
 
 #include <stdio.h>
+#include <string.h>
 
 struct board_arguments {
     const char *out;
@@ -54,7 +55,7 @@ int capture_calibrate_board(int argc, char **argv)
     const enum paper paper = (enum paper)a.paper;
     const struct paper_size size = paper_size(paper);
     const struct disc_board discs = disc_board_default();
-    enum status status = file_check_output(a.out, a.force);
+    enum status status = output_check(a.out, NULL, a.force);
     if (status == OK)
         status = page_open(&page, a.out, size.width_mm, size.height_mm, 0);
     if (status == OK) {
@@ -69,11 +70,12 @@ int capture_calibrate_board(int argc, char **argv)
     if (status != OK)
         return command_failed(argv[0]);
     const struct stereo_board board = a.chequers ? printed_chequers(paper) : printed_board(paper);
+    FILE *say = strcmp(a.out, "-") ? stdout : stderr;
     if (a.discs)
-        printf("%s: %d discs of %g mm across\n", a.out, discs.columns * discs.rows, discs.radius_m * 2e3);
+        fprintf(say, "%s: %d discs of %g mm across\n", a.out, discs.columns * discs.rows, discs.radius_m * 2e3);
     else
-        printf("%s: %d x %d %s, %g mm apart; calibrate --lens with --%s %dx%d\n", a.out, board.columns, board.rows,
-               a.chequers ? "inner corners" : "circles", board.pitch_m * 1e3, a.chequers ? "chequers" : "circles",
-               board.columns, board.rows);
+        fprintf(say, "%s: %d x %d %s, %g mm apart; calibrate --lens with --%s %dx%d\n", a.out, board.columns,
+                board.rows, a.chequers ? "inner corners" : "circles", board.pitch_m * 1e3,
+                a.chequers ? "chequers" : "circles", board.columns, board.rows);
     return 0;
 }

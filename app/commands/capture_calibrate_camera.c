@@ -53,6 +53,7 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct camera_arguments *a = state->input;
+    int size[2];
     switch (key) {
     case KEY_LENS: a->lens = value; return 0;
     case KEY_COLOR_DEPTH: a->color_depth = value; return 0;
@@ -67,9 +68,11 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_CHEQUERS:
     case KEY_CIRCLES:
         a->chequers = key == KEY_CHEQUERS;
-        if (sscanf(value, "%dx%d", &a->board.columns, &a->board.rows) != 2 || a->board.columns < 4 ||
-            a->board.rows < 4 || a->board.columns * a->board.rows > STEREO_MOST_CIRCLES)
-            argp_error(state, "--%s takes a size like 12x9, not '%s'", a->chequers ? "chequers" : "circles", value);
+        command_parse_size(state, a->chequers ? "--chequers" : "--circles", value, 4, STEREO_MOST_CIRCLES / 4, size);
+        a->board.columns = size[0];
+        a->board.rows = size[1];
+        if (size[0] * size[1] > STEREO_MOST_CIRCLES)
+            argp_error(state, "a board has at most %d corners or circles, not %s", STEREO_MOST_CIRCLES, value);
         return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     default: return ARGP_ERR_UNKNOWN;

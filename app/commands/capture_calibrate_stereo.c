@@ -89,9 +89,7 @@ int capture_calibrate_stereo(int argc, char **argv)
     struct stereo_rig rig;
     struct stereo_report report;
     int pairs = 0;
-    enum status status = OK;
-    if (a.out && !a.force && file_exists(a.out))
-        status = fail(ERR_EXISTS, "%s exists already; choose another name or give --force", a.out);
+    enum status status = a.out ? file_check_output(a.out, a.force) : OK;
     if (status == OK)
         status = stereo_calibrate_folder(a.folder, &rig, &report, &pairs);
     if (status == OK && a.out) {

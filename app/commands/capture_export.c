@@ -59,7 +59,11 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_AS:
         given->format = command_parse_choice(state, "--as", value, format_names, COUNT_OF(format_names));
         return 0;
-    case KEY_OUT: given->out = value; return 0;
+    case KEY_OUT:
+        for (size_t length = strlen(value); length > 1 && value[length - 1] == '/';)
+            value[--length] = 0; // a folder's name, as shells complete it
+        given->out = value;
+        return 0;
     case KEY_AXES:
         given->axes = (enum export_axes)command_parse_choice(state, "--axes", value, axes_names, COUNT_OF(axes_names));
         return 0;

@@ -2,6 +2,8 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/take_summary.h"
+#include "base/html.h"
+#include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
 
@@ -76,31 +78,6 @@ static enum status find_files(const char *folder)
 
 // ------------------------------------------------------------- output
 
-static void put_html(FILE *to, const char *text)
-{
-    for (; *text; text++)
-        switch (*text) {
-        case '&': fputs("&amp;", to); break;
-        case '<': fputs("&lt;", to); break;
-        case '>': fputs("&gt;", to); break;
-        case '"': fputs("&quot;", to); break;
-        default: fputc(*text, to);
-        }
-}
-
-static void put_base64(FILE *to, const uint8_t *bytes, size_t count)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    for (size_t i = 0; i < count; i += 3) {
-        const size_t have = count - i < 3 ? count - i : 3;
-        uint32_t group = 0;
-        for (size_t k = 0; k < 3; k++)
-            group = group << 8 | (k < have ? bytes[i + k] : 0u);
-        for (size_t k = 0; k < 4; k++)
-            fputc(k <= have ? digits[group >> (18 - 6 * k) & 63] : '=', to);
-    }
-}
-
 static enum status put_row(FILE *html, struct take *take, const char *file, const struct take_summary *s,
                            const char *quality)
 {
@@ -112,21 +89,21 @@ static enum status put_row(FILE *html, struct take *take, const char *file, cons
     fputs("<tr><td>", html);
     if (status == OK) {
         fputs("<img alt=\"\" src=\"data:image/jpeg;base64,", html);
-        put_base64(html, jpeg, bytes);
+        html_put_base64(html, jpeg, bytes);
         fputs("\">", html);
     }
     free(jpeg);
     fputs("<td><b>", html);
-    put_html(html, s->name);
+    html_put_text(html, s->name);
     fputs("</b><br>", html);
-    put_html(html, file);
+    html_put_text(html, file);
     fprintf(html, "<td>%.1f s<br>%lld frames<td>", s->duration_s, (long long)s->frames);
-    put_html(html, quality);
+    html_put_text(html, quality);
     fputs("<td>", html);
-    put_html(html, s->alias);
+    html_put_text(html, s->alias);
     if (*s->alias && *s->note)
         fputs("<br>", html);
-    put_html(html, s->note);
+    html_put_text(html, s->note);
     fputs("</tr>\n", html);
     return OK;
 }
@@ -155,22 +132,23 @@ static void add_take(struct json *list, const char *file, const struct take_summ
 
 // ------------------------------------------------------------- the command
 
-static enum status list_take(struct recording *r, int index, bool has_place, struct json *list, FILE *html)
+// shown: its path, as a terminal can show it.
+static enum status list_take(struct recording *r, const char *shown, int index, bool has_place, struct json *list,
+                             FILE *html)
 {
     struct take *take;
     char quality[QUALITY_BYTES];
     enum status status = take_open(&take, r, recording_take_name(r, index));
     if (status != OK)
         return status;
-    const char *path = recording_path(r);
     struct take_summary s = take_summarize(take, recording_take_name(r, index));
     take_quality(&s, has_place, quality);
     if (list)
-        add_take(list, path, &s, quality);
+        add_take(list, shown, &s, quality);
     else
         print_take(&s, quality);
     if (html)
-        status = put_row(html, take, path, &s, quality);
+        status = put_row(html, take, shown, &s, quality);
     take_close(&take);
     return status;
 }
@@ -179,14 +157,18 @@ static enum status list_file(const char *program, const char *path, struct json 
 {
     struct recording *r;
     struct place place = {0};
+    char *shown = strdup(path);
+    if (!shown)
+        return fail(ERR_MEMORY, "no memory to list %s", path);
+    text_make_printable(shown);
     enum status status = recording_open(&r, path);
     if (status == OK) {
         const bool has_place = recording_read_place(r, &place) == OK;
         place_free(&place);
         if (!list)
-            printf("%s%s\n", path, recording_take_count(r) ? "" : ": no take");
+            printf("%s%s\n", shown, recording_take_count(r) ? "" : ": no take");
         for (int i = 0; i < recording_take_count(r) && status != ERR_MEMORY; i++) {
-            status = list_take(r, i, has_place, list, html);
+            status = list_take(r, shown, i, has_place, list, html);
             if (status < 0)
                 fprintf(stderr, "%s: warning: %s\n", program, status_message());
         }
@@ -194,6 +176,7 @@ static enum status list_file(const char *program, const char *path, struct json 
     } else {
         fprintf(stderr, "%s: warning: %s\n", program, status_message()); // one bad file costs itself alone
     }
+    free(shown);
     return status == ERR_MEMORY ? status : OK;
 }
 

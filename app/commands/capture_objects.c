@@ -191,9 +191,7 @@ int capture_objects(int argc, char **argv)
         NULL,
         NULL};
     command_parse(&argp, argc, argv, &a);
-    enum status status = OK;
-    if (a.out && !a.force && file_exists(a.out))
-        status = fail(ERR_EXISTS, "%s exists already; choose another name or give --force", a.out);
+    enum status status = a.out ? file_check_output(a.out, a.force) : OK;
     if (status == OK)
         status = a.camera ? objects_by_camera(&a) : objects_run(&a);
     return status == OK ? 0 : command_failed(argv[0]);

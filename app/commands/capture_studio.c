@@ -10,7 +10,7 @@
 struct studio_arguments {
     const char *file, *sensor, *tags;
     bool fullscreen, light;
-    int width, height;
+    int size[2]; // of the window, pixels
     double dpi, seconds;
 };
 
@@ -26,11 +26,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
-    case KEY_SIZE:
-        if (sscanf(value, "%dx%d", &a->width, &a->height) != 2 || a->width < 320 || a->height < 320 ||
-            a->width > 8192 || a->height > 8192)
-            argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
-        return 0;
+    case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END: return 0;
     default: return ARGP_ERR_UNKNOWN;
@@ -114,9 +110,10 @@ int capture_studio(int argc, char **argv)
                                      NULL,
                                      NULL};
     static struct studio_run run; // snapshots are too large for the stack
-    struct studio_arguments given = {.width = 1280, .height = 800};
+    struct studio_arguments given = {.size = {1280, 800}};
     command_parse(&argp, argc, argv, &given);
-    const struct window_options window = {"Reenact studio", given.width, given.height, given.fullscreen, 0, given.dpi};
+    const struct window_options window = {"Reenact studio", given.size[0], given.size[1], given.fullscreen, 0,
+                                          given.dpi};
     enum status status = window_open(&run.window, &window);
     if (status == OK)
         status = gpu_adopt(&run.gpu);

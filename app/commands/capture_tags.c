@@ -79,11 +79,6 @@ static enum status list_path(const char *pdf, char *out, size_t capacity)
     return OK;
 }
 
-static enum status refuse_existing(const char *path, bool force)
-{
-    return !force && file_exists(path) ? fail(ERR_EXISTS, "%s exists already; --force replaces it", path) : OK;
-}
-
 static enum status write_all(const struct printed_tags *wanted, const struct tags_arguments *a)
 {
     struct page *page;
@@ -91,9 +86,9 @@ static enum status write_all(const struct printed_tags *wanted, const struct tag
     const struct paper_size size = paper_size(wanted->paper);
     enum status status = list_path(a->out, list, sizeof list);
     if (status == OK)
-        status = refuse_existing(a->out, a->force);
+        status = file_check_output(a->out, a->force);
     if (status == OK)
-        status = refuse_existing(list, a->force);
+        status = file_check_output(list, a->force);
     if (status == OK)
         status = page_open(&page, a->out, size.width_mm, size.height_mm, 0);
     if (status != OK)

@@ -139,6 +139,16 @@ double command_parse_number(const struct argp_state *state, const char *option, 
     return x;
 }
 
+void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
+                        int size[2])
+{
+    int used = 0;
+    if (sscanf(value, "%5dx%5d%n", &size[0], &size[1], &used) != 2 || value[used] || size[0] < least ||
+        size[0] > most || size[1] < least || size[1] > most)
+        argp_error(state, "%s takes a size like %dx%d, at most %dx%d, not '%s'", option, least, least, most, most,
+                   value);
+}
+
 double command_parse_quad_decimate(const struct argp_state *state, const char *value)
 {
     return command_parse_number(state, "--quad-decimate", value, 1, 8);

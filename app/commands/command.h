@@ -66,6 +66,10 @@ void command_require(const struct argp_state *state, const void *given, const ch
 double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
                             double most);
 
+// The value of an option that takes two whole numbers as in 1280x800, each from `least` to `most`.
+void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
+                        int size[2]);
+
 // The value of an option that takes one of `count` names, as its index.
 int command_parse_choice(const struct argp_state *state, const char *option, const char *value,
                          const char *const *names, int count);

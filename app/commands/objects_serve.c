@@ -24,9 +24,8 @@ static bool path_of(const struct thing *t, char *out, size_t bytes)
 
 static enum status write_new(const char *path, const void *bytes, size_t count, bool force)
 {
-    if (!force && file_exists(path))
-        return fail(ERR_EXISTS, "%s exists already; choose another folder or give --force", path);
-    return file_write(path, bytes, count);
+    const enum status status = file_check_output(path, force);
+    return status == OK ? file_write(path, bytes, count) : status;
 }
 
 static enum status write_picture(const struct thing *t, const char *path, bool force)

@@ -58,9 +58,8 @@ static enum status write_image(const struct surround_arguments *a, const char *n
                                const struct png_layout *layout, const void *pixels)
 {
     char path[4096];
-    snprintf(path, sizeof path, "%s/%s%s.png", a->out, name, ending);
-    if (!a->force && file_exists(path))
-        return fail(ERR_EXISTS, "%s is there already; --force writes over it", path);
+    if (snprintf(path, sizeof path, "%s/%s%s.png", a->out, name, ending) >= (int)sizeof path)
+        return fail(ERR_INPUT, "the path %.60s… is too long", path);
     char *slash = strrchr(path, '/');
     *slash = 0;
     enum status status = folder_make(path);
@@ -93,6 +92,28 @@ static enum status write_view(const struct surround_arguments *a, const struct s
     return status;
 }
 
+static enum status check_output(const struct surround_arguments *a, const char *name, const char *ending)
+{
+    char path[4096];
+    if (snprintf(path, sizeof path, "%s/%s%s", a->out, name, ending) >= (int)sizeof path)
+        return fail(ERR_INPUT, "the path %.60s… is too long", path);
+    return file_exists(path) ? file_check_output(path, a->force) : OK;
+}
+
+// Before anything is drawn.
+static enum status check_outputs(const struct surround_arguments *a, const struct timed_pose *views, int count)
+{
+    enum status status = check_output(a, "trajectory", ".txt");
+    if (status == OK)
+        status = check_output(a, "stats", ".json");
+    for (int i = 0; i < count && status == OK; i++) {
+        status = check_output(a, views[i].name, ".png");
+        if (status == OK && a->layers)
+            status = check_output(a, views[i].name, "_source.png");
+    }
+    return status;
+}
+
 static enum status draw_views(const struct surround_arguments *a, struct surroundings *s)
 {
     struct timed_pose *views;
@@ -100,6 +121,7 @@ static enum status draw_views(const struct surround_arguments *a, struct surroun
     enum status status = pose_list_read(a->views, &views, &count);
     if (status != OK)
         return status;
+    status = check_outputs(a, views, count);
     struct progress_bar progress;
     progress_bar_start(&progress, "drawing", count);
     for (int i = 0; status == OK && i < count && !command_stopped(); i++) {
@@ -122,9 +144,11 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
-    FILE *to = fopen(path, "w");
+    char *text = NULL;
+    size_t bytes = 0;
+    FILE *to = open_memstream(&text, &bytes);
     if (!to)
-        return fail(ERR_IO, "%s cannot be written", path);
+        return fail(ERR_MEMORY, "no memory for the trajectory");
     fprintf(to, "# timestamp tx ty tz qx qy qz qw (world_from_%s, metres)\n",
             s->kind == SURROUNDINGS_ROBOT ? "body" : "camera");
     for (int i = 0; i < s->taken; i++) {
@@ -134,8 +158,11 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
                 p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y, p.rotation.z,
                 p.rotation.w);
     }
-    const bool bad = ferror(to);
-    return fclose(to) || bad ? fail(ERR_IO, "%s cannot be written; is the disk full?", path) : OK;
+    const bool whole = !ferror(to);
+    enum status status =
+        fclose(to) == 0 && whole ? file_write(path, text, bytes) : fail(ERR_MEMORY, "no memory for the trajectory");
+    free(text);
+    return status;
 }
 
 static enum status write_stats(const struct surround_arguments *a, const struct surroundings *s)

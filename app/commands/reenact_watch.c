@@ -13,7 +13,7 @@
 struct watch_arguments {
     const char *file, *take, *camera, *sensor, *photos;
     bool fullscreen, light, mirrored, no_body_points, stats, ask;
-    int rotate, width, height;
+    int rotate, size[2];
     double dpi, seconds;
 };
 
@@ -77,11 +77,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         if (a->rotate % 90)
             argp_error(state, "--rotate takes 0, 90, 180 or 270, not '%s'", value);
         return 0;
-    case KEY_SIZE:
-        if (sscanf(value, "%dx%d", &a->width, &a->height) != 2 || a->width < 320 || a->height < 320 ||
-            a->width > 8192 || a->height > 8192)
-            argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
-        return 0;
+    case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
     case ARGP_KEY_END: command_require(state, a->file, "FILE"); return 0;
     }
@@ -174,7 +170,7 @@ static enum status check_file(const struct watch_arguments *a)
 static enum status watch_open(struct watch *w)
 {
     const struct watch_arguments *a = w->arguments;
-    const struct window_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
+    const struct window_options screen = {"Reenact", a->size[0], a->size[1], a->fullscreen, a->rotate / 90, a->dpi};
     const char *camera = a->camera ? a->camera : a->sensor ? "none" : find_camera();
     enum status status = window_open(&w->screen, &screen);
     if (status == OK)
@@ -349,7 +345,7 @@ int reenact_watch(int argc, char **argv)
         0,
         0,
         0};
-    struct watch_arguments given = {.width = 1280, .height = 800};
+    struct watch_arguments given = {.size = {1280, 800}};
     command_parse(&argp, argc, argv, &given);
     struct watch watch = {.arguments = &given, .started_ns = clock_now_ns()};
     command_catch_signals();

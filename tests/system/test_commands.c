@@ -119,6 +119,13 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--out", "a").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--camera", "libcamera", "--out", "a").exit_code, 2);
+    const char *const sizes[] = {"640",     "640x",     "640x480px",       "640x480x3",
+                                 "319x480", "640x8193", "99999999999x480", "-640x480"};
+    for (size_t i = 0; i < COUNT_OF(sizes); i++)
+        EXPECT_INT(PROCESS(REENACT, "film.reenact", "--size", sizes[i]).exit_code, 2);
+    const char *const boards[] = {"9", "9x", "9x6px", "9x6.5", "3x9", "9x-6", "200x200"};
+    for (size_t i = 0; i < COUNT_OF(boards); i++)
+        EXPECT_INT(PROCESS(CAPTURE, "calibrate", "--lens", uri("good"), "--chequers", boards[i]).exit_code, 2);
 }
 
 static void test_empty_room_is_recorded(void **state)

@@ -4,6 +4,7 @@
 
 #include "capture/recording/recording.h"
 #include "platform/file.h"
+#include "platform/output.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 #include "tests/support/sql.h"
@@ -64,6 +65,14 @@ static void test_a_recording_is_never_overwritten(void **state)
                        "recording");
         EXPECT_STATUS(file_write(names[i], "x", 1), ERR_EXISTS); // the last guard
     }
+    // Pages to print have names of their own ending, and a list beside them.
+    EXPECT_INT(symlink(file, path_of("pages.pdf")), 0);
+    EXPECT_INT(symlink(file, path_of("list.json")), 0);
+    EXPECT_REFUSED(PROCESS(CAPTURE, "tags", "--out", path_of("pages.pdf")), "recording");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "tags", "--out", path_of("pages.pdf"), "--force"), "recording");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "tags", "--out", path_of("list.pdf"), "--force"), "recording");
+    EXPECT_TRUE(!file_exists(path_of("list.pdf")));
+    EXPECT_REFUSED(PROCESS(CAPTURE, "calibrate", "--board", path_of("pages.pdf"), "--force"), "recording");
     EXPECT_STATUS(file_read(file, &after, &count_after), OK);
     EXPECT_TRUE(count == count_after && !memcmp(before, after, count));
     free(before);
@@ -103,12 +112,25 @@ static void test_outputs_are_checked_first(void **state)
         "is a file");
 }
 
-// A name planted beside the output is not written through, and a link at the output itself is replaced, not followed.
+static void test_a_folder_named_with_a_slash(void **state)
+{
+    (void)state;
+    char out[600];
+    snprintf(out, sizeof out, "%s//", path_of("folder"));
+    const struct process_result said =
+        PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "folder", "--out", out);
+    if (said.exit_code)
+        print_error("%s", said.err);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(file_exists(path_of("folder/calibration.json")));
+    EXPECT_REFUSED(PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "folder", "--out", out), "folder");
+}
+
+// A link at the output itself is replaced, not followed. (The temporary name beside it is random.)
 static void test_links_are_not_followed(void **state)
 {
     (void)state;
     scratch_text(&scratch, "victim", "precious");
-    EXPECT_INT(symlink(path_of("victim"), path_of("out.csv.part")), 0);
     EXPECT_INT(symlink(path_of("victim"), path_of("linked.csv")), 0);
     EXPECT_INT(EXPORT(path_of("out.csv")).exit_code, 0);
     EXPECT_INT(EXPORT(path_of("linked.csv"), "--force").exit_code, 0);
@@ -117,6 +139,24 @@ static void test_links_are_not_followed(void **state)
     EXPECT_STATUS(file_read(path_of("victim"), &bytes, &count), OK);
     EXPECT_TRUE(count == 8 && !memcmp(bytes, "precious", 8));
     free(bytes);
+}
+
+// A recording made under that name while the output was written.
+static void test_a_recording_that_appears_meanwhile_stays(void **state)
+{
+    (void)state;
+    struct output *out;
+    struct recording_writer *w;
+    struct recording *r;
+    const char *path = path_of("meanwhile");
+    EXPECT_STATUS(output_check(path, NULL, false), OK);
+    EXPECT_STATUS(output_open(&out, path), OK);
+    EXPECT_TRUE(fputs("text", output_file(out)) >= 0);
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_STATUS(output_close(&out, OK), ERR_EXISTS);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    recording_free(&r);
 }
 
 static void test_full_output_is_no_success(void **state)
@@ -190,6 +230,13 @@ static void test_takes_and_library(void **state)
     said = PROCESS(CAPTURE, "library", path_of("library"), "--json");
     EXPECT_TRUE(strstr(said.out, "\"three\"") && !strstr(said.out, "\"two\""));
     EXPECT_INT(PROCESS(CAPTURE, "verify", copy).exit_code, 0);
+    // A name that a terminal would obey, and that is no JSON.
+    EXPECT_INT(rename(copy, path_of("library/a\x1b[2J\xff.reenact")), 0);
+    for (int json = 0; json < 2; json++) {
+        said = PROCESS(CAPTURE, "library", path_of("library"), json ? "--json" : NULL);
+        EXPECT_INT(said.exit_code, 0);
+        EXPECT_TRUE(strstr(said.out, "a?[2J?.reenact") && !strchr(said.out, 0x1b));
+    }
 }
 
 static int set_up(void **state)
@@ -219,6 +266,8 @@ int main(void)
         cmocka_unit_test(test_nothing_is_overwritten_without_force),
         cmocka_unit_test(test_outputs_are_checked_first),
         cmocka_unit_test(test_links_are_not_followed),
+        cmocka_unit_test(test_a_folder_named_with_a_slash),
+        cmocka_unit_test(test_a_recording_that_appears_meanwhile_stays),
         cmocka_unit_test(test_full_output_is_no_success),
         cmocka_unit_test(test_watching_says_what_is_wrong),
         cmocka_unit_test(test_verify_and_repair),
