@@ -203,14 +203,12 @@ static bool load_cards(struct viewer *v)
 }
 
 // The progress of building the avatar, and why it failed if it did.
-static void update_take_view(struct viewer *v)
+static void update_take_view(struct viewer *v, int64_t now_ns)
 {
     if (!v->take_view)
         return;
-    if (take_view_adopt_avatar(v->take_view) != OK) {
-        snprintf(v->problem, sizeof v->problem, "%s", status_message());
-        view_state_set_problem(&v->state, v->problem);
-    }
+    if (take_view_adopt_avatar(v->take_view) != OK)
+        view_state_warn(&v->state, status_message(), now_ns);
     view_state_set_progress(&v->state, take_view_progress(v->take_view));
     v->state.changed |= !take_view_final(v->take_view);
 }
@@ -225,8 +223,7 @@ static void check_file(struct viewer *v, int64_t now_ns)
     if (gone)
         snprintf(v->problem, sizeof v->problem, "%.200s was removed; it can be watched until it is closed",
                  v->takes.file);
-    if (gone || v->state.problem == v->problem)
-        view_state_set_problem(&v->state, gone ? v->problem : NULL);
+    view_state_set_problem(&v->state, gone ? v->problem : NULL);
 }
 
 void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns)
@@ -255,7 +252,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
         open_take(v, now_ns);
     const bool cards_left = load_cards(v);
     check_file(v, now_ns);
-    update_take_view(v);
+    update_take_view(v, now_ns);
     viewer_live_update(v, now_ns);
     viewer_room_update(v, now_ns);
     int64_t next_ns = view_state_tick(s, now_ns);
@@ -380,6 +377,15 @@ static enum status upload_camera_frame(struct viewer *v)
     return status;
 }
 
+// A frame that cannot be read is said, and costs itself alone: others may be readable.
+static enum status forgive_frame(struct viewer *v, enum status status, int64_t now_ns)
+{
+    if (status != ERR_CORRUPT && status != ERR_IO && status != ERR_INPUT)
+        return status;
+    view_state_warn(&v->state, status_message(), now_ns);
+    return OK;
+}
+
 static enum status draw_take(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     enum status status = v->state.orbiting ? OK : upload_camera_frame(v);
@@ -409,12 +415,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     v->state.changed |= request.camera == NULL && box_difference(v->free, free_box(v, surface)) > 0;
     if (steady)
         follow_actor(v);
-    if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) { // this frame cannot be read; others may be
-        snprintf(v->problem, sizeof v->problem, "%s", status_message());
-        view_state_set_problem(&v->state, v->problem);
-        return OK;
-    }
-    return status;
+    return forgive_frame(v, status, now_ns);
 }
 
 // The actor and what the live screens draw from. The camera's image only where they are in the room.
@@ -431,12 +432,7 @@ static enum status draw_live(struct viewer *v, const struct viewer_surface *surf
     status = viewer_live_draw(v, surface, &request);
     v->has_image = true;
     view_state_set_avatar_shown(&v->state, v->image.prepared);
-    if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) {
-        snprintf(v->problem, sizeof v->problem, "%s", status_message());
-        view_state_set_problem(&v->state, v->problem);
-        return OK;
-    }
-    return status;
+    return forgive_frame(v, status, now_ns);
 }
 
 static enum status draw_screen(struct viewer *v, int64_t now_ns)

@@ -63,7 +63,7 @@ struct viewer {
     struct frame_times times;
     int64_t placed; // frames drawn with the actor at a known camera pose
     struct camera_feed_state feed_state;
-    char trouble[512], problem[512];
+    char trouble[512], problem[300];
     int64_t checked_ns, pad_ns, timed_frame;
     bool suspended;
     bool camera_rests;                         // the camera is closed, since its images are not needed

@@ -70,19 +70,25 @@ void view_state_on_input(struct view_state *s, int64_t now_ns)
     s->changed = true;
 }
 
+// What is said again and again is drawn once.
+static void say(struct view_state *s, const char *notice, bool warns, int64_t until_ns)
+{
+    char text[sizeof s->notice];
+    snprintf(text, sizeof text, "%s", notice);
+    s->changed |= strcmp(text, s->notice) || s->notice_warns != warns;
+    memcpy(s->notice, text, sizeof text);
+    s->notice_warns = warns;
+    s->notice_until_ns = until_ns;
+}
+
 void view_state_notify(struct view_state *s, const char *notice, int64_t now_ns)
 {
-    snprintf(s->notice, sizeof s->notice, "%s", notice);
-    s->notice_until_ns = now_ns + NOTICE_NS;
-    s->notice_warns = false;
-    s->changed = true;
+    say(s, notice, false, now_ns + NOTICE_NS);
 }
 
 void view_state_warn(struct view_state *s, const char *notice, int64_t now_ns)
 {
-    view_state_notify(s, notice, now_ns);
-    s->notice_until_ns = now_ns + WARNING_NS;
-    s->notice_warns = true;
+    say(s, notice, true, now_ns + WARNING_NS);
 }
 
 // ---------------------------------------------------------------- actions

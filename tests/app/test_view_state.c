@@ -231,6 +231,29 @@ static struct view_camera seeing_moved(int64_t number, int32_t count, int32_t fi
     return camera;
 }
 
+// As of frames that cannot be read, one after another: long enough to be read, drawn once, whatever becomes of a
+// lasting problem meanwhile.
+static void test_a_warning_said_again_stays(void **state)
+{
+    (void)state;
+    struct view_state s = watching();
+    view_state_warn(&s, "frame 7 is damaged", 1 * S);
+    EXPECT_TRUE(s.changed);
+    for (int i = 2; i < 12; i++) {
+        s.changed = false;
+        view_state_warn(&s, "frame 7 is damaged", i * S);
+        view_state_set_problem(&s, NULL);
+        EXPECT_TRUE(!s.changed);
+        view_state_tick(&s, i * S + S / 2);
+        EXPECT_TRUE(s.notice[0] && s.notice_warns);
+    }
+    s.changed = false;
+    view_state_warn(&s, "frame 8 is damaged", 12 * S);
+    EXPECT_TRUE(s.changed);
+    view_state_tick(&s, 21 * S);
+    EXPECT_TRUE(!s.notice[0]);
+}
+
 static void test_moved_tag_is_reported_once(void **state)
 {
     (void)state;
@@ -428,6 +451,7 @@ int main(void)
         cmocka_unit_test(test_actor_fades_when_camera_is_lost),
         cmocka_unit_test(test_frozen_or_lost_camera_is_reported),
         cmocka_unit_test(test_moved_tag_is_reported_once),
+        cmocka_unit_test(test_a_warning_said_again_stays),
         cmocka_unit_test(test_drag_follows_finger_on_floor),
         cmocka_unit_test(test_controls_hide_and_return_on_touch),
         cmocka_unit_test(test_governor_does_not_oscillate),
