@@ -415,43 +415,42 @@ static enum status upload_picture(struct viewer *v)
     struct viewer_live *l = &v->live;
     const struct live_frame *f = l->frame;
     const struct lens *color = &f->calibration.color;
-    enum status status = OK;
-    if (l->width != color->width || l->height != color->height) {
-        gpu_texture_close(&l->picture);
-        gpu_texture_close(&l->front);
-        free(l->rgba);
-        free(l->scratch);
-        l->width = color->width, l->height = color->height;
-        const size_t pixels = (size_t)l->width * (size_t)l->height;
-        l->rgba = calloc(pixels, 4);
-        l->scratch = malloc(2 * pixels * sizeof *l->scratch);
-        l->uploaded = 0;
-        if (!l->rgba || !l->scratch)
-            return fail(ERR_MEMORY, "no memory for the sensor's picture");
-        struct gpu_texture_layout how = {GPU_RGB8, l->width, l->height, GPU_LINEAR};
-        status = gpu_texture_open(&l->picture, v->gpu, &how, f->rgb);
-        how.format = GPU_RGBA8;
-        if (status == OK)
-            status = gpu_texture_open(&l->front, v->gpu, &how, l->rgba);
-    }
-    if (status == OK && f->number != l->uploaded) {
-        gpu_texture_write(l->picture, f->rgb);
-        l->uploaded = f->number;
-    }
-    return status;
+    if (l->picture && f->number == l->uploaded)
+        return OK;
+    l->uploaded = f->number;
+    const struct gpu_texture_layout layout = {GPU_RGB8, color->width, color->height, GPU_LINEAR};
+    return gpu_texture_put(&l->picture, v->gpu, &layout, f->rgb);
+}
+
+static enum status make_scratch(struct viewer_live *l, size_t pixels)
+{
+    if (l->pixels == pixels)
+        return OK;
+    free(l->rgba);
+    free(l->scratch);
+    l->rgba = calloc(pixels, 4);
+    l->scratch = malloc(2 * pixels * sizeof *l->scratch);
+    l->pixels = l->rgba && l->scratch ? pixels : 0;
+    return l->pixels ? OK : fail(ERR_MEMORY, "no memory for the sensor's picture");
 }
 
 // What the sensor sees before the actor.
-static void upload_front(struct viewer *v)
+static enum status upload_front(struct viewer *v)
 {
     struct viewer_live *l = &v->live;
     const struct live_frame *f = l->frame;
+    const struct lens *color = &f->calibration.color;
+    const struct gpu_texture_layout layout = {GPU_RGBA8, color->width, color->height, GPU_LINEAR};
     const struct skeleton actor = skeleton_transform(pose_inverse(v->image.world_from_camera), &v->image.skeleton);
+    enum status status = make_scratch(l, lens_pixels(color));
+    if (status != OK)
+        return status;
     const struct live_occlusion how = {&f->calibration, f->rgb, f->depth, &actor, &l->body, l->scratch};
-    if (live_occlusion_make(&how, l->rgba)) {
-        gpu_texture_write(l->front, l->rgba);
-        l->page.front = l->front;
-    }
+    if (!live_occlusion_make(&how, l->rgba))
+        return OK;
+    status = gpu_texture_put(&l->front, v->gpu, &layout, l->rgba);
+    l->page.front = l->front;
+    return status;
 }
 
 static enum status draw_mirror(struct viewer *v, struct take_view_request *request)
@@ -473,9 +472,9 @@ static enum status draw_mirror(struct viewer *v, struct take_view_request *reque
         return status;
     l->page.picture = l->picture;
     if (v->image.has_skeleton && !v->state.live.over)
-        upload_front(v);
+        status = upload_front(v);
     fill_person(v, world_from_live);
-    return OK;
+    return status;
 }
 
 // Beside the actor in the picture, to the right.

@@ -28,10 +28,10 @@ struct viewer_live {
     bool image_mirrored; // viewer.image shows the actor mirrored
 
     struct gpu_texture *picture, *front; // of the sensor's colour image
-    int width, height;                   // their size
     int64_t uploaded;                    // number of the frame in `picture`
-    uint8_t *rgba;                       // scratch
+    uint8_t *rgba;                       // scratch, of `pixels`
     float *scratch;
+    size_t pixels;
 
     int attempt, finished; // of live_state, as seen last
     int32_t first, end;    // the reference's frames that are done

@@ -367,6 +367,18 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
     gpu_texture_write_rows(t, 0, t->height, pixels);
 }
 
+enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
+                            const uint8_t *pixels)
+{
+    const struct gpu_texture *now = *t;
+    if (now && now->format == layout->format && now->width == layout->width && now->height == layout->height) {
+        gpu_texture_write(*t, pixels);
+        return OK;
+    }
+    gpu_texture_close(t);
+    return gpu_texture_open(t, g, layout, pixels);
+}
+
 // ---------------------------------------------------------------- arrays of textures
 
 static const struct {

@@ -80,6 +80,10 @@ MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g,
 void gpu_texture_close(struct gpu_texture **t);
 // Overwrites the whole texture, or `count` rows from row `first` on. Rows without padding.
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
+// The same for pictures whose size may change: opens the texture where *t is NULL, and anew where its size or format is
+// not the layout's. Errors as gpu_texture_open; *t is NULL then.
+MUST_CHECK enum status gpu_texture_put(struct gpu_texture **t, struct gpu *g, const struct gpu_texture_layout *layout,
+                                       const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
 
 // Layers of one size, for a sampler2DArray: bytes read as 0..1, or numbers kept with 11 bits; filtered. Undefined until

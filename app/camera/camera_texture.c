@@ -17,7 +17,6 @@ struct pending_read {
 struct camera_texture {
     struct gpu *gpu;
     struct gpu_texture *uploaded;
-    int width, height; // of `uploaded`
     struct yuv_to_rgb *converter;
     bool shows_imported; // the image shown last is the converter's, not `uploaded`
     bool can_import;
@@ -75,15 +74,8 @@ static enum status upload(struct camera_texture *t, const struct camera_frame *f
 {
     t->counts.uploaded++;
     t->shows_imported = false;
-    if (t->uploaded && t->width == frame->lens.width && t->height == frame->lens.height) {
-        gpu_texture_write(t->uploaded, frame->rgb);
-        return OK;
-    }
-    gpu_texture_close(&t->uploaded);
-    t->width = frame->lens.width;
-    t->height = frame->lens.height;
-    return gpu_texture_open(&t->uploaded, t->gpu,
-                            &(struct gpu_texture_layout){GPU_RGB8, t->width, t->height, GPU_LINEAR}, frame->rgb);
+    const struct gpu_texture_layout layout = {GPU_RGB8, frame->lens.width, frame->lens.height, GPU_LINEAR};
+    return gpu_texture_put(&t->uploaded, t->gpu, &layout, frame->rgb);
 }
 
 // ---------------------------------------------------------------- import

@@ -71,10 +71,7 @@ static enum status draw_by_processor(struct drive_screen *s, int pane)
     if (status != OK)
         return status;
     const struct gpu_texture_layout layout = {GPU_RGB8, view->lens.width, view->lens.height, GPU_LINEAR};
-    if (p->texture)
-        gpu_texture_write(p->texture, view->rgb);
-    else
-        status = gpu_texture_open(&p->texture, s->gpu, &layout, view->rgb);
+    status = gpu_texture_put(&p->texture, s->gpu, &layout, view->rgb);
     p->shown = p->texture;
     p->lens = view->lens;
     p->world_from_view = view->world_from_view;

@@ -16,7 +16,6 @@ struct filmed_layer {
     struct gpu_target *target;
     int width, height;
     struct gpu_texture *texture; // the picture
-    int texture_width, texture_height;
     struct solid_mesh *mesh, *flat;
     struct solid_vertex *vertices; // MOST_VERTICES
     uint16_t *corners;             // 6 * MOST_VERTICES
@@ -114,15 +113,8 @@ static void bend(struct filmed_layer *f, const struct room_picture *p, int *vert
 
 static enum status upload_texture(struct filmed_layer *f, const struct room_picture *p)
 {
-    if (f->texture && f->texture_width == p->lens.width && f->texture_height == p->lens.height) {
-        gpu_texture_write(f->texture, p->rgba);
-        return OK;
-    }
-    gpu_texture_close(&f->texture);
-    f->texture_width = p->lens.width;
-    f->texture_height = p->lens.height;
     const struct gpu_texture_layout how = {GPU_RGBA8, p->lens.width, p->lens.height, GPU_LINEAR};
-    return gpu_texture_open(&f->texture, f->gpu, &how, p->rgba);
+    return gpu_texture_put(&f->texture, f->gpu, &how, p->rgba);
 }
 
 // The whole picture on the plane z = 1 of its camera.

@@ -31,15 +31,16 @@ static void list_devices(struct studio *s, int64_t now_ns)
     studio_set_sensors(&s->state, s->device_count, now_ns);
 }
 
-static int take_number(const char *file)
+static int next_number(const char *file)
 {
     struct recording *recording = NULL;
-    int most = 0, number;
+    int most = 0;
     if (recording_open(&recording, file) != OK)
         return 1;
-    for (int i = 0; i < recording_take_count(recording); i++)
-        if (sscanf(recording_take_name(recording, i), "take-%d", &number) == 1 && number > most)
-            most = number;
+    for (int i = 0; i < recording_take_count(recording); i++) {
+        const int number = studio_take_number(recording_take_name(recording, i));
+        most = number > most ? number : most;
+    }
     recording_free(&recording);
     return most + 1;
 }
@@ -49,7 +50,7 @@ enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_o
     *s = (struct studio){.options = *options, .gpu = gpu};
     const int64_t now_ns = clock_now_ns();
     s->state = studio_start(!options->light);
-    s->state.number = take_number(options->file);
+    s->state.number = next_number(options->file);
     enum status status = open_ui(s);
     if (status == OK && sound_open(&s->sound) < 0)
         status = ERR_MEMORY;
@@ -326,38 +327,32 @@ bool studio_event(struct studio *s, const struct window_event *event, double px_
 
 // ---------------------------------------------------------------- drawing
 
-static enum status write_texture(struct studio *s, struct gpu_texture **texture, int *width, const struct lens *lens,
-                                 const uint8_t *pixels)
+static enum status write_texture(struct studio *s, struct gpu_texture **texture, const struct lens *lens,
+                                 const uint8_t *rgb)
 {
-    enum status status = OK;
-    if (*width != lens->width) {
-        gpu_texture_close(texture);
-        status = gpu_texture_open(
-            texture, s->gpu, &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR}, pixels);
-        *width = status == OK ? lens->width : 0;
-    } else {
-        gpu_texture_write(*texture, pixels);
-    }
-    return status;
+    const struct gpu_texture_layout layout = {GPU_RGB8, lens->width, lens->height, GPU_LINEAR};
+    return gpu_texture_put(texture, s->gpu, &layout, rgb);
 }
 
+// The sensors that are chosen one after another have pictures of different sizes.
 static enum status write_textures(struct studio *s)
 {
     const struct studio_snapshot *shown = &s->shown;
     const struct lens *depth = &shown->calibration.depth;
     enum status status = OK;
     if (shown->has_color)
-        status = write_texture(s, &s->color, &s->color_width, &shown->calibration.color, shown->color);
+        status = write_texture(s, &s->color, &shown->calibration.color, shown->color);
     if (status != OK || !shown->has_depth)
         return status;
-    if (s->depth_width != depth->width) {
+    if (s->depth_rgb_pixels != shown->depth_pixels) {
         free(s->depth_rgb);
         s->depth_rgb = malloc(3 * shown->depth_pixels + 1);
+        s->depth_rgb_pixels = s->depth_rgb ? shown->depth_pixels : 0;
         if (!s->depth_rgb)
             return fail(ERR_MEMORY, "no memory for the depth picture");
     }
     studio_depth_colors(shown->depth, depth->width, depth->height, s->depth_rgb);
-    return write_texture(s, &s->depth, &s->depth_width, depth, s->depth_rgb);
+    return write_texture(s, &s->depth, depth, s->depth_rgb);
 }
 
 static enum status write_plan(struct studio *s)
@@ -370,7 +365,7 @@ static enum status write_plan(struct studio *s)
     const struct lens size = {.width = ROOM_PLAN_PX, .height = ROOM_PLAN_PX};
     room_plan_colors(&s->shown.room.plan, theme_of(s->state.dark), s->plan_rgb);
     s->plan_part = room_plan_part(&s->shown.room.plan);
-    return write_texture(s, &s->plan, &s->plan_width, &size, s->plan_rgb);
+    return write_texture(s, &s->plan, &size, s->plan_rgb);
 }
 
 enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)

@@ -30,8 +30,8 @@ struct studio {
     struct studio_session *session;
     struct studio_snapshot shown;
     struct gpu_texture *color, *depth, *plan;
-    int color_width, depth_width, plan_width; // of the textures
     uint8_t *depth_rgb, *plan_rgb;
+    size_t depth_rgb_pixels;
     struct ui_box plan_part;                // of the plan that is shown, shares of its width
     int gestures, takes_ready, rooms_ready; // of the snapshot, handled
     struct viewer viewer;                   // page PLAYBACK

@@ -225,7 +225,7 @@ static enum status open_sensor(struct studio_session *s)
         return status;
     const struct calibration *c = source_calibration(s->source);
     pthread_mutex_lock(&s->lock);
-    s->shown.calibration = *c;
+    studio_snapshot_calibrate(&s->shown, c);
     pthread_mutex_unlock(&s->lock);
     coach_start(&s->coach, c);
     status = tracker_open(&s->tracker, c, NULL);

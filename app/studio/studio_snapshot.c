@@ -31,6 +31,18 @@ bool studio_snapshot_size(struct studio_snapshot *s, const struct calibration *c
     return false;
 }
 
+static bool same_size(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height;
+}
+
+void studio_snapshot_calibrate(struct studio_snapshot *s, const struct calibration *c)
+{
+    s->has_color = s->has_color && same_size(&s->calibration.color, &c->color);
+    s->has_depth = s->has_depth && same_size(&s->calibration.depth, &c->depth);
+    s->calibration = *c;
+}
+
 void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, const uint16_t *depth,
                               const uint8_t *mask)
 {

@@ -62,6 +62,9 @@ struct studio_snapshot {
 // Buffers for pictures of these lenses. False: no memory, there are none.
 bool studio_snapshot_size(struct studio_snapshot *s, const struct calibration *c);
 
+// The pictures of another lens's size are there no longer.
+void studio_snapshot_calibrate(struct studio_snapshot *s, const struct calibration *c);
+
 // Copies one frame's pictures; NULL: there is none.
 void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, const uint16_t *depth,
                               const uint8_t *mask);

@@ -1,6 +1,7 @@
 #include "app/studio/studio_state.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const int64_t SECOND_NS = 1000000000, NOTICE_NS = 4 * 1000000000LL, LOOK_NS = 2 * 1000000000LL;
@@ -30,6 +31,16 @@ static void go(struct studio_state *s, enum studio_page page, int64_t now_ns)
     s->page = page;
     s->page_ns = now_ns;
     s->changed = true;
+}
+
+int studio_take_number(const char *name)
+{
+    enum { FIRST = 5, DIGITS_MOST = 9 }; // of "take-", and what an int holds
+    const size_t length = strlen(name);
+    if (strncmp(name, "take-", FIRST) != 0 || length > FIRST + DIGITS_MOST ||
+        FIRST + strspn(name + FIRST, "0123456789") != length)
+        return 0;
+    return atoi(name + FIRST);
 }
 
 void studio_set_sensors(struct studio_state *s, int count, int64_t now_ns)
@@ -211,8 +222,11 @@ void studio_type(struct studio_state *s, int key, int64_t now_ns)
 
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns)
 {
-    if (done)
+    if (done) {
+        const int number = studio_take_number(s->name);
         memcpy(s->take, s->name, sizeof s->take);
+        s->number = number > s->number ? number : s->number; // a later take must not come to have the same name
+    }
     go(s, STUDIO_REVIEW, now_ns);
 }
 

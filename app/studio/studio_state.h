@@ -104,6 +104,8 @@ void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
 void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);
 
+int studio_take_number(const char *name); // N of a take that was named "take-N"; 0: it is another name
+
 // Advances the countdown. Returns when to call it again at the latest.
 int64_t studio_tick(struct studio_state *s, int64_t now_ns);
 

@@ -10,11 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct sized_texture {
-    struct gpu_texture *texture;
-    int width, height;
-};
-
 struct take_view {
     char *path;
     struct gpu *gpu;
@@ -36,9 +31,9 @@ struct take_view {
     int64_t awaited, awaited_ns; // the shown frame whose layer is not resident, and since when
     bool substituted;            // another frame's layer stood in for it in the last drawing
     struct lens drawn_lens;
-    struct sized_texture sources, inset;
+    struct gpu_texture *sources, *inset;
     int64_t inset_frame;
-    uint8_t *codes, *colors;                             // scratch for sources
+    uint8_t *codes, *colors;                             // scratch for `sources`
     struct overlay_stroke strokes[OVERLAY_STROKES_MOST]; // scratch
     struct overlay_group groups[OVERLAY_GROUPS_MOST];
     struct vec3 pivot, right; // the actor's first position on the floor; the sensor's x axis, horizontal
@@ -119,8 +114,8 @@ void take_view_close(struct take_view **out)
         return;
     avatar_builder_close(&s->builder);
     prefetch_close(&s->prefetch); // before the renderer, whose avatar it uses
-    gpu_texture_close(&s->sources.texture);
-    gpu_texture_close(&s->inset.texture);
+    gpu_texture_close(&s->sources);
+    gpu_texture_close(&s->inset);
     renderer_close(&s->renderer);
     skeleton_track_close(&s->track);
     take_skeletons_close(&s->skeletons);
@@ -247,27 +242,6 @@ static void place_skeleton(const struct take_view *s, const struct take_view_req
 
 // ---------------------------------------------------------------- images
 
-struct host_image {
-    int width, height;
-    enum gpu_format format;
-    const uint8_t *pixels;
-};
-
-// Writes the image into the texture, which is opened again where the size differs.
-static enum status upload_image(struct gpu *gpu, struct sized_texture *to, const struct host_image *image)
-{
-    if (to->texture && to->width == image->width && to->height == image->height) {
-        gpu_texture_write(to->texture, image->pixels);
-        return OK;
-    }
-    gpu_texture_close(&to->texture);
-    to->width = image->width;
-    to->height = image->height;
-    return gpu_texture_open(&to->texture, gpu,
-                            &(struct gpu_texture_layout){image->format, image->width, image->height, GPU_LINEAR},
-                            image->pixels);
-}
-
 // Converts the renderer's source codes to colours: green is from the shown frame, blue to violet from frames ever
 // farther away in time, orange is inpainted.
 static void color_code(const uint8_t code[3], uint8_t rgba[4])
@@ -298,9 +272,9 @@ static enum status draw_sources(struct take_view *s, int width, int height, stru
         return status;
     for (size_t i = 0; i < pixels; i++)
         color_code(codes + 3 * i, colors + 4 * i);
-    const struct host_image image = {width, height, GPU_RGBA8, colors};
-    status = upload_image(s->gpu, &s->sources, &image);
-    out->sources = s->sources.texture;
+    const struct gpu_texture_layout layout = {GPU_RGBA8, width, height, GPU_LINEAR};
+    status = gpu_texture_put(&s->sources, s->gpu, &layout, colors);
+    out->sources = s->sources;
     return status;
 }
 
@@ -312,14 +286,14 @@ static enum status upload_inset(struct take_view *s, int64_t frame, struct take_
     if (frame != s->inset_frame) {
         struct take_images images;
         enum status status = take_read(s->inset_take, frame, TAKE_COLOR, &images);
-        const struct host_image image = {color->width, color->height, GPU_RGB8, images.color};
+        const struct gpu_texture_layout layout = {GPU_RGB8, color->width, color->height, GPU_LINEAR};
         if (status == OK && images.color)
-            status = upload_image(s->gpu, &s->inset, &image);
+            status = gpu_texture_put(&s->inset, s->gpu, &layout, images.color);
         if (status != OK && status != ERR_CORRUPT) // a damaged frame costs itself alone
             return status;
         s->inset_frame = frame;
     }
-    out->inset = s->inset.texture;
+    out->inset = s->inset;
     out->inset_aspect = (double)color->width / color->height;
     return OK;
 }

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
+#include "platform/jpeg.h"
 #include "platform/png.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
@@ -93,6 +94,33 @@ static void test_takes_are_discarded_and_made_again(void **state)
     EXPECT_TRUE(s.page == STUDIO_TROUBLE);
     studio_do(&s, STUDIO_SENSORS_AGAIN, 0);
     EXPECT_TRUE(s.page == STUDIO_SENSORS);
+}
+
+// The next take's number is one that no take has, whatever the last one was renamed to.
+static void test_numbers_of_takes(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        int number;
+    } names[] = {{"take-7", 7},
+                 {"take-", 0},
+                 {"take", 0},
+                 {"", 0},
+                 {"take-7b", 0},
+                 {"take--7", 0},
+                 {"retake-7", 0},
+                 {"take-+7", 0},
+                 {"take-999999999", 999999999},
+                 {"take-4294967303", 0}};
+    for (size_t i = 0; i < COUNT_OF(names); i++)
+        EXPECT_INT(studio_take_number(names[i].name), names[i].number);
+    struct studio_state s = studio_start(true);
+    s.page = STUDIO_RENAME;
+    snprintf(s.name, sizeof s.name, "take-7");
+    studio_renamed(&s, true, 0);
+    studio_do(&s, STUDIO_KEEP, 0);
+    EXPECT_INT(s.number, 8);
 }
 
 // ---------------------------------------------------------------- drawn into memory
@@ -230,6 +258,99 @@ static void test_takes_through_openni(void **state)
     stage_close(&g);
 }
 
+// What was copied of a picture belongs to the lens that is said with it.
+static void test_a_snapshot_follows_the_sensor(void **state)
+{
+    (void)state;
+    static const uint8_t rgb[3 * 8 * 6] = {7};
+    static const uint16_t depth[8 * 6] = {9};
+    struct studio_snapshot from = {0}, to = {0};
+    const struct lens large = {.width = 8, .height = 6}, small = {.width = 8, .height = 2};
+    const struct calibration first = {.color = large, .depth = large}, second = {.color = small, .depth = large};
+    studio_snapshot_calibrate(&from, &first);
+    studio_snapshot_pictures(&from, rgb, depth, NULL);
+    from.number = 1;
+    EXPECT_TRUE(studio_snapshot_copy(&from, &to) && to.has_color && to.has_depth && to.color[0] == 7);
+    studio_snapshot_calibrate(&from, &first); // opened again
+    from.number = 2;
+    EXPECT_TRUE(studio_snapshot_copy(&from, &to) && to.has_color && to.has_depth);
+    studio_snapshot_calibrate(&from, &second);
+    from.number = 3;
+    EXPECT_TRUE(studio_snapshot_copy(&from, &to) && !to.has_color && to.has_depth && to.depth[0] == 9);
+    studio_snapshot_pictures(&from, rgb, depth, NULL);
+    from.number = 4;
+    EXPECT_TRUE(studio_snapshot_copy(&from, &to) && to.has_color && to.color_bytes == 3 * 8 * 2);
+    studio_snapshot_free(&from);
+    studio_snapshot_free(&to);
+}
+
+// A sensor of that height that sees a wall, one frame of it.
+static void film_wall(const struct scratch *scratch, const char *name, int height)
+{
+    enum { WIDTH = 160, MOST = 200, WALL_MM = 2000 };
+    static uint8_t rgb[3 * WIDTH * MOST];
+    static uint16_t depth[WIDTH * MOST];
+    char text[600], path[100];
+    uint8_t *bytes;
+    size_t count;
+    for (int i = 0; i < WIDTH * MOST; i++)
+        depth[i] = WALL_MM;
+    snprintf(path, sizeof path, "%s/calibration.json", name);
+    snprintf(text, sizeof text,
+             "{\"color\": {\"width\": %d, \"height\": %d, \"fx\": 140, \"fy\": 140, \"cx\": 80, \"cy\": 60}, "
+             "\"depth\": {\"width\": %d, \"height\": %d, \"fx\": 140, \"fy\": 140, \"cx\": 80, \"cy\": 60, "
+             "\"unit_m\": 0.001}, \"registered\": true}",
+             WIDTH, height, WIDTH, height);
+    scratch_text(scratch, path, text);
+    snprintf(path, sizeof path, "%s/rgb.txt", name);
+    scratch_text(scratch, path, "50.0 c.jpg\n");
+    snprintf(path, sizeof path, "%s/depth.txt", name);
+    scratch_text(scratch, path, "50.0 d.png\n");
+    EXPECT_STATUS(jpeg_encode(rgb, WIDTH, height, 90, &bytes, &count), OK);
+    snprintf(path, sizeof path, "%s/c.jpg", name);
+    scratch_write(scratch, path, bytes, count);
+    free(bytes);
+    EXPECT_STATUS(png_encode(&(struct png_layout){PNG_GRAY16, WIDTH, height}, depth, 1, &bytes, &count), OK);
+    snprintf(path, sizeof path, "%s/d.png", name);
+    scratch_write(scratch, path, bytes, count);
+    free(bytes);
+}
+
+// One sensor after another, whose pictures are as wide, and higher or lower.
+static void test_sensors_of_different_sizes(void **state)
+{
+    (void)state;
+    static struct stage g;
+    static const char *const names[] = {"low", "high", "low"};
+    char uri[300];
+    g.scratch = scratch_make();
+    film_wall(&g.scratch, "low", 120);
+    film_wall(&g.scratch, "high", 200);
+    EXPECT_STATUS(gpu_open(&g.gpu), OK);
+    stage_size(&g, 800, 1280);
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g.scratch, "low"));
+    const struct studio_options options = {.file = scratch_file(&g.scratch, "film.reenact"), .sensor = uri};
+    EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
+    for (size_t i = 0; i < COUNT_OF(names); i++) {
+        struct studio *s = &g.studio;
+        snprintf(s->devices[0].uri, sizeof s->devices[0].uri, "folder:%s", scratch_file(&g.scratch, names[i]));
+        if (i) {
+            studio_fail(&s->state, "unplugged", clock_now_ns());
+            studio_do(&s->state, STUDIO_BACK, clock_now_ns());
+            studio_choose_sensor(&s->state, 0, clock_now_ns());
+        }
+        const int64_t until = clock_now_ns() + 60 * SECOND;
+        do
+            stage_draw(&g);
+        while ((s->state.page != STUDIO_LIVE || !s->shown.has_depth || !s->shown.has_color) && clock_now_ns() < until);
+        EXPECT_INT(s->shown.calibration.depth.height, strcmp(names[i], "high") ? 120 : 200);
+        EXPECT_TRUE(s->shown.has_depth && s->shown.has_color);
+        stage_draw(&g);
+    }
+    studio_close(&g.studio);
+    stage_close(&g);
+}
+
 static void test_a_missing_sensor_is_said(void **state)
 {
     (void)state;
@@ -260,8 +381,13 @@ int main(int argc, char **argv)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_from_sensor_to_kept),      cmocka_unit_test(test_takes_are_discarded_and_made_again),
-        cmocka_unit_test(test_a_missing_sensor_is_said), cmocka_unit_test(test_takes_of_a_film),
+        cmocka_unit_test(test_from_sensor_to_kept),
+        cmocka_unit_test(test_takes_are_discarded_and_made_again),
+        cmocka_unit_test(test_numbers_of_takes),
+        cmocka_unit_test(test_a_snapshot_follows_the_sensor),
+        cmocka_unit_test(test_sensors_of_different_sizes),
+        cmocka_unit_test(test_a_missing_sensor_is_said),
+        cmocka_unit_test(test_takes_of_a_film),
         cmocka_unit_test(test_takes_through_openni),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
