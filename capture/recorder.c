@@ -333,7 +333,7 @@ static void report_state(struct recorder *r, const struct recorder_options *opti
     if (!options->on_state || now_ns - r->state_ns < 1000000000)
         return;
     r->state_ns = now_ns;
-    const double room = (double)file_free_bytes(recording_writer_path(r->writer)) * 1e-6;
+    const double room = (double)file_room_bytes(recording_writer_path(r->writer)) * 1e-6;
     if (result->mb_per_s > 0 && room >= 0)
         state.minutes_left = room / result->mb_per_s / 60;
     options->on_state(options->context, &state);

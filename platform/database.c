@@ -24,6 +24,17 @@ struct statement {
     int bound; // SQLITE_OK, or why a value could not be bound since the last reset
 };
 
+static enum status fail_to_grow(const char *path)
+{
+    if (file_is_at_largest(path))
+        return fail(
+            ERR_IO,
+            "%s cannot grow: its file system, as on memory cards, or a limit of this shell takes no larger file; "
+            "go on in another file",
+            path);
+    return fail(ERR_IO, "%s cannot grow: the disk is full", path);
+}
+
 // Turns SQLite's result code into a status and a sentence for the user.
 static enum status fail_sqlite(const struct database *db, int code)
 {
@@ -34,7 +45,7 @@ static enum status fail_sqlite(const struct database *db, int code)
     case SQLITE_NOMEM: return fail(ERR_MEMORY, "no memory to work on %s", path);
     case SQLITE_NOTADB: return fail(ERR_FORMAT, "%s is not a recording: it is no SQLite file", path);
     case SQLITE_CORRUPT: return fail(ERR_CORRUPT, "%s is damaged (%s); try reenact-capture repair", path, why);
-    case SQLITE_FULL: return fail(ERR_IO, "%s cannot grow: the disk is full", path);
+    case SQLITE_FULL: return fail_to_grow(path);
     case SQLITE_BUSY:
     case SQLITE_PROTOCOL:
     case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
@@ -45,7 +56,7 @@ static enum status fail_sqlite(const struct database *db, int code)
         // SQLite reads errno late and may find it overwritten with 0.
         if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
             (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
-            return fail(ERR_IO, "%s cannot grow: the disk is full", path);
+            return fail_to_grow(path);
         return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
                     system_errno ? strerror(system_errno) : "");
     case SQLITE_TOOBIG:

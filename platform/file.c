@@ -6,12 +6,16 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <ftw.h>
+#include <linux/magic.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 enum status file_read(const char *path, uint8_t **bytes, size_t *count)
@@ -278,12 +282,43 @@ enum status file_check_listed(const char *folder, const char *list, int line, co
     return OK;
 }
 
-int64_t file_free_bytes(const char *path)
+// -1: not known.
+static int64_t free_bytes(const char *path)
 {
     struct statvfs about;
     if (statvfs(path, &about) || about.f_bavail > INT64_MAX / (about.f_frsize ? about.f_frsize : 1))
         return -1;
     return (int64_t)(about.f_bavail * about.f_frsize);
+}
+
+// By how many bytes the limits of one file's size let it grow. INT64_MAX: by any number.
+static int64_t bytes_to_largest(const char *path)
+{
+    static const int64_t FAT_LARGEST = UINT32_MAX;
+    struct stat about;
+    struct statfs system;
+    struct rlimit limit;
+    int64_t largest = INT64_MAX;
+    if (stat(path, &about))
+        return INT64_MAX;
+    if (!statfs(path, &system) && system.f_type == MSDOS_SUPER_MAGIC)
+        largest = FAT_LARGEST;
+    if (!getrlimit(RLIMIT_FSIZE, &limit) && limit.rlim_cur != RLIM_INFINITY && limit.rlim_cur < (uint64_t)largest)
+        largest = (int64_t)limit.rlim_cur;
+    return largest == INT64_MAX ? INT64_MAX : about.st_size < largest ? largest - about.st_size : 0;
+}
+
+int64_t file_room_bytes(const char *path)
+{
+    const int64_t free = free_bytes(path), more = bytes_to_largest(path);
+    return more < free || (free < 0 && more < INT64_MAX) ? more : free;
+}
+
+bool file_is_at_largest(const char *path)
+{
+    enum { NEARLY = 64 << 20 }; // what was to be written next may be as large
+    const int64_t free = free_bytes(path), more = bytes_to_largest(path);
+    return more <= NEARLY && (free < 0 || free > more);
 }
 
 enum status folder_make(const char *path)

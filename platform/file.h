@@ -41,8 +41,11 @@ bool file_exists(const char *path); // a file or a folder
 // line.
 MUST_CHECK enum status file_check_listed(const char *folder, const char *list, int line, const char *name);
 
-// Bytes that an ordinary user can still write to the file system of `path`; -1: not known.
-int64_t file_free_bytes(const char *path);
+// By how many bytes the file can still grow: what an ordinary user can write to its file system, and what that takes in
+// one file (FAT, as on memory cards, 4 GiB), or this process may write. -1: not known.
+int64_t file_room_bytes(const char *path);
+// Whether it is the size of one file that ends it, though there is room on the disk.
+bool file_is_at_largest(const char *path);
 
 // Makes the folder and its parents; OK when it exists. ERR_IO, ERR_INPUT.
 MUST_CHECK enum status folder_make(const char *path);

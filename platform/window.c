@@ -322,5 +322,6 @@ void window_wake(struct window *s)
     if (!SDL_AtomicCAS(&s->woken, 0, 1))
         return; // one is queued already
     SDL_Event event = {.type = s->wake_event};
-    SDL_PushEvent(&event);
+    if (SDL_PushEvent(&event) != 1) // the queue is full: what is in it wakes, and the next call tries again
+        SDL_AtomicSet(&s->woken, 0);
 }

@@ -85,7 +85,7 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
     *c = (struct studio_counters){
         .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->source)};
     if (!s->taking) {
-        const double room = (double)file_free_bytes(s->file);
+        const double room = (double)file_room_bytes(s->file);
         const double bytes_per_s = s->rate.frame_bytes * s->rate_hz;
         c->mb_per_s = bytes_per_s * 1e-6;
         c->minutes_left = bytes_per_s > 0 && room >= 0 ? room / bytes_per_s / 60 : -1;
