@@ -91,7 +91,13 @@ static void test_what_is_installed(void **state)
     snprintf(path, sizeof path, "%s/bin/reenact-capture", prefix);
     said = PROCESS(path, "--version");
     EXPECT_INT(said.exit_code, 0);
-    snprintf(path, sizeof path, "%s/share/man/man1/reenact-capture.1", prefix);
+    snprintf(path, sizeof path, "%s/share/doc/reenact/copyright", prefix);
+    char *licences = read_text(path);
+    EXPECT_TRUE(strstr(licences, "Apache-2.0") && strstr(licences, "Dear ImGui"));
+    free(licences);
+    snprintf(path, sizeof path, "%s/share/man/man1/reenact-capture.1.gz", prefix);
+    EXPECT_INT(PROCESS("gzip", "-d", path).exit_code, 0);
+    path[strlen(path) - strlen(".gz")] = 0;
     char *page = read_text(path);
     const int count = commands_of("reenact-capture", names);
     for (int i = 0; i < count; i++) {
