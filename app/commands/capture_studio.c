@@ -3,9 +3,12 @@
 
 #include "app/studio/studio.h"
 #include "base/clock.h"
+#include "capture/recording/recording.h"
+#include "platform/file.h"
 #include "platform/window.h"
 
 #include <stdio.h>
+#include <unistd.h>
 
 struct studio_arguments {
     const char *file, *sensor, *tags;
@@ -28,7 +31,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
-    case ARGP_KEY_END: return 0;
+    case ARGP_KEY_END: a->file = a->file ? a->file : "film.reenact"; return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -82,6 +85,19 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
     return OK;
 }
 
+// Before anybody films for it.
+static enum status check_file(const char *path)
+{
+    struct recording *recording;
+    if (!file_exists(path))
+        return file_check_output(path, false);
+    enum status status = recording_open(&recording, path);
+    if (status == OK && access(path, W_OK))
+        status = fail(ERR_IO, "%s: no permission to write to it", path);
+    recording_free(&recording);
+    return status;
+}
+
 int capture_studio(int argc, char **argv)
 {
     static const struct argp_option options[] = {
@@ -114,11 +130,13 @@ int capture_studio(int argc, char **argv)
     command_parse(&argp, argc, argv, &given);
     const struct window_options window = {"Reenact studio", given.size[0], given.size[1], given.fullscreen, 0,
                                           given.dpi};
-    enum status status = window_open(&run.window, &window);
+    enum status status = check_file(given.file);
+    if (status == OK)
+        status = window_open(&run.window, &window);
     if (status == OK)
         status = gpu_adopt(&run.gpu);
     if (status == OK) {
-        const struct studio_options how = {.file = given.file ? given.file : "film.reenact",
+        const struct studio_options how = {.file = given.file,
                                            .sensor = given.sensor,
                                            .tags = given.tags,
                                            .light = given.light,

@@ -150,6 +150,16 @@ static void test_empty_room_is_recorded(void **state)
                0);
 }
 
+// Said before anybody films.
+static void test_what_the_studio_films_into(void **state)
+{
+    (void)state;
+    scratch_text(&scratch, "text.reenact", "no recording");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "studio", scratch_file(&scratch, "nowhere/x.reenact")), "nowhere");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "studio", scratch_file(&scratch, "text.reenact")), "not a recording");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "studio", scratch.path), "folder");
+}
+
 static void test_bad_sensors(void **state)
 {
     (void)state;
@@ -398,6 +408,7 @@ int main(void)
         cmocka_unit_test(test_help_and_usage),
         cmocka_unit_test(test_empty_room_is_recorded),
         cmocka_unit_test(test_bad_sensors),
+        cmocka_unit_test(test_what_the_studio_films_into),
         cmocka_unit_test(test_camera_maps_tags),
         cmocka_unit_test(test_bad_places_and_tags),
         cmocka_unit_test(test_bad_recordings),
