@@ -180,7 +180,7 @@ struct ros_robot {
 namespace
 {
 
-enum status rename(ros::M_string &names, const char *const *remap)
+enum status remap_topics(ros::M_string &names, const char *const *remap)
 {
     for (; remap && *remap; remap++) {
         const char *colon = strstr(*remap, ":=");
@@ -194,7 +194,7 @@ enum status rename(ros::M_string &names, const char *const *remap)
 enum status open_robot(struct ros_robot **out, const char *master, const char *const *remap)
 {
     ros::M_string names;
-    const enum status status = rename(names, remap);
+    const enum status status = remap_topics(names, remap);
     if (status != OK)
         return status;
     if (*master)

@@ -1,7 +1,9 @@
 // The house rules that no compiler holds: who may include whom, that a foreign
-// header is named by its wrapper alone, and that C++ lives only in wrappers.
+// header is named by its wrapper alone, that C++ lives only in wrappers, and that
+// files are made and changed in one place, which spares recordings.
 #include "tests/support/test.h"
 
+#include <ctype.h>
 #include <dirent.h>
 #include <stdio.h>
 #include <string.h>
@@ -238,6 +240,81 @@ static void test_cpp_lives_in_platform_and_tests_only(void **state)
     EXPECT_INT(broken, 0);
 }
 
+// ---------------------------------------------------------------- who writes files
+
+// What makes or changes a file. platform/file.h and output.h write over no recording; all else goes through them.
+static const char *const writing[] = {
+    "O_CREAT",  "O_WRONLY", "O_RDWR",  "creat(",  "freopen(",  "ofstream", "rename(",      "renameat",
+    "truncate", "link(",    "mkstemp", "tmpfile", "avio_open", "imwrite",  "write_to_png", "cairo_pdf_surface_create("};
+static const char *const writers[] = {"platform/file.c", "platform/output.c", "platform/database.c"};
+
+// The word stands in the line by itself, not at the end of another.
+static bool has_word(const char *line, const char *word)
+{
+    for (const char *at = line; (at = strstr(at, word)); at++)
+        if (at == line || !(isalnum((unsigned char)at[-1]) || at[-1] == '_'))
+            return true;
+    return false;
+}
+
+// "w", "a" or "r+" anywhere in it.
+static bool opens_for_writing(const char *line)
+{
+    const char *open = strstr(line, "fopen("), *mode = open ? strrchr(open, '"') : NULL;
+    while (mode && mode > open && mode[-1] != '"')
+        if (strchr("wa+", *--mode))
+            return true;
+    return false;
+}
+
+static bool makes_files(const char *line)
+{
+    bool makes = opens_for_writing(line);
+    for (size_t i = 0; i < COUNT_OF(writing); i++)
+        makes |= has_word(line, writing[i]);
+    return makes;
+}
+
+static int count_writing(const char *path, bool print)
+{
+    char full[1024], line[1024];
+    int count = 0;
+    snprintf(full, sizeof full, "%s/%s", SOURCE_DIR, path);
+    FILE *file = fopen(full, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file)) {
+        char *comment = strstr(line, "//");
+        if (comment)
+            *comment = 0;
+        if (makes_files(line)) {
+            count++;
+            if (print)
+                print_error("%s makes or changes a file by itself: %s\n", path, line);
+        }
+    }
+    fclose(file);
+    return count;
+}
+
+static void test_files_are_written_in_one_place(void **state)
+{
+    (void)state;
+    int broken = 0;
+    for (int i = 0; i < file_count; i++) {
+        bool may = !strncmp(files[i].path, "tests/", 6);
+        for (size_t k = 0; k < COUNT_OF(writers); k++)
+            may |= !strcmp(files[i].path, writers[k]);
+        broken += may ? 0 : count_writing(files[i].path, true);
+    }
+    EXPECT_INT(broken, 0);
+    for (size_t k = 0; k < COUNT_OF(writers); k++)
+        EXPECT_AT_LEAST(count_writing(writers[k], false), 1);
+    EXPECT_TRUE(makes_files("FILE *to = fopen(path, \"w\");") && makes_files("fopen(name(\"x\"), \"r+b\")"));
+    EXPECT_TRUE(makes_files("if (rename(a, b))") && makes_files("std::ofstream to;"));
+    EXPECT_TRUE(!makes_files("fopen(path, \"rb\")") && !makes_files("database_rename(&db, to)"));
+    EXPECT_TRUE(!makes_files("unlink(path)"));
+}
+
 // No arrow goes up: what a room may use stands before it in the table.
 static void test_the_table_has_floors(void **state)
 {
@@ -275,6 +352,7 @@ int main(void)
         cmocka_unit_test(test_modules_include_only_allowed_modules),
         cmocka_unit_test(test_foreign_headers_only_in_wrappers),
         cmocka_unit_test(test_cpp_lives_in_platform_and_tests_only),
+        cmocka_unit_test(test_files_are_written_in_one_place),
         cmocka_unit_test(test_the_table_has_floors),
         cmocka_unit_test(test_the_rule_can_fail),
     };
