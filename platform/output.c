@@ -31,8 +31,9 @@ static enum status open_part(struct output *o)
     enum status status = file_begin(o->path, o->part);
     if (status != OK || (o->file = fopen(o->part, "w+b")))
         return status;
+    status = fail(errno == ENOMEM ? ERR_MEMORY : ERR_IO, "%s cannot be written: %s", o->path, strerror(errno));
     unlink(o->part);
-    return fail(ERR_IO, "%s cannot be written: %s", o->path, strerror(errno));
+    return status;
 }
 
 static enum status open_device(struct output *o)

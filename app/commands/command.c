@@ -116,7 +116,7 @@ void command_parse(const struct argp *argp, int argc, char **argv, void *input)
     };
     const struct argp_child children[] = {{argp, 0, NULL, 0}, {0}};
     const struct argp common = {.options = options, .parser = parse_common, .children = children};
-    signal(SIGXFSZ, SIG_IGN); // a file that may not grow is an error like a full disk, and ends in good order
+    signal(SIGXFSZ, SIG_IGN);
     const error_t error = argp_parse(&common, argc, argv, ARGP_NO_HELP, NULL, input);
     if (!error)
         return;

@@ -49,8 +49,9 @@ enum { COMMAND_KEY = 0x100 };
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
 
-// argp_parse for a command's arguments, and --help (-h), --usage, --version (-V), alike everywhere; lack of memory in
-// it ends the program with a sentence and exit code 1.
+// How every command begins: argp_parse for its arguments, and --help (-h), --usage, --version (-V), alike everywhere;
+// lack of memory in it ends the program with a sentence and exit code 1. From here on a file that may not grow
+// (SIGXFSZ) is an error and no longer kills.
 void command_parse(const struct argp *argp, int argc, char **argv, void *input);
 
 // --force of commands that write files.
