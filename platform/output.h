@@ -17,5 +17,6 @@ MUST_CHECK enum status output_open(struct output **out, const char *path);
 FILE *output_file(const struct output *o);    // to write to; not to be closed
 bool output_can_seek(const struct output *o); // false for a pipe or terminal
 // Ends writing. With OK the file gets its name, replacing another, but never a recording (ERR_EXISTS); with any other
-// `status`, or where it cannot be written, nothing of it remains. Returns the first error. NULL is fine; sets *o = NULL.
+// `status`, or where it cannot be written, nothing of it remains. Returns the first error. NULL is fine; sets *o =
+// NULL.
 enum status output_close(struct output **o, enum status status);

@@ -9,9 +9,9 @@ extern "C" {
 enum { SCALE_FEATURE_DIMENSIONS = 128 };
 
 struct scale_feature {
-    struct pixel at; // centre of the top-left pixel is (0, 0)
-    float size_px;   // diameter of what it describes
-    float angle;     // radians, clockwise in the image
+    struct pixel at;                              // centre of the top-left pixel is (0, 0)
+    float size_px;                                // diameter of what it describes
+    float angle;                                  // radians, clockwise in the image
     int16_t descriptor[SCALE_FEATURE_DIMENSIONS]; // whole numbers 0..255, signed so that they can be subtracted
 };
 
