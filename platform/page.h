@@ -26,6 +26,6 @@ void page_unclip(struct page *p);
 // The picture of the page so far, one byte a pixel, 255 = white; borrowed until the next call.
 const uint8_t *page_pixels(struct page *p, int *width, int *height, int *stride);
 
-// Writes the file and closes; sets *p = NULL; a picture is just closed. ERR_IO: no file is left.
+// Writes the file and closes; sets *p = NULL; a picture is just closed. Errors as output_close: nothing of it is left.
 MUST_CHECK enum status page_finish(struct page **p);
 void page_discard(struct page **p); // closes and leaves no file; NULL is fine

@@ -95,7 +95,7 @@ static void on_event(struct drive_window *w, const struct window_event *e)
 {
     switch (e->kind) {
     case WINDOW_QUIT: w->quit = true; return;
-    case WINDOW_HIDDEN: w->stick = (struct drive_command){0, 0}; return; // nobody sees where it drives
+    case WINDOW_HIDDEN: w->stick = (struct drive_command){0, 0}; return; // the operator sees nothing
     case WINDOW_KEY: on_key(w, e->key); return;
     case WINDOW_PAD_AXIS:
     case WINDOW_PAD_BUTTON: on_pad(w, e); return;

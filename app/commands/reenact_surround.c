@@ -54,15 +54,25 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+// "OUT/NAMEending". ERR_INPUT: too long.
+static enum status output_path(const struct surround_arguments *a, const char *name, const char *ending,
+                               char path[FILE_PATH_BYTES])
+{
+    return snprintf(path, FILE_PATH_BYTES, "%s/%s%s", a->out, name, ending) < FILE_PATH_BYTES
+               ? OK
+               : fail(ERR_INPUT, "the path %.60s… is too long", a->out);
+}
+
 static enum status write_image(const struct surround_arguments *a, const char *name, const char *ending,
                                const struct png_layout *layout, const void *pixels)
 {
-    char path[4096];
-    if (snprintf(path, sizeof path, "%s/%s%s.png", a->out, name, ending) >= (int)sizeof path)
-        return fail(ERR_INPUT, "the path %.60s… is too long", path);
+    char path[FILE_PATH_BYTES];
+    enum status status = output_path(a, name, ending, path);
+    if (status != OK)
+        return status;
     char *slash = strrchr(path, '/');
     *slash = 0;
-    enum status status = folder_make(path);
+    status = folder_make(path);
     *slash = '/';
     uint8_t *bytes;
     size_t count;
@@ -78,7 +88,7 @@ static enum status write_image(const struct surround_arguments *a, const char *n
 static enum status write_view(const struct surround_arguments *a, const struct surround_view *view, const char *name)
 {
     const struct png_layout layout = {PNG_RGB8, view->lens.width, view->lens.height};
-    enum status status = write_image(a, name, "", &layout, view->rgb);
+    enum status status = write_image(a, name, ".png", &layout, view->rgb);
     if (status != OK || !a->layers)
         return status;
     const size_t pixels = (size_t)layout.width * (size_t)layout.height;
@@ -87,17 +97,16 @@ static enum status write_view(const struct surround_arguments *a, const struct s
         return fail(ERR_MEMORY, "out of memory");
     for (size_t i = 0; i < pixels; i++)
         memset(source + 3 * i, view->source[i], 3);
-    status = write_image(a, name, "_source", &layout, source);
+    status = write_image(a, name, "_source.png", &layout, source);
     free(source);
     return status;
 }
 
 static enum status check_output(const struct surround_arguments *a, const char *name, const char *ending)
 {
-    char path[4096];
-    if (snprintf(path, sizeof path, "%s/%s%s", a->out, name, ending) >= (int)sizeof path)
-        return fail(ERR_INPUT, "the path %.60s… is too long", path);
-    return file_exists(path) ? file_check_output(path, a->force) : OK;
+    char path[FILE_PATH_BYTES];
+    const enum status status = output_path(a, name, ending, path);
+    return status == OK && file_exists(path) ? file_check_output(path, a->force) : status;
 }
 
 // Before anything is drawn.
@@ -142,9 +151,7 @@ static enum status draw_views(const struct surround_arguments *a, struct surroun
 
 static enum status write_trajectory(const struct surround_arguments *a, const struct surroundings *s)
 {
-    char path[4096];
-    snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
-    char *text = NULL;
+    char path[FILE_PATH_BYTES], *text = NULL;
     size_t bytes = 0;
     FILE *to = open_memstream(&text, &bytes);
     if (!to)
@@ -159,8 +166,10 @@ static enum status write_trajectory(const struct surround_arguments *a, const st
                 p.rotation.w);
     }
     const bool whole = !ferror(to);
-    enum status status =
-        fclose(to) == 0 && whole ? file_write(path, text, bytes) : fail(ERR_MEMORY, "no memory for the trajectory");
+    enum status status = fclose(to) == 0 && whole ? output_path(a, "trajectory", ".txt", path)
+                                                  : fail(ERR_MEMORY, "no memory for the trajectory");
+    if (status == OK)
+        status = file_write(path, text, bytes);
     free(text);
     return status;
 }
@@ -181,9 +190,10 @@ static enum status write_stats(const struct surround_arguments *a, const struct 
     json_free(&root);
     if (!text)
         return fail(ERR_MEMORY, "out of memory");
-    char path[4096];
-    snprintf(path, sizeof path, "%s/stats.json", a->out);
-    const enum status status = file_write(path, text, strlen(text));
+    char path[FILE_PATH_BYTES];
+    enum status status = output_path(a, "stats", ".json", path);
+    if (status == OK)
+        status = file_write(path, text, strlen(text));
     if (status == OK && a->json)
         fputs(text, stdout);
     free(text);

@@ -16,7 +16,7 @@
 
 static const int JPEG_QUALITY = 92; // as the recorder's
 enum { MOST_NAMES = 1000 };         // attempts beside one recording
-enum { WAITING_WORDS = 8 };         // room in the queue beside the frames: asking must not wait for a slow disk
+enum { WAITING_COMMANDS = 8 };      // room in the queue beside the frames: asking must not wait for a slow disk
 
 // Where the spools of one recording are: FOLDER/PREFIX and eight random hexadecimal digits.
 struct spools {
@@ -198,7 +198,7 @@ static void keep(struct live_keeper *k)
         discard(k); // it has its name; a second wish finds nothing
 }
 
-// Hidden files beside the recording, ".NAME.attempt-…".
+// Hidden files beside the recording: FOLDER/.NAME.attempt-XXXXXXXX.
 static struct spools spools_of(const char *watched)
 {
     struct spools out;
@@ -208,7 +208,7 @@ static struct spools spools_of(const char *watched)
     return out;
 }
 
-// What a killed program left: nobody has it open for writing.
+// Spools that a killed process left behind: no writer holds their lock.
 static void remove_abandoned(const char *watched)
 {
     const struct spools spools = spools_of(watched);
@@ -275,7 +275,7 @@ enum status live_keeper_open(struct live_keeper **out, const struct live_keeper_
     k->watched = strdup(options->watched);
     enum status status = k->watched ? new_spool(k) : fail(ERR_MEMORY, "no memory to keep attempts");
     if (status == OK)
-        status = queue_open(&k->queue, KEEPER_WAITING + WAITING_WORDS);
+        status = queue_open(&k->queue, KEEPER_WAITING + WAITING_COMMANDS);
     if (status == OK && pthread_create(&k->thread, NULL, write_all, k)) {
         queue_close(&k->queue);
         status = fail(ERR_MEMORY, "no thread to keep attempts");
@@ -312,12 +312,12 @@ static void count_left_out(struct live_keeper *k)
     pthread_mutex_unlock(&k->lock);
 }
 
-static void put_word(struct live_keeper *k, const struct keeper_item *word)
+static void put_command(struct live_keeper *k, const struct keeper_item *command)
 {
     struct keeper_item *item = malloc(sizeof *item);
     if (!item)
         return;
-    *item = *word;
+    *item = *command;
     if (!queue_put(k->queue, item))
         item_free(item);
 }
@@ -326,12 +326,12 @@ void live_keeper_begin(struct live_keeper *k, const struct calibration *calibrat
 {
     k->calibration = *calibration;
     k->any = false;
-    put_word(k, &(struct keeper_item){.kind = ITEM_BEGIN, .attempt = attempt, .calibration = *calibration});
+    put_command(k, &(struct keeper_item){.kind = ITEM_BEGIN, .attempt = attempt, .calibration = *calibration});
 }
 
-void live_keeper_end(struct live_keeper *k) { put_word(k, &(struct keeper_item){.kind = ITEM_END}); }
+void live_keeper_end(struct live_keeper *k) { put_command(k, &(struct keeper_item){.kind = ITEM_END}); }
 
-void live_keeper_keep(struct live_keeper *k) { put_word(k, &(struct keeper_item){.kind = ITEM_KEEP}); }
+void live_keeper_keep(struct live_keeper *k) { put_command(k, &(struct keeper_item){.kind = ITEM_KEEP}); }
 
 static void *copy(const void *bytes, size_t count)
 {

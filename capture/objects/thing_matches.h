@@ -4,7 +4,7 @@
 
 struct thing_match {
     const struct scale_feature *model, *scene;
-    int32_t distance2; // of the descriptors
+    int32_t distance2; // squared Euclidean distance of the descriptors
 };
 
 // For each feature of the model the two nearest of the view, in the same channel, as far as they are near at all.

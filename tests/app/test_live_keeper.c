@@ -103,7 +103,7 @@ static void keep_beside_other_files(void)
     EXPECT_TRUE(state.failed && strstr(state.sentence, "no attempt"));
     do_attempt(k, 8, 3);
     EXPECT_TRUE(!keep(k).failed);
-    do_attempt(k, 9, 3); // nobody asks for this one
+    do_attempt(k, 9, 3); // is not kept
     live_keeper_close(&k);
     expect_kept("form-attempt-3.reenact", 8, 3);
     expect_kept("form-attempt-2.reenact", 7, 12);

@@ -112,6 +112,14 @@ static void test_outputs_are_checked_first(void **state)
         "is a file");
 }
 
+static void test_a_board_on_standard_output(void **state)
+{
+    (void)state;
+    const struct process_result said = PROCESS(CAPTURE, "calibrate", "--board", "-");
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(!strncmp(said.out, "%PDF-", 5) && strstr(said.err, "circles"));
+}
+
 static void test_a_folder_named_with_a_slash(void **state)
 {
     (void)state;
@@ -266,6 +274,7 @@ int main(void)
         cmocka_unit_test(test_nothing_is_overwritten_without_force),
         cmocka_unit_test(test_outputs_are_checked_first),
         cmocka_unit_test(test_links_are_not_followed),
+        cmocka_unit_test(test_a_board_on_standard_output),
         cmocka_unit_test(test_a_folder_named_with_a_slash),
         cmocka_unit_test(test_a_recording_that_appears_meanwhile_stays),
         cmocka_unit_test(test_full_output_is_no_success),
