@@ -1,15 +1,21 @@
 #include "base/html.h"
 
+#include "base/text.h"
+
 void html_put_text(FILE *to, const char *text)
 {
-    for (; *text; text++)
-        switch (*text) {
+    while (*text) {
+        const size_t bytes = text_character_bytes(text);
+        switch (bytes ? *text : 0) {
         case '<': fputs("&lt;", to); break;
         case '>': fputs("&gt;", to); break;
         case '&': fputs("&amp;", to); break;
         case '"': fputs("&quot;", to); break;
-        default: fputc(*text, to);
+        case 0: fputc('?', to); break;
+        default: fwrite(text, 1, bytes, to);
         }
+        text += bytes ? bytes : 1;
+    }
 }
 
 void html_put_base64(FILE *to, const uint8_t *bytes, size_t count)

@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-// What has a meaning in HTML is escaped, in attributes, too.
+// What has a meaning in HTML is escaped, in attributes, too; '?' stands for bytes that are not UTF-8.
 void html_put_text(FILE *to, const char *text);
 
 // Base64 (RFC 4648, section 4), as in a data: address.

@@ -3,11 +3,11 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-// Bytes of the printable character at `at`, which is not the end of the text; 0: there is none.
-static size_t character(const unsigned char *at)
+size_t text_character_bytes(const char *text)
 {
+    const unsigned char *at = (const unsigned char *)text;
     if (*at < 0x80)
-        return *at >= 32 && *at != 127;
+        return *at > 0;
     const size_t more = *at >= 0xf0 ? 3 : *at >= 0xe0 ? 2 : 1;
     if (*at < 0xc2 || *at > 0xf4)
         return 0;
@@ -17,27 +17,45 @@ static size_t character(const unsigned char *at)
             return 0;
         code = code << 6 | (at[i] & 0x3fu);
     }
-    static const uint32_t least[] = {0, 0xa0, 0x800, 0x10000};
+    static const uint32_t least[] = {0, 0x80, 0x800, 0x10000};
     return code >= least[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
 }
 
-bool text_is_printable(const char *text)
+// The same of a printable character.
+static size_t printable_bytes(const char *text)
 {
     const unsigned char *at = (const unsigned char *)text;
-    for (size_t n; *at; at += n)
-        if (!(n = character(at)))
-            return false;
-    return true;
+    const bool control = *at < 32 || *at == 127 || (*at == 0xc2 && at[1] < 0xa0);
+    return control ? 0 : text_character_bytes(text);
 }
 
-void text_make_printable(char *text)
+static void replace_others(char *text, size_t (*wanted)(const char *))
 {
     for (char *at = text; *at;) {
-        const size_t n = character((unsigned char *)at);
+        const size_t n = wanted(at);
         if (!n)
             *at = '?';
         at += n ? n : 1;
     }
+}
+
+void text_make_utf8(char *text) { replace_others(text, text_character_bytes); }
+
+void text_make_printable(char *text) { replace_others(text, printable_bytes); }
+
+const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES])
+{
+    snprintf(out, TEXT_SHOWN_BYTES, "%s", text);
+    text_make_printable(out);
+    return out;
+}
+
+bool text_is_printable(const char *text)
+{
+    for (size_t n; *text; text += n)
+        if (!(n = printable_bytes(text)))
+            return false;
+    return true;
 }
 
 const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BYTES])

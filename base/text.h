@@ -2,12 +2,23 @@
 #pragma once
 #include "base/status.h"
 
-// Well-formed UTF-8 (RFC 3629: no overlong forms, no surrogates, at most U+10FFFF) without control characters, those
-// of ISO 6429 beyond ASCII (U+0080 to U+009F) included: a terminal obeys them.
+// Bytes of the well-formed UTF-8 character (RFC 3629: no overlong forms, no surrogates, at most U+10FFFF) at `at`, 1 to
+// 4, which is not the end of the text; 0: there is none.
+size_t text_character_bytes(const char *at);
+
+// Replaces by '?' every byte that is not part of a well-formed character: what JSON and HTML take.
+void text_make_utf8(char *text);
+
+// Well-formed UTF-8 without control characters, those of ISO 6429 beyond ASCII (U+0080 to U+009F) included: a terminal
+// obeys them.
 bool text_is_printable(const char *text);
 
 // Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
 void text_make_printable(char *text);
+
+// A printable copy, for a terminal, of a name from outside; what is longer is cut. Returns out.
+enum { TEXT_SHOWN_BYTES = 512 };
+const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES]);
 
 // Read times lie between minus this and this: the year 2096, counted from 1970. The difference of any two fits into an
 // int64_t of nanoseconds.

@@ -298,6 +298,9 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
         return fail(ERR_INPUT,
                     "neither both hips nor both shoulders are known at any time, so there is nothing to compare");
     const double seconds = (double)samples->at[samples->count - 1].time_ns * 1e-9;
+    if (seconds > MOVEMENT_HOURS_MOST * 3600.0)
+        return fail(ERR_INPUT, "a movement of %.1f hours cannot be compared; at most %d are", seconds / 3600,
+                    MOVEMENT_HOURS_MOST);
     out->count = (int32_t)(seconds * MOVEMENT_RATE_HZ + 1e-6) + 1;
     out->frames = calloc((size_t)out->count, sizeof *out->frames);
     enum status status =

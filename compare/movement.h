@@ -31,8 +31,11 @@ struct movement {
 };
 void movement_free(struct movement *m); // zeroed is fine; leaves it zeroed
 
-// ERR_INPUT: neither hips nor shoulders are ever known, so there is no upright frame. ERR_MEMORY. On failure *out is
-// zeroed. The samples' axes are joint_samples.h's.
+// Longer ones are refused: they would take more memory than a tablet has.
+#define MOVEMENT_HOURS_MOST 12
+
+// ERR_INPUT: neither hips nor shoulders are ever known, so there is no upright frame; or the samples last longer than
+// MOVEMENT_HOURS_MOST. ERR_MEMORY. On failure *out is zeroed. The samples' axes are joint_samples.h's.
 MUST_CHECK enum status movement_from_samples(const struct joint_samples *samples, struct movement *out);
 
 // From a recording (take NULL: its only one) or a joints-csv file. ERR_INPUT: a take's name was given for a csv file;

@@ -3,6 +3,8 @@
 
 #include "compare/findings.h"
 
+#include "base/text.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -127,13 +129,17 @@ char *report_json(const struct comparison *c)
 static void json_text(FILE *to, const char *text)
 {
     fputc('"', to);
-    for (; *text; text++) {
+    while (*text) {
+        const size_t bytes = text_character_bytes(text); // 0: not UTF-8, as a file's name need not be
         if (*text == '"' || *text == '\\')
             fputc('\\', to);
-        if ((unsigned char)*text < 32)
+        if (!bytes)
+            fputc('?', to);
+        else if ((unsigned char)*text < 32)
             fprintf(to, "\\u%04x", (unsigned char)*text);
         else
-            fputc(*text, to);
+            fwrite(text, 1, bytes, to);
+        text += bytes ? bytes : 1;
     }
     fputc('"', to);
 }

@@ -31,12 +31,13 @@ struct report_picture {
     double from_px[2], to_px[2];
 };
 
-// An instant of a finding, to be shown side by side. From both sides it is looked at from azimuth_rad in the person's
-// own upright frame: 0 from the front, positive from the person's left.
+// An instant of a finding, to be shown side by side. An azimuth is where a person is looked at from in their own
+// upright frame, rad: 0 from the front, positive from the person's left. The reference of a mirrored attempt is looked
+// at from the other side, so that the two resemble each other.
 struct report_moment {
     int32_t finding;
     int part; // of the attempt; -1: the whole body
-    double attempt_s, reference_s, azimuth_rad;
+    double attempt_s, reference_s, attempt_azimuth_rad, reference_azimuth_rad;
     struct report_picture reference, attempt; // zeroed by report_moments
 };
 enum { REPORT_MOMENTS = 6 };

@@ -19,15 +19,23 @@ static int part_by_name(const char *name)
     return -1;
 }
 
+// The part of the reference that the attempt's own is judged against.
+static int judged_part(const struct comparison *c, int part)
+{
+    return part >= 0 && c->mirrored ? (int)mirrored_part((enum part)part) : part;
+}
+
 // From the front and a little from the part's own side; nearly from the side where the part is too far forwards or
 // back.
-static double azimuth_of(const struct movement_frame *a, const struct movement_frame *b, int part)
+static double azimuth_of(const struct comparison *c, int32_t frame, int part)
 {
     if (part < 0)
         return -0.35;
+    const int judged = judged_part(c, part);
+    const struct movement_frame a = movement_at(&c->a, c->timeline.reference[frame]), *b = &c->judged.frames[frame];
     double d[3];
     for (int k = 0; k < 3; k++)
-        d[k] = fabs((double)b->direction[part][k] - a->direction[part][k]);
+        d[k] = fabs((double)b->direction[judged][k] - a.direction[judged][k]);
     const double turned = d[1] > d[0] && d[1] > 0.7 * d[2] ? 1.1 : 0.35;
     return strncmp(part_name((enum part)part), "left", 4) ? -turned : turned;
 }
@@ -36,13 +44,14 @@ static double azimuth_of(const struct movement_frame *a, const struct movement_f
 static int32_t worst_frame(const struct comparison *c, const struct finding *f, int part)
 {
     const int32_t first = (int32_t)(f->from_s * MOVEMENT_RATE_HZ + 0.5), end = (int32_t)(f->to_s * MOVEMENT_RATE_HZ);
+    const int judged = judged_part(c, part);
     int32_t worst = (first + end) / 2;
     float most = 0;
-    for (int32_t k = first; k < end && k < c->b.count && part >= 0; k++) {
+    for (int32_t k = first; k < end && k < c->judged.count && part >= 0; k++) {
         struct part_difference parts[PART_COUNT];
-        part_differences(&c->a, &c->b, &c->timeline, k, parts);
-        if (parts[part].verdict == VERDICT_DIFFERENT && parts[part].angle_rad > most) {
-            most = parts[part].angle_rad;
+        part_differences(&c->a, &c->judged, &c->timeline, k, parts);
+        if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > most) {
+            most = parts[judged].angle_rad;
             worst = k;
         }
     }
@@ -59,12 +68,15 @@ int report_moments(const struct comparison *c, struct report_moment moments[REPO
         if ((f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE && f->kind != FINDING_MIRRORED) ||
             at >= c->b.count || isnan(c->timeline.reference[at]))
             continue;
-        const struct movement_frame reference = movement_at(&c->a, c->timeline.reference[at]);
-        moments[count++] = (struct report_moment){.finding = k,
-                                                  .part = part,
-                                                  .attempt_s = at / MOVEMENT_RATE_HZ,
-                                                  .reference_s = c->timeline.reference[at] / MOVEMENT_RATE_HZ,
-                                                  .azimuth_rad = azimuth_of(&reference, &c->b.frames[at], part)};
+        const double azimuth_rad = azimuth_of(c, at, part);
+        moments[count++] = (struct report_moment){
+            .finding = k,
+            .part = part,
+            .attempt_s = at / MOVEMENT_RATE_HZ,
+            .reference_s = c->timeline.reference[at] / MOVEMENT_RATE_HZ,
+            .attempt_azimuth_rad = azimuth_rad,
+            .reference_azimuth_rad = part >= 0 && c->mirrored ? -azimuth_rad : azimuth_rad,
+        };
     }
     return count;
 }
@@ -93,6 +105,11 @@ static struct point along(struct point from, const float d[3], double length)
 struct stand {
     double centre, right_x, right_y;
 };
+
+static struct stand stand_of(double centre, double azimuth_rad)
+{
+    return (struct stand){centre, portable_cos(azimuth_rad), -portable_sin(azimuth_rad)};
+}
 
 static void bone(FILE *to, struct point a, struct point b, const char *class, const struct stand *s)
 {
@@ -151,8 +168,8 @@ void report_figures(FILE *to, const struct report_attempt *a)
     for (int k = 0; k < a->moment_count; k++) {
         const struct report_moment *m = &a->moments[k];
         const struct comparison *c = a->c;
-        const double right_x = portable_cos(m->azimuth_rad), right_y = -portable_sin(m->azimuth_rad);
-        const struct stand at_left = {50, right_x, right_y}, at_right = {150, right_x, right_y};
+        const struct stand at_left = stand_of(50, m->reference_azimuth_rad),
+                           at_right = stand_of(150, m->attempt_azimuth_rad);
         const struct movement_frame reference = movement_at(&c->a, m->reference_s * MOVEMENT_RATE_HZ),
                                     attempt = movement_at(&c->b, m->attempt_s * MOVEMENT_RATE_HZ);
         fputs("<figure><svg viewBox=\"0 0 200 130\"><style>.a{stroke:var(--a)}.b{stroke:var(--b)}</style>", to);

@@ -1,5 +1,6 @@
 #include "platform/json.h"
 
+#include "base/text.h"
 #include "platform/file.h"
 
 #include <cjson/cJSON.h>
@@ -162,7 +163,10 @@ void json_add_bool(struct json *object, const char *name, bool value) { attach(o
 
 void json_add_string(struct json *object, const char *name, const char *value)
 {
-    attach(object, name, cJSON_CreateString(value));
+    cJSON *string = cJSON_CreateString(value);
+    if (string)
+        text_make_utf8(string->valuestring);
+    attach(object, name, string);
 }
 
 struct json *json_add_object(struct json *object, const char *name)
@@ -177,7 +181,7 @@ struct json *json_add_array(struct json *object, const char *name)
 
 void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
 
-void json_push_string(struct json *array, const char *value) { attach(array, NULL, cJSON_CreateString(value)); }
+void json_push_string(struct json *array, const char *value) { json_add_string(array, NULL, value); }
 
 char *json_print(const struct json *root)
 {

@@ -29,7 +29,8 @@ bool json_get_string(const struct json *value, const char **out); // lives as lo
 // The finite number `name` of `object`. ERR_INPUT: "PATH: the number 'NAME' is missing".
 MUST_CHECK enum status json_need_number(const struct json *object, const char *name, const char *path, double *out);
 
-// ---- writing: the functions that add report no errors; json_print returns NULL if memory ran out in any of them
+// ---- writing: the functions that add report no errors; json_print returns NULL if memory ran out in any of them.
+// Of strings, '?' stands for bytes that are not UTF-8: names of files need not be.
 struct json *json_new_object(void);
 void json_add_number(struct json *object, const char *name, double value); // null unless finite
 void json_add_bool(struct json *object, const char *name, bool value);

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/take_summary.h"
+#include "base/text.h"
 #include "capture/recording/recorded_things.h"
 #include "platform/json.h"
 
@@ -206,6 +207,7 @@ static enum status report_things(struct recording *r, struct json *root)
 static enum status report(struct recording *r, const char *path, struct json *root)
 {
     struct stat about;
+    char shown[TEXT_SHOWN_BYTES];
     double bytes = stat(path, &about) ? 0 : (double)about.st_size;
     struct place place;
     enum status status = recording_read_place(r, &place);
@@ -217,7 +219,7 @@ static enum status report(struct recording *r, const char *path, struct json *ro
         json_add_string(root, "file", path);
         json_add_number(root, "bytes", bytes);
     } else {
-        printf("%s: %.1f MB\n", path, bytes / 1e6);
+        printf("%s: %.1f MB\n", text_shown(path, shown), bytes / 1e6);
     }
     if (status == OK) {
         if (root)

@@ -3,6 +3,7 @@
 
 #include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
+#include "base/text.h"
 #include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
@@ -244,8 +245,9 @@ static enum status print_json(const char *path, const struct place *before, cons
 static void print_text(const char *path, const struct place *before, const struct place *place,
                        const struct mapper_report *r)
 {
-    printf("%s: a place with %d tags and %d landmarks, from %d of %d pictures\n", path, (int)place->tag_count,
-           (int)place->point_count, (int)r->frames_placed, (int)r->frames);
+    char shown[TEXT_SHOWN_BYTES];
+    printf("%s: a place with %d tags and %d landmarks, from %d of %d pictures\n", text_shown(path, shown),
+           (int)place->tag_count, (int)place->point_count, (int)r->frames_placed, (int)r->frames);
     if (before->tag_count || before->point_count)
         printf("%d tags and %d points are new\n", (int)(place->tag_count - before->tag_count),
                (int)(place->point_count - before->point_count));

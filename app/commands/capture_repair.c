@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/recording_report.h"
+#include "base/text.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -36,17 +37,18 @@ static enum status choose_name(const char *file, char out[FILE_PATH_BYTES])
 
 static void print_report(const char *file, const char *out, enum status status, const struct recording_report *r)
 {
+    char shown[TEXT_SHOWN_BYTES];
     if (status == NOTHING) {
-        printf("%s is sound: nothing to repair%s\n", file,
+        printf("%s is sound: nothing to repair%s\n", text_shown(file, shown),
                r->interrupted_takes ? "; a take that was interrupted can be used as it is" : "");
         return;
     }
-    printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", out, r->takes, r->interrupted_takes,
-           (long long)r->frames, (double)r->bytes / 1e6);
+    printf("%s: %d takes (%d interrupted or not whole), %lld frames, %.1f MB\n", text_shown(out, shown), r->takes,
+           r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
     printf("lost: %lld frames, images of %lld more, %d takes, ", (long long)r->lost_frames,
            (long long)r->damaged_frames, r->lost_takes);
     recording_report_print_rest(r);
-    printf("; %s is as it was\n", file);
+    printf("; %s is as it was\n", text_shown(file, shown));
     for (int i = 0; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)
         printf("  found: %s\n", r->finding[i]);
 }

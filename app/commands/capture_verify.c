@@ -2,19 +2,22 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/recording_report.h"
+#include "base/text.h"
 
 #include <stdio.h>
 
 static enum status print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
 {
+    char shown[TEXT_SHOWN_BYTES];
     if (a->json) {
         return recording_report_print_json(a->path, status, r);
     } else if (status == OK) {
-        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", a->path, r->takes,
+        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", text_shown(a->path, shown), r->takes,
                r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
     } else if (r->findings) {
-        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ", a->path,
-               (long long)r->lost_frames, (long long)r->damaged_frames, (long long)r->frames);
+        printf("%s is damaged: %lld frames cannot be read, %lld lack an image, of %lld that are there; ",
+               text_shown(a->path, shown), (long long)r->lost_frames, (long long)r->damaged_frames,
+               (long long)r->frames);
         recording_report_print_rest(r);
         putchar('\n');
         for (int i = 1; i < r->findings && i < RECORDING_FINDINGS_MAX; i++)

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/compare_pictures.h"
+#include "base/text.h"
 #include "compare/findings.h"
 #include "compare/report.h"
 #include "platform/file.h"
@@ -110,8 +111,10 @@ static const char *name_of(const char *path, const char *take)
     return take ? take : slash ? slash + 1 : path;
 }
 
-static void warn(const char *program, const char *path, const struct movement_source *s)
+static void warn(const char *program, const char *of, const struct movement_source *s)
 {
+    char path[TEXT_SHOWN_BYTES];
+    text_shown(of, path);
     if (s->tilt_rad > 0)
         fprintf(stderr, "%s: %s: the camera was tilted by %.0f degrees, as the person's standing says; corrected\n",
                 program, path, s->tilt_rad * 180 / 3.14159265358979323846);
@@ -160,11 +163,11 @@ static enum status compare_attempt(struct compare_run *r, int k)
 }
 
 // The moments of attempts first..end - 1 as pictures of this file's take, which is their own; first -1: of the
-// reference, for all of them. Where
-// none can be made there are stick figures, and why is said once.
+// reference, for all of them. Where none can be made there are stick figures, and why is said once.
 static void draw_moments(struct compare_run *r, const char *path, const char *take, int first, int end)
 {
     struct compare_pictures *pictures = NULL;
+    char shown[TEXT_SHOWN_BYTES];
     const bool of_reference = first < 0;
     int wanted = 0;
     first = first < 0 ? 0 : first;
@@ -176,11 +179,13 @@ static void draw_moments(struct compare_run *r, const char *path, const char *ta
     for (int k = first; k < end; k++)
         for (int n = 0; n < r->attempts[k].moment_count && status >= OK; n++) {
             struct report_moment *m = &r->moments[k][n];
-            status = compare_pictures_draw(pictures, of_reference ? m->reference_s : m->attempt_s, m->azimuth_rad,
-                                           of_reference ? -1 : m->part, of_reference ? &m->reference : &m->attempt);
+            status = of_reference
+                         ? compare_pictures_draw(pictures, m->reference_s, m->reference_azimuth_rad, -1, &m->reference)
+                         : compare_pictures_draw(pictures, m->attempt_s, m->attempt_azimuth_rad, m->part, &m->attempt);
         }
     if (status < OK)
-        fprintf(stderr, "%s: %s: %s; the page has stick figures instead\n", r->program, path, status_message());
+        fprintf(stderr, "%s: %s: %s; the page has stick figures instead\n", r->program, text_shown(path, shown),
+                status_message());
     compare_pictures_close(&pictures);
 }
 
@@ -188,6 +193,7 @@ static enum status write_reports(struct compare_run *r)
 {
     const struct compare_arguments *a = r->arguments;
     enum status status = OK;
+    char shown[TEXT_SHOWN_BYTES];
     if (a->html && !a->figures) {
         draw_moments(r, a->reference, a->take, -1, a->attempts);
         for (int k = 0; k < a->attempts; k++)
@@ -195,6 +201,8 @@ static enum status write_reports(struct compare_run *r)
     }
     if (a->html)
         status = write_text(a->html, report_html(r->attempts, a->attempts, name_of(a->reference, a->take)));
+    if (status == OK && a->html && a->csv && file_is_same(a->html, a->csv))
+        return fail(ERR_INPUT, "--csv %s is the page of --html; the page was written, the angles were not", a->csv);
     if (status == OK && a->csv)
         status = write_text(a->csv, report_csv(&r->comparisons[0]));
     if (status != OK || a->json)
@@ -202,7 +210,7 @@ static enum status write_reports(struct compare_run *r)
                : a->attempts == 1 ? write_text(NULL, report_json(&r->comparisons[0]))
                                   : write_text(NULL, report_json_attempts(r->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
-        printf("attempt %d, %s: %.0f\n", k + 1, r->attempts[k].name, r->comparisons[k].score);
+        printf("attempt %d, %s: %.0f\n", k + 1, text_shown(r->attempts[k].name, shown), r->comparisons[k].score);
     return write_text(NULL, report_text(&r->comparisons[a->attempts - 1]));
 }
 

@@ -1,5 +1,6 @@
 #include "capture/objects/thing_knowledge.h"
 
+#include "base/text.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -8,26 +9,8 @@
 
 enum { MOST_DEPTH = 4, MOST_ENTRIES = 1000 }; // of @graph and arrays that are searched for the thing
 
-// Bytes of the UTF-8 character at `s`; 0: not one (Unicode 15, table 3-7).
-static int character_bytes(const char *s)
-{
-    const uint8_t *b = (const uint8_t *)s;
-    const int n = b[0] < 0x80                   ? 1
-                  : b[0] >= 0xc2 && b[0] < 0xe0 ? 2
-                  : b[0] >= 0xe0 && b[0] < 0xf0 ? 3
-                  : b[0] >= 0xf0 && b[0] < 0xf5 ? 4
-                                                : 0;
-    for (int i = 1; i < n; i++)
-        if ((b[i] & 0xc0) != 0x80)
-            return 0;
-    if ((b[0] == 0xe0 && b[1] < 0xa0) || (b[0] == 0xed && b[1] > 0x9f) || (b[0] == 0xf0 && b[1] < 0x90) ||
-        (b[0] == 0xf4 && b[1] > 0x8f))
-        return 0;
-    return n;
-}
-
 // Control characters, and those that turn or hide text (U+200B..200F, 202A..202E, 2060..206F, FEFF).
-static bool is_hidden(const char *s, int n)
+static bool is_hidden(const char *s, size_t n)
 {
     const uint8_t *b = (const uint8_t *)s;
     if (n == 1)
@@ -51,19 +34,19 @@ static void plain_text(const char *from, char *out, size_t bytes)
             space = used > 0;
             continue;
         }
-        const int n = character_bytes(from);
+        const size_t n = text_character_bytes(from);
         if (!n || is_hidden(from, n) || *from == ' ') {
             space = used > 0;
             from += n ? n : 1;
             continue;
         }
-        if (used + (size_t)n + space + 1 > bytes)
+        if (used + n + space + 1 > bytes)
             break;
         if (space)
             out[used++] = ' ';
         space = false;
-        memcpy(out + used, from, (size_t)n);
-        used += (size_t)n;
+        memcpy(out + used, from, n);
+        used += n;
         from += n;
     }
     out[used] = 0;

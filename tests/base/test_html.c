@@ -25,6 +25,7 @@ static void test_text(void **state)
     (void)state;
     expect_written(html_put_text, "", "");
     expect_written(html_put_text, "a <b> & \"c\" 'd' é", "a &lt;b&gt; &amp; &quot;c&quot; 'd' é");
+    expect_written(html_put_text, "caf\xe9 <\xff>", "caf? &lt;?&gt;");
 }
 
 static void test_base64(void **state)

@@ -191,32 +191,6 @@ static void test_long_tag_lists(void **state)
     EXPECT_SAYS("60000 tags");
 }
 
-static void test_times_are_readable(void **state)
-{
-    (void)state;
-    char out[SECONDS_TEXT_BYTES];
-    assert_string_equal(seconds_text(-1500000000, 9, out), "-1.500000000");
-    assert_string_equal(seconds_text(-1, 9, out), "-0.000000001");
-    assert_string_equal(seconds_text(INT64_MIN, 3, out), "-9223372036.854");
-    assert_string_equal(seconds_text(2033333333, 6, out), "2.033333");
-    assert_string_equal(seconds_text(7, 0, out), "0");
-}
-
-static void test_printable_text(void **state)
-{
-    (void)state;
-    EXPECT_TRUE(text_is_printable("höher 🕺 日本"));
-    static const char *const bad[] = {"\x1b[31m",     "caf\xe9",  "\xc2\x9b\x33\x31m",
-                                      "\xed\xa0\x80", "\xc0\xaf", "a\xf0\x9f\x95"};
-    for (size_t i = 0; i < COUNT_OF(bad); i++) {
-        char text[32];
-        EXPECT_TRUE(!text_is_printable(bad[i]));
-        snprintf(text, sizeof text, "%s", bad[i]);
-        text_make_printable(text);
-        EXPECT_TRUE(text_is_printable(text));
-    }
-}
-
 static int set_up(void **state)
 {
     (void)state;
@@ -236,8 +210,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_names_in_lists),        cmocka_unit_test(test_frames_have_names_of_their_own),
         cmocka_unit_test(test_lenses_that_cannot_be), cmocka_unit_test(test_pictures_above_the_limit),
-        cmocka_unit_test(test_long_tag_lists),        cmocka_unit_test(test_times_are_readable),
-        cmocka_unit_test(test_printable_text),
+        cmocka_unit_test(test_long_tag_lists),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -1,0 +1,86 @@
+// Text from outside: what is UTF-8, what a terminal can show, and times as text.
+#include "base/text.h"
+#include "tests/support/test.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static void test_times_are_readable(void **state)
+{
+    (void)state;
+    char out[SECONDS_TEXT_BYTES];
+    assert_string_equal(seconds_text(-1500000000, 9, out), "-1.500000000");
+    assert_string_equal(seconds_text(-1, 9, out), "-0.000000001");
+    assert_string_equal(seconds_text(INT64_MIN, 3, out), "-9223372036.854");
+    assert_string_equal(seconds_text(2033333333, 6, out), "2.033333");
+    assert_string_equal(seconds_text(7, 0, out), "0");
+}
+
+static void test_characters(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        size_t bytes;
+    } of[] = {
+        {"", 0},
+        {"a", 1},
+        {"\n", 1},
+        {"\xc2\x80", 2},         // U+0080
+        {"\xdf\xbf", 2},         // U+07FF
+        {"\xe0\xa0\x80", 3},     // U+0800
+        {"\xed\x9f\xbf", 3},     // U+D7FF
+        {"\xef\xbf\xbf", 3},     // U+FFFF
+        {"\xf0\x90\x80\x80", 4}, // U+10000
+        {"\xf4\x8f\xbf\xbf", 4}, // U+10FFFF
+        {"\xf4\x90\x80\x80", 0}, // beyond
+        {"\xf0\x8f\xbf\xbf", 0}, // overlong
+        {"\xe0\x9f\xbf", 0},     // overlong
+        {"\xc1\xbf", 0},         // overlong
+        {"\xed\xa0\x80", 0},     // a surrogate
+        {"\x80", 0},             // no first byte
+        {"\xff", 0},
+        {"\xe2\x82", 0}, // cut
+    };
+    for (size_t i = 0; i < COUNT_OF(of); i++)
+        EXPECT_INT(text_character_bytes(of[i].text), of[i].bytes);
+    char text[] = "caf\xe9 \xc3\xa9\x1b\n\xff";
+    text_make_utf8(text);
+    assert_string_equal(text, "caf? \xc3\xa9\x1b\n?");
+}
+
+static void test_names_are_shown(void **state)
+{
+    (void)state;
+    char long_name[2 * TEXT_SHOWN_BYTES], out[TEXT_SHOWN_BYTES];
+    memset(long_name, 'x', sizeof long_name);
+    long_name[sizeof long_name - 1] = 0;
+    EXPECT_INT(strlen(text_shown(long_name, out)), TEXT_SHOWN_BYTES - 1);
+    assert_string_equal(text_shown("a\x1b[31m\xff.reenact", out), "a?[31m?.reenact");
+}
+
+static void test_printable_text(void **state)
+{
+    (void)state;
+    EXPECT_TRUE(text_is_printable("höher 🕺 日本"));
+    static const char *const bad[] = {"\x1b[31m",     "caf\xe9",  "\xc2\x9b\x33\x31m",
+                                      "\xed\xa0\x80", "\xc0\xaf", "a\xf0\x9f\x95"};
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        char text[32];
+        EXPECT_TRUE(!text_is_printable(bad[i]));
+        snprintf(text, sizeof text, "%s", bad[i]);
+        text_make_printable(text);
+        EXPECT_TRUE(text_is_printable(text));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_times_are_readable),
+        cmocka_unit_test(test_characters),
+        cmocka_unit_test(test_printable_text),
+        cmocka_unit_test(test_names_are_shown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
