@@ -231,9 +231,9 @@ static void test_mirrored_moments(void **state)
     const struct exercise a = once();
     struct exercise b = a;
     b.mirrored = true;
-    b.right_elbow_rad = 0.6;
-    b.wrong_from_s = 0.5;
-    b.wrong_to_s = 2.5;
+    b.right_elbow_rad = 0.4;
+    b.wrong_from_s = 0;
+    b.wrong_to_s = 1.4;
     struct comparison c = compare(&a, &b);
     struct report_moment moments[REPORT_MOMENTS];
     const int count = report_moments(&c, moments);
