@@ -521,7 +521,7 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     ui_end(v->ui);
     if (status == OK)
         status = ui_draw(v->ui, surface->target, surface->quarter_turns);
-    s->changed |= v->input.leaving;
+    s->changed |= v->input.leaving || ui_letters_wanted(v->ui);
     input_map_frame_done(&v->input);
     v->controls_ns = clock_now_ns();
     double took_ms = (double)(v->controls_ns - v->drawing_ns) * 1e-6;

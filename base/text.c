@@ -21,7 +21,15 @@ size_t text_character_bytes(const char *text)
     return code >= least[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
 }
 
-// The same of a printable character.
+int text_length(const char *text)
+{
+    int length = 0;
+    for (; *text; text++)
+        length += (*text & 0xc0) != 0x80; // not those that continue one
+    return length;
+}
+
+// The same as text_character_bytes, of a printable character.
 static size_t printable_bytes(const char *text)
 {
     const unsigned char *at = (const unsigned char *)text;

@@ -6,6 +6,9 @@
 // 4, which is not the end of the text; 0: there is none.
 size_t text_character_bytes(const char *at);
 
+// Characters of well-formed text: what a column of a table is as wide as.
+int text_length(const char *text);
+
 // Replaces by '?' every byte that is not part of a well-formed character: what JSON and HTML take.
 void text_make_utf8(char *text);
 

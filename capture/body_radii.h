@@ -11,15 +11,11 @@
 
 struct body_radii {
     struct body body;             // as far as known; radius_rate (radius / length) 0 = not measurable so far
-    double best;                  // E of body.representative_frame
-    double part_best[PART_COUNT]; // E of the frame from which each part's rate comes
+    double best;                  // pose_score of body.representative_frame
+    double part_best[PART_COUNT]; // that of the frame from which each part's rate comes
 };
 
 void body_radii_start(struct body_radii *r);
-
-// Equation 3, E: how well a pose shows the body. Larger is better. Arms that are
-// not known add nothing; corrected for the side that faces the camera.
-double body_radii_pose_score(const struct skeleton *skeleton);
 
 // Adds frame `index`. `depth` and `mask` are of calibration->depth's size.
 // True when the body changed. A part that is not measurable in the best frame (hidden,

@@ -48,8 +48,8 @@ struct kinect {
     struct azure_calibration calibration;
     int64_t delay_ns, half_ns; // of depth after colour; half a frame
     int64_t index;             // of the next frame
-    bool ended;
-    AVPacket *shown; // whose bytes the last frame's jpeg are
+    bool ended, damaged, told; // damaged: the file ended by an error; told: at_end() has said so
+    AVPacket *shown;           // whose bytes the last frame's jpeg are
     uint8_t *rgb, *rectified;
     uint16_t *mm, *rectified_mm;
     struct source_facts *facts;
@@ -100,7 +100,7 @@ static void queue_packet(struct kinect *k, AVPacket *packet)
     w->time_ns[w->count++] = w->last_ns = time_ns;
 }
 
-// Reads one image of any track. NOTHING: the end. ERR_INPUT: the file is damaged, and ends here.
+// Reads one image of any track. NOTHING: the end, also where the file is damaged.
 static enum status read_on(struct kinect *k)
 {
     if (k->ended)
@@ -117,12 +117,27 @@ static enum status read_on(struct kinect *k)
     if (error == AVERROR(ENOMEM))
         return fail(ERR_MEMORY, "no memory for the images of %s", k->path);
     k->ended = true;
-    if (error == AVERROR_EOF)
-        return NOTHING;
-    return fail(ERR_INPUT, "%s is damaged or cut short after %" PRId64 " frames", k->path, k->index);
+    k->damaged = error != AVERROR_EOF;
+    return NOTHING;
 }
 
-// Reads until the next depth image is there, and colour at least as late.
+// Once, after all that was read of it: ERR_INPUT for a file that does not reach the end it states, else NOTHING.
+static enum status at_end(struct kinect *k)
+{
+    enum { FRAMES = 5 }; // the other tracks may go on a little longer
+    const int64_t last_ns = k->depth.last_ns > k->color.last_ns ? k->depth.last_ns : k->color.last_ns;
+    // Of no clock, in a damaged file, is no statement. Microseconds.
+    const int64_t stated_us = k->format->duration < INT64_MAX / 4000 ? k->format->duration : 0;
+    const double missing_s = stated_us * 1e-6 - (last_ns == INT64_MIN ? 0 : (double)last_ns * 1e-9);
+    if (k->told)
+        return NOTHING;
+    k->told = true;
+    if (missing_s > 2 * FRAMES * 1e-9 * (double)k->half_ns)
+        return fail(ERR_INPUT, "%s breaks off %.1f s before its end: it is damaged", k->path, missing_s);
+    return k->damaged ? fail(ERR_INPUT, "%s is damaged after %" PRId64 " frames", k->path, k->index) : NOTHING;
+}
+
+// Reads until the next depth image is there, and colour at least as late. At the end as at_end().
 static enum status read_pair(struct kinect *k)
 {
     enum status status = OK;
@@ -134,7 +149,9 @@ static enum status read_pair(struct kinect *k)
             return OK;
         status = read_on(k);
     }
-    return k->depth.count && (status == NOTHING || status == ERR_INPUT) ? OK : status;
+    if (status != NOTHING)
+        return status;
+    return k->depth.count ? OK : at_end(k);
 }
 
 // The colour image that belongs to `time_ns`, out of the queue with all before it; NULL: none.

@@ -172,7 +172,8 @@ static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
 // in a file they are damaged, which is reported once, before the next image.
 static enum status count_gap(struct openni_sensor *s)
 {
-    int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
+    const int index = s->depth.queue[0]->frameIndex;
+    const int64_t gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
     if (gap <= 0)
         return OK;
     s->facts->dropped += gap;
@@ -180,7 +181,8 @@ static enum status count_gap(struct openni_sensor *s)
     if (!s->file)
         return OK;
     s->facts->remaining = s->facts->remaining > gap ? s->facts->remaining - gap : s->facts->remaining;
-    return fail(ERR_INPUT, "%s: the %d pictures before number %d are damaged and left out", s->name, gap, index);
+    return fail(ERR_INPUT, "%s: the %lld pictures before number %d are damaged and left out", s->name, (long long)gap,
+                index);
 }
 
 // The colour image nearest in time, at most half a frame away; -1: none.

@@ -26,6 +26,8 @@ struct ui {
     std::vector<ui_face> faces;
     std::vector<ImFont *> fonts;
     double px_per_dp;
+    // The atlas has letters beyond Latin; a text asked for them; with them it would be too large for the GPU.
+    bool wide, wide_wanted, wide_refused;
     int width_px, height_px;
     ImDrawList *draw_list; // between ui_begin and ui_end
     std::vector<gpu_draw2d_batch> batches;
@@ -43,9 +45,12 @@ ImVec2 at(ui_point p) { return at(p.x, p.y); }
 ImVec2 first(ui_box b) { return at(b.x, b.y); }
 ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 
-// Latin with accents, typographic punctuation, arrows and the minus sign.
+// Latin with accents, typographic punctuation, arrows and the minus sign; and what else the font has: Greek, Cyrillic
+// and Vietnamese, which take as much of the atlas again, so only where a name holds them.
 const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
                                 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
+const ImWchar wide_glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x300,  0x52f,  0x1e00, 0x1fff, 0x2010, 0x2027,
+                                     0x2030, 0x203a, 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 const ImWchar digits[] = {'0', '9', 0};
 
 enum status build_font_atlas(ui *u, double px_per_dp)
@@ -58,7 +63,7 @@ enum status build_font_atlas(ui *u, double px_per_dp)
         how.FontDataOwnedByAtlas = false;
         how.OversampleH = 2;
         how.OversampleV = 1;
-        how.GlyphRanges = face.digits_only ? digits : glyph_ranges;
+        how.GlyphRanges = face.digits_only ? digits : u->wide ? wide_glyph_ranges : glyph_ranges;
         ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count),
                                                    float(std::lround(face.size * px_per_dp)), &how);
         if (!font)
@@ -100,6 +105,28 @@ enum status open_ui(ui *u, const gpu_draw2d_shaders *shaders)
     style.CurveTessellationTol = 0.4F;
     style.CircleTessellationMaxError = 0.15F;
     return OK;
+}
+
+// With the letters that were asked for, where the GPU takes that many.
+enum status build_widest_font_atlas(ui *u, double px_per_dp)
+{
+    u->wide = u->wide_wanted;
+    enum status status = build_font_atlas(u, px_per_dp);
+    u->wide_refused = u->wide && status == ERR_DEVICE;
+    if (!u->wide_refused)
+        return status;
+    u->wide = false;
+    return build_font_atlas(u, px_per_dp);
+}
+
+// By the first byte in UTF-8: U+0300 to U+053F begin with 0xcc to 0xd4, U+1E00 to U+1FFF with 0xe1 and from 0xb8 on.
+bool has_wide_letters(const char *text)
+{
+    const unsigned char *at = reinterpret_cast<const unsigned char *>(text);
+    for (; *at; at++)
+        if ((*at >= 0xcc && *at <= 0xd4) || (*at == 0xe1 && at[1] >= 0xb8))
+            return true;
+    return false;
 }
 
 ImFont *font_of(const ui *u, int face)
@@ -149,8 +176,8 @@ void ui_close(struct ui **out)
 enum status ui_begin(struct ui *u, const struct ui_input *in)
 {
     ImGui::SetCurrentContext(u->context);
-    if (in->px_per_dp != u->px_per_dp) {
-        enum status status = build_font_atlas(u, in->px_per_dp);
+    if (in->px_per_dp != u->px_per_dp || ui_letters_wanted(u)) {
+        enum status status = build_widest_font_atlas(u, in->px_per_dp);
         if (status != OK)
             return status;
     }
@@ -218,6 +245,8 @@ enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
     gpu_draw2d_draw(u->draw2d, &list);
     return gpu_draw2d_end(u->draw2d);
 }
+
+bool ui_letters_wanted(const struct ui *u) { return u->wide_wanted && !u->wide && !u->wide_refused; }
 
 double ui_width(const struct ui *u) { return u->width_px / u->px_per_dp; }
 double ui_height(const struct ui *u) { return u->height_px / u->px_per_dp; }
@@ -299,11 +328,13 @@ void ui_image(struct ui *u, const struct gpu_texture *texture, struct ui_box box
 
 double ui_text_width(struct ui *u, int face, const char *text)
 {
+    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
     return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, 0, text).x);
 }
 
 double ui_text_height(struct ui *u, int face, const char *text, double width)
 {
+    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
     return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, float(width), text).y);
 }
 
@@ -314,6 +345,7 @@ void ui_text(struct ui *u, int face, struct ui_point top_left, uint32_t color, c
 
 void ui_text_lines(struct ui *u, int face, struct ui_point top_left, double width, uint32_t color, const char *text)
 {
+    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
     // Rounded to whole pixels: text between them is blurred.
     const double s = u->px_per_dp;
     ImVec2 where = at(std::round(top_left.x * s) / s, std::round(top_left.y * s) / s);

@@ -53,6 +53,10 @@ void ui_end(struct ui *ui);
 // ERR_DEVICE.
 MUST_CHECK enum status ui_draw(struct ui *ui, struct gpu_target *target, int quarter_turns);
 
+// The last frame held Greek, Cyrillic or Vietnamese letters for the first time and has '?' in their place: the next one
+// will show them, unless the GPU takes no atlas of that many. Letters of other scripts are always '?'.
+bool ui_letters_wanted(const struct ui *ui);
+
 double ui_width(const struct ui *ui);
 double ui_height(const struct ui *ui);
 double ui_px_per_dp(const struct ui *ui); // of the last ui_begin

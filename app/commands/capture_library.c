@@ -110,7 +110,9 @@ static enum status put_row(FILE *html, struct take *take, const char *file, cons
 
 static void print_take(const struct take_summary *s, const char *quality)
 {
-    printf("  %-24s %7.1f s  %s", s->name, s->duration_s, quality);
+    enum { NAME = 24 };
+    const int length = text_length(s->name);
+    printf("  %s%*s %7.1f s  %s", s->name, length < NAME ? NAME - length : 0, "", s->duration_s, quality);
     if (*s->alias)
         printf("  [%s]", s->alias);
     if (*s->note)

@@ -390,7 +390,7 @@ enum status studio_draw(struct studio *s, const struct viewer_surface *surface, 
     studio_screen_draw(&brush, &s->state, &view, now_ns);
     ui_end(s->ui);
     status = ui_draw(s->ui, surface->target, surface->quarter_turns);
-    s->state.changed |= s->input.leaving;
+    s->state.changed |= s->input.leaving || ui_letters_wanted(s->ui);
     input_map_frame_done(&s->input);
     return status;
 }

@@ -3,6 +3,7 @@
 
 #include "base/text.h"
 #include "capture/recording/depth_codec.h"
+#include "capture/recording/pose_score.h"
 #include "platform/jpeg.h"
 
 #include <stdatomic.h>
@@ -221,6 +222,31 @@ static enum status scan_next(struct row_scan *scan)
     }
 }
 
+// The frame of those that are there which shows the body best, where the one that was chosen while it was recorded is
+// lost: it was damaged, or trimmed off. -1: no frame has a person.
+static int64_t best_frame(const struct take_index *t)
+{
+    int64_t best = -1;
+    double most = -1;
+    for (int64_t i = 0; i < t->count; i++) {
+        const struct take_entry *e = &t->entries[i];
+        const double score = e->has_skeleton && e->has_depth ? pose_score(&e->skeleton) : -1;
+        if (score > most) {
+            most = score;
+            best = i;
+        }
+    }
+    return best;
+}
+
+static bool has_body(const struct body *b)
+{
+    bool measured = b->representative_frame >= 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        measured = measured || b->radius_rate[p] > 0;
+    return measured;
+}
+
 // One damaged frame costs itself alone: it is left out and counted.
 static enum status read_entries(struct take_index *t, struct recording *r)
 {
@@ -247,7 +273,7 @@ static enum status read_entries(struct take_index *t, struct recording *r)
     if (t->count && !resize_entries(t, t->count)) // gives back what doubling allocated beyond the last frame
         status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
     // Row numbers have gaps where frames were lost; callers count the frames that are there.
-    t->body.representative_frame = representative;
+    t->body.representative_frame = representative < 0 && has_body(&t->body) ? best_frame(t) : representative;
     const int64_t all = t->count_written > rows ? t->count_written : rows;
     t->lost_now = all - t->count;
     t->lost += t->lost_now;

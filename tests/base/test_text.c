@@ -44,6 +44,7 @@ static void test_characters(void **state)
     };
     for (size_t i = 0; i < COUNT_OF(of); i++)
         EXPECT_INT(text_character_bytes(of[i].text), of[i].bytes);
+    EXPECT_INT(text_length("höher 🕺 日本"), 10);
     char text[] = "caf\xe9 \xc3\xa9\x1b\n\xff";
     text_make_utf8(text);
     assert_string_equal(text, "caf? \xc3\xa9\x1b\n?");

@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "capture/body_radii.h"
+#include "capture/recording/pose_score.h"
 
 #include <string.h>
 
@@ -97,15 +98,15 @@ static void test_score_prefers_paper_criteria(void **state)
     arms_forward.joint[JOINT_LEFT_HAND] = v3(0.2, -0.4, 1.9);
     crossed.joint[JOINT_LEFT_FOOT].x = -0.3;
     crossed.joint[JOINT_RIGHT_FOOT].x = 0.3;
-    double value = body_radii_pose_score(&good);
-    EXPECT_TRUE(value > body_radii_pose_score(&arms_down) + 0.1);
-    EXPECT_TRUE(value > body_radii_pose_score(&arms_forward) + 0.1);
-    EXPECT_TRUE(body_radii_pose_score(&arms_down) > body_radii_pose_score(&crossed));
+    double value = pose_score(&good);
+    EXPECT_TRUE(value > pose_score(&arms_down) + 0.1);
+    EXPECT_TRUE(value > pose_score(&arms_forward) + 0.1);
+    EXPECT_TRUE(pose_score(&arms_down) > pose_score(&crossed));
     // Seen from behind, the same pose has the same score.
     struct skeleton back = good;
     for (int j = 0; j < JOINT_COUNT; j++)
         back.joint[j] = v3(-good.joint[j].x, good.joint[j].y, 5 - good.joint[j].z);
-    EXPECT_NEAR(body_radii_pose_score(&back), value, 1e-9);
+    EXPECT_NEAR(pose_score(&back), value, 1e-9);
 }
 
 static void test_unseen_part_has_no_radius(void **state)

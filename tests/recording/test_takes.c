@@ -2,6 +2,7 @@
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
 
+#include "capture/recording/pose_score.h"
 #include "capture/recording/prepared.h"
 #include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
@@ -173,6 +174,49 @@ static void test_trim(void **state)
     EXPECT_INT(jpegs_in(path, 12), 1);
 }
 
+// Of the frames there are, the one that shows the body best: the earliest of the equal ones.
+static int best_pose(void)
+{
+    int best = -1;
+    for (int i = 0; i < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        if (e->has_skeleton && e->has_depth &&
+            (best < 0 || pose_score(&e->skeleton) > pose_score(&take_entry(take, best)->skeleton)))
+            best = i;
+    }
+    return best;
+}
+
+// Where the representative frame is trimmed off, or damaged, another one takes its place: the person is still shown.
+static void test_another_frame_is_representative(void **state)
+{
+    (void)state;
+    char path[128];
+    int64_t freed;
+    snprintf(path, sizeof path, "%s", fresh("trimmed"));
+    open_take(path, "höher");
+    const int64_t to_ns = take_entry(take, 12)->time_ns - take_entry(take, 0)->time_ns;
+    close_take();
+    EXPECT_STATUS(recording_trim_take(path, "höher", 0, to_ns, &freed), OK);
+    open_take(path, "höher");
+    EXPECT_INT(take_frame_count(take), 13);
+    EXPECT_AT_LEAST(take_body(take)->representative_frame, 0);
+    EXPECT_INT(take_body(take)->representative_frame, best_pose());
+    EXPECT_NEAR(take_body(take)->radius_rate[1], sample_body.radius_rate[1], 0);
+    close_take();
+
+    snprintf(path, sizeof path, "%s", fresh("damaged"));
+    run_sql(path, "UPDATE frame SET skeleton = zeroblob(3) WHERE id = (1 << 32) + 17");
+    open_take(path, "höher");
+    EXPECT_INT(take_frame_count(take), FRAMES - 1);
+    EXPECT_AT_LEAST(take_body(take)->representative_frame, 0);
+    EXPECT_INT(take_body(take)->representative_frame, best_pose());
+    close_take();
+    open_take(path, "second"); // nobody was in it
+    EXPECT_INT(take_body(take)->representative_frame, -1);
+    close_take();
+}
+
 static void test_copy(void **state)
 {
     (void)state;
@@ -265,6 +309,7 @@ int main(void)
         cmocka_unit_test(test_rename_and_notes),
         cmocka_unit_test(test_delete_overwrites),
         cmocka_unit_test(test_trim),
+        cmocka_unit_test(test_another_frame_is_representative),
         cmocka_unit_test(test_copy),
         cmocka_unit_test(test_copy_says_what_damage_cost),
     };
