@@ -24,6 +24,7 @@ struct video_writer {
     AVPacket *packet;
     struct SwsContext *convert;
     int64_t first_ns, last_ticks; // last_ticks: -1 before the first image
+    int64_t step_ticks;           // the shortest between two images; 0: there are no two
     bool begun;                   // the header is written
 };
 
@@ -171,6 +172,8 @@ static enum status encode(struct video_writer *w, const AVFrame *frame)
             return OK;
         if (error < 0)
             break;
+        // For the last image, which no other one ends.
+        w->packet->duration = w->step_ticks ? w->step_ticks : w->codec->time_base.den / 30;
         ffmpeg->av_packet_rescale_ts(w->packet, w->codec->time_base, w->stream->time_base);
         w->packet->stream_index = w->stream->index;
         error = ffmpeg->av_interleaved_write_frame(w->format, w->packet);
@@ -190,6 +193,8 @@ enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_n
     if (ffmpeg->av_frame_make_writable(w->frame) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
     ffmpeg->sws_scale(w->convert, rows, stride, 0, w->layout.height, w->frame->data, w->frame->linesize);
+    if (w->last_ticks >= 0 && (!w->step_ticks || ticks - w->last_ticks < w->step_ticks))
+        w->step_ticks = ticks - w->last_ticks;
     w->frame->pts = w->last_ticks = ticks;
     return encode(w, w->frame);
 }

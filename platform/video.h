@@ -17,7 +17,8 @@ struct video_layout {
 // than 2 x 2 pixels. ERR_MEMORY. On failure *w is NULL.
 MUST_CHECK enum status video_open(struct video_writer **w, FILE *out, const struct video_layout *layout);
 
-// rgb: 8 bits a channel, rows without padding. time_ns: strictly increasing; the film begins with the first.
+// rgb: 8 bits a channel, rows without padding. time_ns: strictly increasing; the film begins with the first, and the
+// last one is shown for the shortest time between two, or for 1/30 s if there are no two.
 // ERR_ORDER, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_ns);
 

@@ -4,6 +4,7 @@
 #include "capture/export.h"
 #include "platform/file.h"
 #include "platform/source.h"
+#include "platform/video.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 #include "tests/world/bvh.h"
@@ -339,6 +340,26 @@ static bool has_loaded(const char *library)
     return found;
 }
 
+// A film of one image lasts a thirtieth of a second.
+static void check_single_image(const char *path)
+{
+    static const uint8_t black[16 * 16 * 3];
+    struct video_writer *w;
+    FILE *out = fopen(path, "w+b");
+    assert_non_null(out);
+    EXPECT_STATUS(video_open(&w, out, &(struct video_layout){16, 16, true}), OK);
+    const enum status status = video_add(w, black, 5);
+    EXPECT_STATUS(video_close(&w, status), OK);
+    fclose(out);
+    const struct process_result r = PROCESS("/usr/bin/ffprobe", "-v", "error", "-show_entries",
+                                            "stream=nb_frames,duration", "-of", "csv=p=0", path);
+    double seconds;
+    int frames;
+    EXPECT_INT(sscanf(r.out, "%lf,%d", &seconds, &frames), 2);
+    EXPECT_INT(frames, 1);
+    EXPECT_NEAR(seconds, 1.0 / 30, 1e-3);
+}
+
 // The film has every image, by FFmpeg's own program. Its libraries, and all that they bring, wait for the film.
 static void check_film(struct filmed *f)
 {
@@ -359,12 +380,19 @@ static void check_film(struct filmed *f)
         return;
     const struct process_result r =
         PROCESS("/usr/bin/ffprobe", "-v", "error", "-count_frames", "-select_streams", "v", "-show_entries",
-                "stream=width,height,nb_read_frames", "-of", "csv=p=0", path);
-    char wanted[64];
+                "stream=width,height,duration,nb_read_frames", "-of", "csv=p=0", path);
     const struct lens *l = &take_calibration(f->take)->color;
-    snprintf(wanted, sizeof wanted, "%d,%d,%d\n", l->width, l->height, REHEARSAL_FRAMES);
-    assert_string_equal(r.out, wanted);
+    int width, height, frames;
+    double seconds;
+    print_message("%s", r.out);
+    EXPECT_INT(sscanf(r.out, "%d,%d,%lf,%d", &width, &height, &seconds, &frames), 4);
+    EXPECT_TRUE(width == l->width && height == l->height);
+    EXPECT_INT(frames, REHEARSAL_FRAMES);
+    const struct take_entry *first = take_entry(f->take, 0), *last = take_entry(f->take, REHEARSAL_FRAMES - 1);
+    // The last image, too, is shown for a frame.
+    EXPECT_NEAR(seconds, (double)(last->time_ns - first->time_ns) * 1e-9 * frames / (frames - 1), 1e-3);
     assert_string_equal(r.err, "");
+    check_single_image(path);
 }
 
 static void test_images_come_back(void **state)
