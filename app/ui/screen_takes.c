@@ -42,10 +42,8 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
     ui_border(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
     label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
-    snprintf(text, sizeof text, "%.1f s%s", (double)card->length_ns * 1e-9,
-             !card->watchable ? " · no person in it"
-             : card->complete ? ""
-                              : " · interrupted");
+    const char *about = card->trouble ? card->trouble : card->complete ? "" : "interrupted";
+    snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
     label(b, FACE_SMALL, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24}, t->quiet, text);
     if (touch.held && !screens->scrolling)
         ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));

@@ -18,7 +18,8 @@ struct screens {
 struct take_card {
     const char *name;
     int64_t length_ns;
-    bool complete, watchable;
+    bool complete;
+    const char *trouble;             // why it cannot be watched; NULL: it can
     const struct gpu_texture *image; // NULL: none
     double image_aspect;             // width over height
 };

@@ -4,17 +4,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The frame for the card: nearest to two fifths of the take that has an image and a skeleton; -1: none.
-static int64_t cover_frame(const struct take *t)
+// Reads the colour of the frame for the card: nearest to two fifths of the take that has an image and a skeleton. A
+// damaged one is passed over, a few times. False: none.
+static bool read_cover(struct take *t, struct take_images *images)
 {
+    enum { TRIES = 8 };
     int64_t count = take_frame_count(t), wanted = count * 2 / 5;
-    for (int64_t away = 0; away < count; away++)
+    int tried = 0;
+    for (int64_t away = 0; away < count && tried < TRIES; away++)
         for (int side = -1; side <= 1; side += 2) {
             int64_t i = wanted + side * away;
-            if (i >= 0 && i < count && take_entry(t, i)->has_color && take_entry(t, i)->has_skeleton)
-                return i;
+            if (i < 0 || i >= count || !take_entry(t, i)->has_color || !take_entry(t, i)->has_skeleton)
+                continue;
+            if (take_read(t, i, TAKE_COLOR, images) == OK && images->color)
+                return true;
+            tried++;
         }
-    return -1;
+    return false;
+}
+
+// Why the actor cannot be drawn; NULL: it can.
+static const char *trouble_with(const struct take *t)
+{
+    if (take_body(t)->representative_frame < 0)
+        return "no person in it";
+    return take_calibration(t)->color.width ? NULL : "no colour";
 }
 
 static enum status make_card(struct take_list *l, struct gpu *gpu, struct recording *recording, int number)
@@ -26,14 +40,14 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
         return status;
     if (status != OK)
         return OK; // choosing it will report why
-    int64_t frames = take_frame_count(take), cover = cover_frame(take);
+    int64_t frames = take_frame_count(take);
     card->complete = take_is_complete(take);
-    card->watchable = cover >= 0 && take_body(take)->representative_frame >= 0;
+    card->trouble = trouble_with(take);
     if (frames > 1)
         card->length_ns = take_entry(take, frames - 1)->time_ns - take_entry(take, 0)->time_ns;
     const struct lens *lens = &take_calibration(take)->color;
     struct take_images images = {0};
-    if (cover >= 0 && take_read(take, cover, TAKE_COLOR, &images) == OK && images.color) {
+    if (read_cover(take, &images)) {
         status = gpu_texture_open(&l->images[number], gpu,
                                   &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR},
                                   images.color);
@@ -57,8 +71,7 @@ enum status take_list_open(struct take_list *l, struct recording *recording, con
         return fail(ERR_MEMORY, "out of memory");
     }
     for (int i = 0; i < l->count; i++)
-        l->cards[i] =
-            (struct take_card){.name = recording_take_name(recording, i), .complete = true, .watchable = true};
+        l->cards[i] = (struct take_card){.name = recording_take_name(recording, i), .complete = true};
     return OK;
 }
 

@@ -131,6 +131,9 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
 {
     *out = NULL;
     enum status status = lens_check(lens, "tablet's");
+    if (status == OK && !take_calibration(take)->color.width)
+        return fail(ERR_INPUT, "the take has no colour, so the actor cannot be drawn; "
+                               "the movement can be compared and exported");
     if (status == OK)
         status = lens_check(&take_calibration(take)->color, "take's colour");
     if (status != OK)

@@ -1,0 +1,105 @@
+// The cards of takes: what they show and say of takes that are damaged, or cannot be watched.
+#include "tests/support/recording_sample.h"
+
+#include "app/ui/take_list.h"
+#include "reenact/render/actor_renderer.h"
+#include "tests/support/sql.h"
+
+static struct gpu *gpu;
+
+static void load(struct take_list *list, struct recording *r)
+{
+    enum status status = take_list_open(list, r, "film.reenact");
+    while (status == OK)
+        status = take_list_load(list, gpu, r);
+    EXPECT_STATUS(status, NOTHING);
+}
+
+// Of a sensor without colour: its takes hold a person, whom the renderer cannot draw, and both say so.
+static void test_take_without_color(void **state)
+{
+    (void)state;
+    static struct sample_frame m;
+    struct calibration calibration = sample_calibration();
+    calibration.color = (struct lens){0};
+    calibration.color_from_depth = POSE_IDENTITY;
+    calibration.registered = true;
+    struct recording_writer *w;
+    struct recording *r;
+    struct take *take;
+    struct take_list list;
+    struct renderer *renderer;
+    const char *path = sample_path("no-color");
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "depth", &calibration), OK);
+    for (int i = 0; i < 5; i++) {
+        sample_frame_make(&m, 7 * i);
+        m.frame.jpeg = NULL;
+        m.frame.depth = m.depth;
+        m.frame.has_skeleton = true;
+        EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
+        free(m.jpeg);
+    }
+    EXPECT_STATUS(recording_put_body(w, &(struct body){.representative_frame = 3, .radius_rate = {0.3}}), OK);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "nobody", &calibration), OK);
+    sample_frame_make(&m, 7);
+    free(m.jpeg);
+    m.frame.jpeg = NULL;
+    m.frame.has_skeleton = false;
+    EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    load(&list, r);
+    EXPECT_TRUE(list.cards[0].trouble && !list.cards[0].image);
+    assert_string_equal(list.cards[0].trouble, "no colour");
+    assert_string_equal(list.cards[1].trouble, "no person in it");
+    EXPECT_STATUS(take_open(&take, r, "depth"), OK);
+    const struct renderer_options options = renderer_default_options();
+    EXPECT_STATUS(renderer_open(&renderer, gpu, take, &calibration.depth, &options), ERR_INPUT);
+    EXPECT_SAYS("the take has no colour");
+    take_close(&take);
+    take_list_close(&list);
+    recording_free(&r);
+}
+
+// A card shows another image where the one that it would show is damaged.
+static void test_damaged_image_is_passed_over(void **state)
+{
+    (void)state;
+    const char *path = sample_path("damaged");
+    struct recording *r;
+    struct take_list list;
+    sample_recording_write(path);
+    enum { WANTED = FRAMES * 2 / 5 };
+    char sql[160];
+    snprintf(sql, sizeof sql,
+             "UPDATE picture SET color = zeroblob(100) WHERE id BETWEEN (1 << 32) + %d AND (1 << 32) + %d", WANTED - 1,
+             WANTED + 1);
+    run_sql(path, sql);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    load(&list, r);
+    EXPECT_INT(list.count, 2);
+    EXPECT_TRUE(list.cards[0].image && !list.cards[0].trouble && list.cards[0].complete);
+    EXPECT_TRUE(!list.cards[1].complete);
+    take_list_close(&list);
+    recording_free(&r);
+}
+
+static int set_up(void **state) { return sample_folder_make(state) || gpu_open(&gpu) != OK; }
+
+static int tear_down(void **state)
+{
+    gpu_close(&gpu);
+    return sample_folder_remove(state);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_take_without_color),
+        cmocka_unit_test(test_damaged_image_is_passed_over),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
