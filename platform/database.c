@@ -144,18 +144,23 @@ static int connect_to(struct database *db, const char *name, enum database_acces
     return code == SQLITE_OK ? sqlite3_exec(db->handle, "SELECT count(*) FROM sqlite_schema", NULL, NULL, NULL) : code;
 }
 
-// PATH-wal, as SQLite names its log. The caller frees it; NULL: no memory.
-static char *log_name(const char *path)
+// SQLite's files beside the database: its write-ahead log, and the rollback journal with what a change that was not
+// finished has overwritten.
+static const char LOG[] = "-wal", JOURNAL[] = "-journal";
+
+// PATH and the ending. The caller frees it; NULL: no memory.
+static char *name_beside(const char *path, const char *ending)
 {
-    char *name = malloc(strlen(path) + 5);
+    char *name = malloc(strlen(path) + strlen(ending) + 1);
     if (name)
-        sprintf(name, "%s-wal", path);
+        sprintf(name, "%s%s", path, ending);
     return name;
 }
 
-static bool log_is_empty(const char *path)
+// There is none, or nothing in it.
+static bool is_empty_beside(const char *path, const char *ending)
 {
-    char *name = log_name(path);
+    char *name = name_beside(path, ending);
     if (!name)
         return false;
     struct stat about;
@@ -164,15 +169,22 @@ static bool log_is_empty(const char *path)
     return empty;
 }
 
+static enum status fail_beside(const struct database *db, const char *ending)
+{
+    return fail(ERR_IO,
+                "%s was not closed in good order and its last part lies in %s%s, which can only be read where "
+                "the folder can be written: copy both into a folder of yours",
+                db->path, db->path, ending);
+}
+
 // SQLite creates PATH-shm beside a file in write-ahead mode, even to read it. In
 // a folder where that is refused the file can still be read if its log is empty.
 static enum status open_without_log(struct database *db, enum database_access access_wanted)
 {
-    if (!log_is_empty(db->path))
-        return fail(ERR_IO,
-                    "%s was not closed in good order and its last part lies in %s-wal, which can only be read where "
-                    "the folder can be written: copy both into a folder of yours",
-                    db->path, db->path);
+    if (!is_empty_beside(db->path, LOG))
+        return fail_beside(db, LOG);
+    if (!is_empty_beside(db->path, JOURNAL)) // without it the file would be read as the change left it
+        return fail_beside(db, JOURNAL);
     sqlite3_close(db->handle);
     db->handle = NULL;
     char *uri = immutable_uri(db->path);
@@ -181,6 +193,18 @@ static enum status open_without_log(struct database *db, enum database_access ac
     int code = connect_to(db, uri, access_wanted, true);
     free(uri);
     return code == SQLITE_OK ? OK : fail_sqlite(db, code);
+}
+
+// A program that was killed while it changed the file has left its journal. What it had overwritten is put back, which
+// only a writer may do, before the file is read. Returns SQLite's code of reading it then.
+static int roll_back(struct database *db, enum database_access access_wanted)
+{
+    sqlite3_close(db->handle);
+    db->handle = NULL;
+    (void)connect_to(db, db->path, DATABASE_WRITE, false); // if it fails, so does reading
+    sqlite3_close(db->handle);
+    db->handle = NULL;
+    return connect_to(db, db->path, access_wanted, false);
 }
 
 // A column that is computed (GENERATED ALWAYS) can claim 120 MB and the time to fill them in each row of a file of a
@@ -211,6 +235,8 @@ enum status database_open(struct database **out, const char *path, enum database
     } else {
         int code = connect_to(db, path, access_wanted, false);
         bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
+        if (reads && code == SQLITE_READONLY_ROLLBACK)
+            code = roll_back(db, access_wanted);
         if (reads && ((code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_READONLY))
             status = open_without_log(db, access_wanted);
         else if (code != SQLITE_OK)
@@ -301,7 +327,7 @@ enum status database_lock_writer(struct database *db)
     if (status != OK)
         return status;
     // SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's.
-    char *name = log_name(db->path);
+    char *name = name_beside(db->path, LOG);
     if (!name)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
     db->writer_lock = open(name, O_RDONLY | O_CLOEXEC);
@@ -326,7 +352,7 @@ enum status database_close_wal(struct database *db)
 
 bool database_is_single_file(const char *path)
 {
-    static const char *const endings[] = {"-wal", "-shm", "-journal"};
+    static const char *const endings[] = {LOG, "-shm", JOURNAL};
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
         char name[4200];
         struct stat about;

@@ -17,8 +17,9 @@ enum database_access {
     DATABASE_CREATE,  // a new file; ERR_EXISTS when the name is taken
 };
 
+// What a program that was killed while it changed the file had overwritten is put back first, to read it, too.
 // ERR_MISSING: no such file. ERR_FORMAT: a folder, not a database. ERR_CORRUPT:
-// cut or damaged. ERR_IO: no permission, or PATH-wal holds changes and the folder
+// cut or damaged. ERR_IO: no permission, or PATH-wal or PATH-journal holds a part of it and the folder
 // is not writable, which reading them needs. ERR_MEMORY. On error *out is NULL,
 // and DATABASE_CREATE leaves no file.
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
