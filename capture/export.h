@@ -3,6 +3,8 @@
 //
 // What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/output.h) and
 // finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
+//
+// *damaged: frames of which an image is damaged; it is left out, and the rest written. ERR_CORRUPT, where all are.
 #pragma once
 #include "base/progress.h"
 #include "capture/recording/recording.h"
@@ -19,10 +21,10 @@ enum export_axes {
 // ERR_INPUT: the room's axes, and no frame has a measured sensor pose.
 MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_axes axes, FILE *out);
 
-// BVH, y up, centimetres; frames without a person are left out. In the world's axes where the sensor was located, else
-// in the camera's. Joints that keep their place in their parent's axes over the take (elbows, hands, knees, feet) have
-// three channels, rotations; others six: a position that replaces the OFFSET, as Blender reads it, so that every known
-// joint is where the CSV has it.
+// BVH, y up, centimetres. Through a gap in the take, or without a person, the pose before it stays. In the world's axes
+// where the sensor was located, else in the camera's. Joints that keep their place in their parent's axes over the take
+// (elbows, hands, knees, feet) have three channels, rotations; others six: a position that replaces the OFFSET, as
+// Blender reads it, so that every known joint is where the CSV has it. ERR_INPUT: nobody was tracked.
 MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
 
 // A frame's depth samples as coloured points, in the world's axes where the sensor was located, else in the camera's.
@@ -36,10 +38,12 @@ MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);
 // The colour images as H.264 in MP4, with the take's own times. out must be at its beginning; seekable: whether it can
 // be rewound, else the film is fragmented. NOTHING: the watch said to stop. ERR_INPUT: the take has no colour, or this
 // program was built without FFmpeg's libraries.
-MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch);
+MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch,
+                                       int64_t *damaged);
 
 // A TUM RGB-D folder that platform/folder.c reads: rgb/, depth/ and mask/ with their lists, calibration.json,
 // trajectory.txt (world_from_camera of frames whose sensor was located) and joints.csv. Colour images are the sensor's
 // own bytes. Written as `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop;
 // nothing remains then, nor after an error.
-MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch);
+MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch,
+                                     int64_t *damaged);

@@ -86,6 +86,8 @@ static void world_rotations(const struct skeleton *s, struct quat before_root, s
 
 // One exported frame.
 struct motion_frame {
+    int64_t time_ns;
+    int64_t shown;               // for how many frames of the file, at least 1: it stays until the next one
     struct vec3 root;            // of the root, metres
     struct quat rotation[BONES]; // with respect to the world
     struct vec3 at[BONES];       // in the parent's axes, metres
@@ -95,6 +97,7 @@ struct motion_frame {
 struct motion {
     struct motion_frame *frames;
     int64_t count;
+    int64_t shown; // frames of the file
     double frame_s;
     struct vec3 offset[BONES]; // the median of `at`, metres
     bool moves[BONES];         // has position channels
@@ -102,7 +105,7 @@ struct motion {
 
 static enum status motion_open(struct motion *m, const struct take *take)
 {
-    int64_t frames = take_frame_count(take), first = -1, last = -1;
+    int64_t frames = take_frame_count(take);
     struct quat root = {0, 0, 0, 1};
     *m = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *m->frames)};
     if (!m->frames)
@@ -112,6 +115,7 @@ static enum status motion_open(struct motion *m, const struct take *take)
         if (!entry->has_skeleton)
             continue;
         struct motion_frame *f = &m->frames[m->count++];
+        f->time_ns = entry->time_ns;
         const struct skeleton s = y_up_skeleton(entry);
         world_rotations(&s, root, f->rotation);
         root = f->rotation[0];
@@ -123,12 +127,33 @@ static enum status motion_open(struct motion *m, const struct take *take)
             if (f->known[b])
                 f->at[b] = quat_rotate(quat_conjugate(f->rotation[parent]), bone);
         }
-        first = first < 0 ? i : first;
-        last = i;
     }
-    const double seconds =
-        m->count > 1 ? (double)(take_entry(take, last)->time_ns - take_entry(take, first)->time_ns) / 1e9 : 0;
-    m->frame_s = m->count > 1 ? seconds / (double)(m->count - 1) : 1.0 / 30;
+    return m->count ? OK : fail(ERR_INPUT, "the take has no skeleton: no person was tracked in it");
+}
+
+// BVH has one step of time for all frames. So a frame before a gap, in which nobody was tracked or frames were dropped,
+// is shown for as many frames as the gap is long, and the step is the mean one then. A clock that jumps by more than a
+// minute has no gap there.
+static enum status find_times(struct motion *m)
+{
+    const double most_s = 60;
+    double *steps = malloc(sizeof *steps * (size_t)m->count), seconds = 0;
+    if (!steps)
+        return fail(ERR_MEMORY, "no memory to export the motion");
+    for (int64_t i = 0; i + 1 < m->count; i++)
+        steps[i] = (double)(m->frames[i + 1].time_ns - m->frames[i].time_ns) * 1e-9;
+    const double usual_s = median_of(steps, (size_t)m->count - 1);
+    free(steps);
+    m->frames[m->count - 1].shown = m->shown = 1;
+    for (int64_t i = 0; i + 1 < m->count; i++) {
+        struct motion_frame *f = &m->frames[i];
+        const double step_s = (double)(f[1].time_ns - f->time_ns) * 1e-9;
+        const bool jump = step_s > most_s;
+        f->shown = jump ? 1 : (int64_t)fmax(1, floor(step_s / usual_s + 0.5));
+        m->shown += f->shown;
+        seconds += jump ? usual_s : step_s;
+    }
+    m->frame_s = m->count > 1 ? seconds / (double)(m->shown - 1) : 1.0 / 30;
     return OK;
 }
 
@@ -205,28 +230,33 @@ static void print_rotation(FILE *out, struct quat q)
 }
 
 // The channels' values, depth first: the order in which print_hierarchy prints the joints, which is the table's.
+static void print_frame(FILE *out, const struct motion *m, const struct motion_frame *f)
+{
+    for (int b = 0; b < BONES; b++) {
+        const int parent = bones[b].parent;
+        const struct vec3 at = parent == NO_PARENT ? f->root : f->known[b] ? f->at[b] : m->offset[b];
+        if (parent == NO_PARENT || m->moves[b])
+            fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
+        print_rotation(out, parent == NO_PARENT ? f->rotation[b]
+                                                : quat_multiply(quat_conjugate(f->rotation[parent]), f->rotation[b]));
+    }
+    fputc('\n', out);
+}
+
 static void print_motion(FILE *out, const struct motion *m)
 {
-    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)m->count, m->frame_s);
-    for (int64_t i = 0; i < m->count; i++) {
-        const struct motion_frame *f = &m->frames[i];
-        for (int b = 0; b < BONES; b++) {
-            const int parent = bones[b].parent;
-            const struct vec3 at = parent == NO_PARENT ? f->root : f->known[b] ? f->at[b] : m->offset[b];
-            if (parent == NO_PARENT || m->moves[b])
-                fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
-            print_rotation(out, parent == NO_PARENT
-                                    ? f->rotation[b]
-                                    : quat_multiply(quat_conjugate(f->rotation[parent]), f->rotation[b]));
-        }
-        fputc('\n', out);
-    }
+    fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)m->shown, m->frame_s);
+    for (int64_t i = 0; i < m->count; i++)
+        for (int64_t k = 0; k < m->frames[i].shown; k++)
+            print_frame(out, m, &m->frames[i]);
 }
 
 enum status export_bvh(const struct take *take, FILE *out)
 {
     struct motion motion;
     enum status status = motion_open(&motion, take);
+    if (status == OK)
+        status = find_times(&motion);
     if (status == OK)
         status = find_offsets(&motion);
     if (status == OK) {

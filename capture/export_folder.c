@@ -97,38 +97,60 @@ static enum status write_mask(struct folder_export *e, int64_t frame, const uint
     return write_png(e, LIST_MASK, frame, e->gray);
 }
 
-static enum status write_frame(struct folder_export *e, int64_t frame)
+static enum status write_color(struct folder_export *e, int64_t frame)
+{
+    const uint8_t *jpeg;
+    size_t count;
+    const enum status status = take_read_jpeg(e->take, frame, &jpeg, &count);
+    return status == OK ? write_image(e, LIST_COLOR, frame, jpeg, count) : status == NOTHING ? OK : status;
+}
+
+static void write_pose(struct folder_export *e, const struct take_entry *entry)
+{
+    const struct pose *p = &entry->world_from_camera;
+    char time[SECONDS_TEXT_BYTES];
+    fprintf(output_file(e->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n",
+            seconds_text(entry->time_ns, 9, time), p->translation.x, p->translation.y, p->translation.z, p->rotation.x,
+            p->rotation.y, p->rotation.z, p->rotation.w);
+}
+
+// Each image on its own, so that a damaged one costs no other. *damaged: whether there was one.
+static enum status write_frame(struct folder_export *e, int64_t frame, bool *damaged)
 {
     const struct take_entry *entry = take_entry(e->take, frame);
     struct take_images images;
-    const uint8_t *jpeg;
-    size_t count;
-    enum status status = take_read(e->take, frame, TAKE_DEPTH | TAKE_MASK, &images);
-    if (status == OK && images.depth)
-        status = write_png(e, LIST_DEPTH, frame, images.depth);
-    if (status == OK && images.mask)
-        status = write_mask(e, frame, images.mask);
-    if (status == OK && entry->has_color) {
-        status = take_read_jpeg(e->take, frame, &jpeg, &count);
-        if (status == OK)
-            status = write_image(e, LIST_COLOR, frame, jpeg, count);
+    *damaged = false;
+    for (enum list list = LIST_COLOR; list <= LIST_MASK; list++) {
+        enum status status = OK;
+        if (list == LIST_COLOR)
+            status = write_color(e, frame);
+        else
+            status = take_read(e->take, frame, list == LIST_DEPTH ? TAKE_DEPTH : TAKE_MASK, &images);
+        if (status == OK && list == LIST_DEPTH && images.depth)
+            status = write_png(e, LIST_DEPTH, frame, images.depth);
+        if (status == OK && list == LIST_MASK && images.mask)
+            status = write_mask(e, frame, images.mask);
+        *damaged |= status == ERR_CORRUPT;
+        if (status != OK && status != ERR_CORRUPT)
+            return status;
     }
-    if (status == OK && entry->located) {
-        const struct pose *p = &entry->world_from_camera;
-        char time[SECONDS_TEXT_BYTES];
-        fprintf(output_file(e->list[LIST_TRAJECTORY]), "%s %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n",
-                seconds_text(entry->time_ns, 9, time), p->translation.x, p->translation.y, p->translation.z,
-                p->rotation.x, p->rotation.y, p->rotation.z, p->rotation.w);
-    }
-    return status;
+    if (entry->located)
+        write_pose(e, entry);
+    return OK;
 }
 
-static enum status write_frames(struct folder_export *e, const struct progress_watch *watch)
+static enum status write_frames(struct folder_export *e, const struct progress_watch *watch, int64_t *damaged)
 {
     const int64_t frames = take_frame_count(e->take);
     enum status status = OK;
-    for (int64_t i = 0; i < frames && status == OK; i++)
-        status = progress_continue(watch, (double)i / (double)frames) ? write_frame(e, i) : NOTHING;
+    *damaged = 0;
+    for (int64_t i = 0; i < frames && status == OK; i++) {
+        bool faulty = false;
+        status = progress_continue(watch, (double)i / (double)frames) ? write_frame(e, i, &faulty) : NOTHING;
+        *damaged += faulty;
+    }
+    if (status == OK && *damaged == frames && frames)
+        return ERR_CORRUPT; // the last one's sentence
     if (status == OK)
         status = export_joints_csv(e->take, EXPORT_SENSOR, output_file(e->list[LIST_JOINTS]));
     char path[PATH_MAX];
@@ -137,7 +159,7 @@ static enum status write_frames(struct folder_export *e, const struct progress_w
     return status == OK ? calibration_write(path, take_calibration(e->take)) : status;
 }
 
-enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch)
+enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch, int64_t *damaged)
 {
     struct folder_export e = {.take = take};
     if (file_exists(dir))
@@ -148,7 +170,7 @@ enum status export_folder(struct take *take, const char *dir, const struct progr
         return fail(ERR_EXISTS, "%s, an unfinished folder, exists; remove it", e.dir);
     enum status status = open_lists(&e);
     if (status == OK)
-        status = write_frames(&e, watch);
+        status = write_frames(&e, watch, damaged);
     for (int i = 0; i < LIST_COUNT; i++)
         status = output_close(&e.list[i], status);
     free(e.gray);

@@ -121,7 +121,7 @@ static enum status write_points(struct take *take, const struct export_arguments
 }
 
 static enum status write_take(struct take *take, const struct export_arguments *given, const struct output *out,
-                              const struct progress_watch *watch)
+                              const struct progress_watch *watch, int64_t *damaged)
 {
     FILE *file = output_file(out);
     switch ((enum export_format)given->format) {
@@ -130,7 +130,7 @@ static enum status write_take(struct take *take, const struct export_arguments *
     case EXPORT_GLB: return export_actor(given, take, file, watch);
     case EXPORT_PLY:
         return given->what == PLY_MESH ? export_actor(given, take, file, watch) : write_points(take, given, file);
-    case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch);
+    case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch, damaged);
     case EXPORT_FOLDER: break; // is no file
     }
     return OK;
@@ -142,21 +142,28 @@ static enum status write_out(struct recording *recording, const struct export_ar
     const bool place = given->format == EXPORT_PLY && given->what == PLY_PLACE;
     struct take *take = NULL;
     struct output *out = NULL;
+    int64_t damaged = 0;
     enum status status = place ? OK : take_open(&take, recording, given->take);
     if (status == OK && take && !take_frame_count(take))
         status = fail(ERR_INPUT, "the take '%s' holds no frame", given->take);
     if (status == OK && given->format == EXPORT_FOLDER) {
-        status = export_folder(take, given->out, watch);
+        status = export_folder(take, given->out, watch, &damaged);
     } else if (status == OK) {
         status = output_open(&out, given->out);
         if (status == OK)
-            status = place ? write_place(recording, given, output_file(out)) : write_take(take, given, out, watch);
+            status =
+                place ? write_place(recording, given, output_file(out)) : write_take(take, given, out, watch, &damaged);
         if (status == NOTHING && command_stopped())
             status = fail(ERR_IO, "stopped");
         status = output_close(&out, status);
     }
     if (status == NOTHING && command_stopped())
         status = fail(ERR_IO, "stopped");
+    if (status == OK && damaged)
+        fprintf(stderr,
+                "reenact-capture export: warning: images of %lld of %lld frames are damaged and left out; "
+                "reenact-capture verify says which\n",
+                (long long)damaged, (long long)take_frame_count(take));
     take_close(&take);
     return status;
 }

@@ -7,6 +7,7 @@
 #include "platform/video.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
+#include "tests/support/sql.h"
 #include "tests/world/bvh.h"
 #include "tests/world/world.h"
 
@@ -123,60 +124,112 @@ static void test_bvh_matches_take(void **state)
     free(w.text);
 }
 
+// A take without images, of a sensor that was not located, with the skeletons of the world's first frames.
+struct timed_take {
+    struct scratch scratch;
+    struct recording *recording;
+    struct take *take;
+};
+
+static struct timed_take timed_take_open(const int64_t *times_ns, size_t count, bool has_skeleton)
+{
+    struct timed_take t = {.scratch = scratch_make()};
+    struct calibration calibration = world_calibration(0.25);
+    struct recording_writer *writer;
+    const char *path = scratch_file(&t.scratch, "take.reenact");
+    EXPECT_STATUS(recording_create(&writer, path), OK);
+    EXPECT_STATUS(recording_begin_take(writer, "t", &calibration), OK);
+    for (size_t i = 0; i < count; i++) {
+        struct take_frame frame = {.time_ns = times_ns[i],
+                                   .world_from_camera = POSE_IDENTITY,
+                                   .has_skeleton = has_skeleton,
+                                   .skeleton = truth((int)i)};
+        EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
+    }
+    EXPECT_STATUS(recording_end_take(writer), OK);
+    EXPECT_STATUS(recording_close(&writer), OK);
+    EXPECT_STATUS(recording_open(&t.recording, path), OK);
+    EXPECT_STATUS(take_open(&t.take, t.recording, "t"), OK);
+    return t;
+}
+
+static void timed_take_close(struct timed_take *t)
+{
+    take_close(&t->take);
+    recording_free(&t->recording);
+    scratch_remove(&t->scratch);
+}
+
+// BVH has one step of time: through a gap the pose before it stays, so that what comes after it is at its time. A clock
+// that jumps makes no gap.
+static void test_bvh_keeps_time_over_gaps(void **state)
+{
+    (void)state;
+    enum { TIMES = 5 };
+    static const struct {
+        int64_t ms[TIMES];
+        int frames, last_but_one; // of the file
+    } cases[] = {
+        {{0, 100, 200, 700, 800}, 9, 7}, {{0, 100, 195, 300, 400}, 5, 3}, {{0, 100, 200, 900200, 900300}, 5, 3}};
+    for (size_t k = 0; k < COUNT_OF(cases); k++) {
+        int64_t times_ns[TIMES];
+        for (int i = 0; i < TIMES; i++)
+            times_ns[i] = cases[k].ms[i] * 1000000;
+        struct timed_take t = timed_take_open(times_ns, TIMES, true);
+        struct written w;
+        struct bvh *bvh;
+        FILE *out = begin(&w);
+        EXPECT_STATUS(export_bvh(t.take, out), OK);
+        fclose(out);
+        EXPECT_STATUS(bvh_parse(&bvh, "motion.bvh", (const uint8_t *)w.text, w.count), OK);
+        EXPECT_INT(bvh_frame_count(bvh), cases[k].frames);
+        EXPECT_NEAR(bvh_frame_s(bvh), 0.1, 1e-6);
+        struct vec3 got[JOINT_COUNT];
+        bvh_positions(bvh, cases[k].last_but_one, got);
+        const struct vec3 p = truth(3).joint[JOINT_LEFT_HAND]; // y down
+        const struct vec3 q = v3_scale(got[bvh_find(bvh, joint_name(JOINT_LEFT_HAND))], 0.01);
+        EXPECT_AT_MOST(v3_distance(q, v3(p.x, -p.y, -p.z)), 0.001);
+        bvh_free(&bvh);
+        free(w.text);
+        timed_take_close(&t);
+    }
+}
+
+static void test_bvh_needs_a_person(void **state)
+{
+    (void)state;
+    struct timed_take t = timed_take_open((const int64_t[]){0, 100}, 2, false);
+    struct written w;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_bvh(t.take, out), ERR_INPUT);
+    EXPECT_SAYS("no person");
+    fclose(out);
+    free(w.text);
+    timed_take_close(&t);
+}
+
 static void test_room_axes_need_a_room(void **state)
 {
     (void)state;
-    struct scratch other = scratch_make();
-    struct calibration calibration = world_calibration(0.25);
-    struct recording_writer *writer;
-    struct recording *r;
-    struct take *nowhere;
-    const char *path = scratch_file(&other, "take.reenact");
-    EXPECT_STATUS(recording_create(&writer, path), OK);
-    EXPECT_STATUS(recording_begin_take(writer, "t", &calibration), OK);
-    struct take_frame frame = {
-        .time_ns = 1, .world_from_camera = POSE_IDENTITY, .has_skeleton = true, .skeleton = truth(0)};
-    EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
-    EXPECT_STATUS(recording_end_take(writer), OK);
-    EXPECT_STATUS(recording_close(&writer), OK);
-    EXPECT_STATUS(recording_open(&r, path), OK);
-    EXPECT_STATUS(take_open(&nowhere, r, "t"), OK);
+    struct timed_take t = timed_take_open((const int64_t[]){1}, 1, true);
     struct written w;
     FILE *out = begin(&w);
-    EXPECT_STATUS(export_joints_csv(nowhere, EXPORT_ROOM, out), ERR_INPUT);
+    EXPECT_STATUS(export_joints_csv(t.take, EXPORT_ROOM, out), ERR_INPUT);
     EXPECT_SAYS("not located");
     fclose(out);
     free(w.text);
-    take_close(&nowhere);
-    recording_free(&r);
-    scratch_remove(&other);
+    timed_take_close(&t);
 }
 
 // A sensor's clock may begin anywhere: times before 0 have their sign once, in lists and in joints alike.
 static void test_times_before_zero(void **state)
 {
     (void)state;
-    struct scratch other = scratch_make();
-    struct calibration calibration = world_calibration(0.25);
-    struct recording_writer *writer;
-    struct recording *r;
-    struct take *before;
-    const char *path = scratch_file(&other, "take.reenact");
     static const int64_t times_ns[] = {-2500000000, -1000000000, -250000000, 0, 250000000};
-    EXPECT_STATUS(recording_create(&writer, path), OK);
-    EXPECT_STATUS(recording_begin_take(writer, "t", &calibration), OK);
-    for (size_t i = 0; i < COUNT_OF(times_ns); i++) {
-        struct take_frame frame = {
-            .time_ns = times_ns[i], .world_from_camera = POSE_IDENTITY, .has_skeleton = true, .skeleton = truth(0)};
-        EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
-    }
-    EXPECT_STATUS(recording_end_take(writer), OK);
-    EXPECT_STATUS(recording_close(&writer), OK);
-    EXPECT_STATUS(recording_open(&r, path), OK);
-    EXPECT_STATUS(take_open(&before, r, "t"), OK);
+    struct timed_take t = timed_take_open(times_ns, COUNT_OF(times_ns), true);
     struct written w;
     FILE *out = begin(&w);
-    EXPECT_STATUS(export_joints_csv(before, EXPORT_SENSOR, out), OK);
+    EXPECT_STATUS(export_joints_csv(t.take, EXPORT_SENSOR, out), OK);
     fclose(out);
     const char *line = strchr(w.text, '\n') + 1;
     for (size_t i = 0; i < COUNT_OF(times_ns) * JOINT_COUNT; i++, line = strchr(line, '\n') + 1) {
@@ -185,9 +238,7 @@ static void test_times_before_zero(void **state)
         EXPECT_TRUE(*end == ',');
     }
     free(w.text);
-    take_close(&before);
-    recording_free(&r);
-    scratch_remove(&other);
+    timed_take_close(&t);
 }
 
 // ---------------------------------------------------------------- what is filmed: a take with images
@@ -284,11 +335,13 @@ static void check_place(struct filmed *f)
 // The folder read as a sensor has the take's times, depth and JPEG bytes.
 static void check_folder(struct filmed *f)
 {
+    int64_t damaged;
     char dir[300], uri[320];
     snprintf(dir, sizeof dir, "%s/tum", f->rehearsal.scratch.path);
     snprintf(uri, sizeof uri, "folder:%s", dir);
-    EXPECT_STATUS(export_folder(f->take, dir, NULL), OK);
-    EXPECT_STATUS(export_folder(f->take, dir, NULL), ERR_EXISTS);
+    EXPECT_STATUS(export_folder(f->take, dir, NULL, &damaged), OK);
+    EXPECT_INT(damaged, 0);
+    EXPECT_STATUS(export_folder(f->take, dir, NULL, &damaged), ERR_EXISTS);
     struct source *source;
     EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
     EXPECT_TRUE(lens_equal(&source_calibration(source)->depth, &take_calibration(f->take)->depth));
@@ -319,11 +372,12 @@ static bool stop_at_once(void *self, double share)
 // Stopped half-way, nothing remains.
 static void check_stopped(struct filmed *f)
 {
+    int64_t damaged;
     char dir[300], part[310];
     const struct progress_watch watch = {.on_progress = stop_at_once};
     snprintf(dir, sizeof dir, "%s/half", f->rehearsal.scratch.path);
     snprintf(part, sizeof part, "%s.part", dir);
-    EXPECT_STATUS(export_folder(f->take, dir, &watch), NOTHING);
+    EXPECT_STATUS(export_folder(f->take, dir, &watch, &damaged), NOTHING);
     EXPECT_TRUE(!file_exists(dir));
     EXPECT_TRUE(!file_exists(part));
 }
@@ -363,12 +417,13 @@ static void check_single_image(const char *path)
 // The film has every image, by FFmpeg's own program. Its libraries, and all that they bring, wait for the film.
 static void check_film(struct filmed *f)
 {
+    int64_t damaged;
     char path[300];
     EXPECT_TRUE(!has_loaded("libavcodec"));
     snprintf(path, sizeof path, "%s/film.mp4", f->rehearsal.scratch.path);
     FILE *out = fopen(path, "w+b");
     assert_non_null(out);
-    enum status status = export_film_mp4(f->take, out, true, NULL);
+    enum status status = export_film_mp4(f->take, out, true, NULL, &damaged);
     fclose(out);
     if (status == ERR_INPUT) {
         EXPECT_SAYS("FFmpeg");
@@ -395,6 +450,52 @@ static void check_film(struct filmed *f)
     check_single_image(path);
 }
 
+// Lines of a list that are no comment.
+static int lines_in(const char *dir, const char *list)
+{
+    char path[320];
+    uint8_t *text;
+    size_t count;
+    int lines = 0;
+    snprintf(path, sizeof path, "%s/%s", dir, list);
+    EXPECT_STATUS(file_read(path, &text, &count), OK);
+    for (size_t i = 0; i < count; i++)
+        lines += text[i] == '\n';
+    lines -= count && text[0] == '#';
+    free(text);
+    return lines;
+}
+
+// A damaged image costs itself alone, and is counted; where all are, nothing is written.
+static void check_damaged(struct filmed *f)
+{
+    int64_t damaged;
+    char dir[300], film[310];
+    run_sql(f->rehearsal.file, "UPDATE picture SET color = zeroblob(50) WHERE id = (1 << 32) + 3;"
+                               "UPDATE picture SET depth = zeroblob(9) WHERE id = (1 << 32) + 5");
+    snprintf(dir, sizeof dir, "%s/rest", f->rehearsal.scratch.path);
+    EXPECT_STATUS(export_folder(f->take, dir, NULL, &damaged), OK);
+    EXPECT_INT(damaged, 2);
+    EXPECT_INT(lines_in(dir, "rgb.txt"), REHEARSAL_FRAMES - 1);
+    EXPECT_INT(lines_in(dir, "depth.txt"), REHEARSAL_FRAMES - 1);
+    EXPECT_INT(lines_in(dir, "mask.txt"), REHEARSAL_FRAMES);
+    snprintf(film, sizeof film, "%s.mp4", dir);
+    for (int all = 0; all < 2; all++) {
+        FILE *out = fopen(film, "w+b");
+        assert_non_null(out);
+        const enum status status = export_film_mp4(f->take, out, true, NULL, &damaged);
+        fclose(out);
+        if (status == ERR_INPUT) // built without FFmpeg's libraries
+            break;
+        EXPECT_STATUS(status, all ? ERR_CORRUPT : OK);
+        EXPECT_INT(damaged, all ? REHEARSAL_FRAMES : 1);
+        run_sql(f->rehearsal.file, "UPDATE picture SET color = zeroblob(50), depth = zeroblob(9), mask = zeroblob(9)");
+    }
+    snprintf(dir, sizeof dir, "%s/none", f->rehearsal.scratch.path);
+    EXPECT_STATUS(export_folder(f->take, dir, NULL, &damaged), ERR_CORRUPT);
+    EXPECT_TRUE(!file_exists(dir));
+}
+
 static void test_images_come_back(void **state)
 {
     (void)state;
@@ -404,6 +505,7 @@ static void test_images_come_back(void **state)
     check_folder(&f);
     check_stopped(&f);
     check_film(&f);
+    check_damaged(&f);
     filmed_close(&f);
 }
 
@@ -446,8 +548,9 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_csv_has_every_joint),   cmocka_unit_test(test_bvh_matches_take),
-        cmocka_unit_test(test_room_axes_need_a_room), cmocka_unit_test(test_times_before_zero),
+        cmocka_unit_test(test_csv_has_every_joint),      cmocka_unit_test(test_bvh_matches_take),
+        cmocka_unit_test(test_bvh_keeps_time_over_gaps), cmocka_unit_test(test_bvh_needs_a_person),
+        cmocka_unit_test(test_room_axes_need_a_room),    cmocka_unit_test(test_times_before_zero),
         cmocka_unit_test(test_images_come_back),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
