@@ -21,10 +21,11 @@ enum export_axes {
 // ERR_INPUT: the room's axes, and no frame has a measured sensor pose.
 MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_axes axes, FILE *out);
 
-// BVH, y up, centimetres. Through a gap in the take, or without a person, the pose before it stays. In the world's axes
-// where the sensor was located, else in the camera's. Joints that keep their place in their parent's axes over the take
-// (elbows, hands, knees, feet) have three channels, rotations; others six: a position that replaces the OFFSET, as
-// Blender reads it, so that every known joint is where the CSV has it. ERR_INPUT: nobody was tracked.
+// BVH, y up, centimetres. In the world's axes where the sensor was located; frames in which it was not are then left
+// out; else in the camera's. Through a gap in the take, or without a person, the pose before it stays. Joints that keep
+// their place in their parent's axes over the take (elbows, hands, knees, feet) have three channels, rotations; others
+// six: a position that replaces the OFFSET, as Blender reads it, so that every known joint is where the CSV has it.
+// ERR_INPUT: nobody was tracked.
 MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
 
 // A frame's depth samples as coloured points, in the world's axes where the sensor was located, else in the camera's.

@@ -84,6 +84,16 @@ static void world_rotations(const struct skeleton *s, struct quat before_root, s
     }
 }
 
+// Where the sensor was located in some frames, the others are in no world and left out: the axes of a file are the same
+// all along.
+static bool located_anywhere(const struct take *take)
+{
+    bool located = false;
+    for (int64_t i = 0; i < take_frame_count(take) && !located; i++)
+        located = take_entry(take, i)->has_skeleton && take_entry(take, i)->located;
+    return located;
+}
+
 // One exported frame.
 struct motion_frame {
     int64_t time_ns;
@@ -107,12 +117,13 @@ static enum status motion_open(struct motion *m, const struct take *take)
 {
     int64_t frames = take_frame_count(take);
     struct quat root = {0, 0, 0, 1};
+    const bool in_world = located_anywhere(take);
     *m = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *m->frames)};
     if (!m->frames)
         return fail(ERR_MEMORY, "no memory to export the motion");
     for (int64_t i = 0; i < frames; i++) {
         const struct take_entry *entry = take_entry(take, i);
-        if (!entry->has_skeleton)
+        if (!entry->has_skeleton || (in_world && !entry->located))
             continue;
         struct motion_frame *f = &m->frames[m->count++];
         f->time_ns = entry->time_ns;

@@ -124,14 +124,21 @@ static void test_bvh_matches_take(void **state)
     free(w.text);
 }
 
-// A take without images, of a sensor that was not located, with the skeletons of the world's first frames.
+// A take without images, with the skeletons of the world's first frames.
 struct timed_take {
     struct scratch scratch;
     struct recording *recording;
     struct take *take;
 };
 
-static struct timed_take timed_take_open(const int64_t *times_ns, size_t count, bool has_skeleton)
+// unlocated: so many frames at the beginning; after them the sensor is the world's.
+struct timed_frames {
+    const int64_t *times_ns;
+    size_t count, unlocated;
+    bool has_skeleton;
+};
+
+static struct timed_take timed_take_open(const struct timed_frames *f)
 {
     struct timed_take t = {.scratch = scratch_make()};
     struct calibration calibration = world_calibration(0.25);
@@ -139,10 +146,12 @@ static struct timed_take timed_take_open(const int64_t *times_ns, size_t count, 
     const char *path = scratch_file(&t.scratch, "take.reenact");
     EXPECT_STATUS(recording_create(&writer, path), OK);
     EXPECT_STATUS(recording_begin_take(writer, "t", &calibration), OK);
-    for (size_t i = 0; i < count; i++) {
-        struct take_frame frame = {.time_ns = times_ns[i],
-                                   .world_from_camera = POSE_IDENTITY,
-                                   .has_skeleton = has_skeleton,
+    for (size_t i = 0; i < f->count; i++) {
+        const bool located = i >= f->unlocated;
+        struct take_frame frame = {.time_ns = f->times_ns[i],
+                                   .world_from_camera = located ? world_sensor_pose(world) : POSE_IDENTITY,
+                                   .located = located,
+                                   .has_skeleton = f->has_skeleton,
                                    .skeleton = truth((int)i)};
         EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
     }
@@ -175,7 +184,7 @@ static void test_bvh_keeps_time_over_gaps(void **state)
         int64_t times_ns[TIMES];
         for (int i = 0; i < TIMES; i++)
             times_ns[i] = cases[k].ms[i] * 1000000;
-        struct timed_take t = timed_take_open(times_ns, TIMES, true);
+        struct timed_take t = timed_take_open(&(struct timed_frames){times_ns, TIMES, TIMES, true});
         struct written w;
         struct bvh *bvh;
         FILE *out = begin(&w);
@@ -195,10 +204,32 @@ static void test_bvh_keeps_time_over_gaps(void **state)
     }
 }
 
+// A sensor that is located late: the file has the world's axes all along, and begins there.
+static void test_bvh_has_the_same_axes_all_along(void **state)
+{
+    (void)state;
+    static const int64_t times_ns[] = {0, 100000000, 200000000, 300000000};
+    struct timed_take t = timed_take_open(&(struct timed_frames){times_ns, COUNT_OF(times_ns), 2, true});
+    struct written w;
+    struct bvh *bvh;
+    FILE *out = begin(&w);
+    EXPECT_STATUS(export_bvh(t.take, out), OK);
+    fclose(out);
+    EXPECT_STATUS(bvh_parse(&bvh, "motion.bvh", (const uint8_t *)w.text, w.count), OK);
+    EXPECT_INT(bvh_frame_count(bvh), 2);
+    struct vec3 got[JOINT_COUNT];
+    bvh_positions(bvh, 0, got);
+    const struct vec3 p = world_joints(world, 0.2).joint[JOINT_HEAD]; // z up
+    EXPECT_AT_MOST(v3_distance(v3_scale(got[bvh_find(bvh, joint_name(JOINT_HEAD))], 0.01), v3(p.x, p.z, -p.y)), 0.001);
+    bvh_free(&bvh);
+    free(w.text);
+    timed_take_close(&t);
+}
+
 static void test_bvh_needs_a_person(void **state)
 {
     (void)state;
-    struct timed_take t = timed_take_open((const int64_t[]){0, 100}, 2, false);
+    struct timed_take t = timed_take_open(&(struct timed_frames){(const int64_t[]){0, 100}, 2, 2, false});
     struct written w;
     FILE *out = begin(&w);
     EXPECT_STATUS(export_bvh(t.take, out), ERR_INPUT);
@@ -211,7 +242,7 @@ static void test_bvh_needs_a_person(void **state)
 static void test_room_axes_need_a_room(void **state)
 {
     (void)state;
-    struct timed_take t = timed_take_open((const int64_t[]){1}, 1, true);
+    struct timed_take t = timed_take_open(&(struct timed_frames){(const int64_t[]){1}, 1, 1, true});
     struct written w;
     FILE *out = begin(&w);
     EXPECT_STATUS(export_joints_csv(t.take, EXPORT_ROOM, out), ERR_INPUT);
@@ -226,7 +257,8 @@ static void test_times_before_zero(void **state)
 {
     (void)state;
     static const int64_t times_ns[] = {-2500000000, -1000000000, -250000000, 0, 250000000};
-    struct timed_take t = timed_take_open(times_ns, COUNT_OF(times_ns), true);
+    struct timed_take t =
+        timed_take_open(&(struct timed_frames){times_ns, COUNT_OF(times_ns), COUNT_OF(times_ns), true});
     struct written w;
     FILE *out = begin(&w);
     EXPECT_STATUS(export_joints_csv(t.take, EXPORT_SENSOR, out), OK);
@@ -549,9 +581,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_csv_has_every_joint),      cmocka_unit_test(test_bvh_matches_take),
-        cmocka_unit_test(test_bvh_keeps_time_over_gaps), cmocka_unit_test(test_bvh_needs_a_person),
-        cmocka_unit_test(test_room_axes_need_a_room),    cmocka_unit_test(test_times_before_zero),
-        cmocka_unit_test(test_images_come_back),
+        cmocka_unit_test(test_bvh_keeps_time_over_gaps), cmocka_unit_test(test_bvh_has_the_same_axes_all_along),
+        cmocka_unit_test(test_bvh_needs_a_person),       cmocka_unit_test(test_room_axes_need_a_room),
+        cmocka_unit_test(test_times_before_zero),        cmocka_unit_test(test_images_come_back),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
