@@ -156,7 +156,8 @@ int capture_take(int argc, char **argv)
         parse,
         "rename|delete|trim|copy|note FILE",
         "Changes the takes of a recording.\v"
-        "Each is done whole or not at all. What delete and trim remove is overwritten with zeros and the file made "
+        "Each is done whole or not at all, but for a copy into a file that was there: where that breaks off, the take "
+        "is marked as interrupted. What delete and trim remove is overwritten with zeros and the file made "
         "smaller, which takes as much room on the disk again while it runs.",
         0,
         0,

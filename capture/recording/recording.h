@@ -230,6 +230,7 @@ struct take_copy_report {
 };
 
 // Adds the take as `new_name` to `to`, which is made, with the place and its things, where it does not exist; it may be
-// the same file. Damaged frames, views and things are left out. *out is valid with OK.
+// the same file. Damaged frames, views and things are left out. *out is valid with OK. After a failure a file that was
+// made is removed; one that was there may hold the part of the take that was copied, as an interrupted one.
 MUST_CHECK enum status recording_copy_take(const char *path, const char *name, const char *to, const char *new_name,
                                            struct take_copy_report *out);

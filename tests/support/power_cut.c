@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { SECTOR = 512, FILES_MAX = 16 };
+enum { SECTOR = 512, FILES_MAX = 16, TEMPORARY = -1 };
 
 // One change of a file since its last sync. data NULL: a truncation to `offset`.
 struct change {
@@ -21,7 +21,7 @@ struct change {
 
 struct cut_file {
     sqlite3_file base;
-    int slot;
+    int slot;           // TEMPORARY: without a name, gone after a power cut
     sqlite3_file *real; // lies behind this struct
 };
 
@@ -104,6 +104,8 @@ static void count_operation(void)
 
 static void note(struct cut_file *f, const void *data, int count, sqlite3_int64 offset)
 {
+    if (f->slot == TEMPORARY)
+        return;
     struct change *c = calloc(1, sizeof *c);
     if (!c)
         abort();
@@ -219,6 +221,7 @@ static int cut_open(sqlite3_vfs *vfs, const char *path, sqlite3_file *file, int 
     struct cut_file *f = (struct cut_file *)file;
     (void)vfs;
     f->real = (sqlite3_file *)(f + 1);
+    f->slot = TEMPORARY;
     const int code = cut.real->xOpen(cut.real, path, f->real, flags, out_flags);
     f->base.pMethods = f->real->pMethods ? &cut.methods : NULL;
     if (code == SQLITE_OK && path) {
