@@ -148,19 +148,21 @@ static int connect_to(struct database *db, const char *name, enum database_acces
 // finished has overwritten.
 static const char LOG[] = "-wal", JOURNAL[] = "-journal";
 
-// PATH and the ending. The caller frees it; NULL: no memory.
-static char *name_beside(const char *path, const char *ending)
+char *database_beside(const char *path, const char *ending)
 {
-    char *name = malloc(strlen(path) + strlen(ending) + 1);
+    char *real = realpath(path, NULL);
+    const char *file = real ? real : path;
+    char *name = !real && errno == ENOMEM ? NULL : malloc(strlen(file) + strlen(ending) + 1);
     if (name)
-        sprintf(name, "%s%s", path, ending);
+        sprintf(name, "%s%s", file, ending);
+    free(real);
     return name;
 }
 
 // There is none, or nothing in it.
 static bool is_empty_beside(const char *path, const char *ending)
 {
-    char *name = name_beside(path, ending);
+    char *name = database_beside(path, ending);
     if (!name)
         return false;
     struct stat about;
@@ -171,10 +173,14 @@ static bool is_empty_beside(const char *path, const char *ending)
 
 static enum status fail_beside(const struct database *db, const char *ending)
 {
-    return fail(ERR_IO,
-                "%s was not closed in good order and its last part lies in %s%s, which can only be read where "
-                "the folder can be written: copy both into a folder of yours",
-                db->path, db->path, ending);
+    char *name = database_beside(db->path, ending);
+    const enum status status =
+        fail(ERR_IO,
+             "%s was not closed in good order and its last part lies in %s, which can only be read where "
+             "the folder can be written: copy both into a folder of yours",
+             db->path, name ? name : ending);
+    free(name);
+    return status;
 }
 
 // SQLite creates PATH-shm beside a file in write-ahead mode, even to read it. In
@@ -327,13 +333,14 @@ enum status database_lock_writer(struct database *db)
     if (status != OK)
         return status;
     // SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's.
-    char *name = name_beside(db->path, LOG);
+    char *name = database_beside(db->path, LOG);
     if (!name)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
     db->writer_lock = open(name, O_RDONLY | O_CLOEXEC);
+    enum status opened = db->writer_lock < 0 ? fail(ERR_IO, "%s cannot be opened: %s", name, strerror(errno)) : OK;
     free(name);
-    if (db->writer_lock < 0)
-        return fail(ERR_IO, "%s-wal cannot be opened: %s", db->path, strerror(errno));
+    if (opened != OK)
+        return opened;
     if (flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
         return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
     return OK;
@@ -353,14 +360,14 @@ enum status database_close_wal(struct database *db)
 bool database_is_single_file(const char *path)
 {
     static const char *const endings[] = {LOG, "-shm", JOURNAL};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
+    bool alone = true;
+    for (size_t i = 0; i < COUNT_OF(endings) && alone; i++) {
+        char *name = database_beside(path, endings[i]);
         struct stat about;
-        snprintf(name, sizeof name, "%s%s", path, endings[i]);
-        if (!stat(name, &about))
-            return false;
+        alone = name && stat(name, &about);
+        free(name);
     }
-    return true;
+    return alone;
 }
 
 enum status database_checkpoint(struct database *db, int64_t *left)

@@ -55,6 +55,10 @@ MUST_CHECK enum status database_lock_writer(struct database *db);
 // readers have the file open, the log stays beside it until the next writer.
 MUST_CHECK enum status database_close_wal(struct database *db);
 
+// The name of the file that SQLite keeps beside the database: its own name, which links lead to, and an ending ("-wal").
+// malloc'ed; NULL: no memory.
+char *database_beside(const char *path, const char *ending);
+
 // There is no log and no journal beside the file.
 bool database_is_single_file(const char *path);
 

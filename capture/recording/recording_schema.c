@@ -475,7 +475,7 @@ void recording_discard(const char *path) { recording_remove_files(path); }
 
 void recording_remove_files(const char *path)
 {
-    static const char *const endings[] = {"", "-wal", "-shm"};
+    static const char *const endings[] = {"", "-wal", "-shm", "-journal"};
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
         char name[4200];
         if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)

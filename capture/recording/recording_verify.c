@@ -6,6 +6,7 @@
 #include "base/text.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
@@ -150,11 +151,11 @@ int64_t recording_bytes(const char *path)
     static const char *const endings[] = {"", "-wal"};
     int64_t bytes = 0;
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
+        char *name = database_beside(path, endings[i]);
         struct stat info;
-        snprintf(name, sizeof name, "%s%s", path, endings[i]);
-        if (!stat(name, &info))
+        if (name && !stat(name, &info))
             bytes += info.st_size;
+        free(name);
     }
     return bytes;
 }

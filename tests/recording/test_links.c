@@ -1,0 +1,117 @@
+// A recording by a link from another folder: SQLite's log and journal lie beside the file that the link leads to, and
+// everything that is done with the file finds them there.
+#include "tests/support/recording_sample.h"
+
+#include "capture/recording/recording_reader.h"
+
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+static char real[128], by_link[128]; // names of one file
+
+static int set_up(void **state)
+{
+    char made[128];
+    if (sample_folder_make(state))
+        return -1;
+    snprintf(made, sizeof made, "%s/elsewhere", folder);
+    snprintf(real, sizeof real, "%s/elsewhere/film.reenact", folder);
+    snprintf(by_link, sizeof by_link, "%s/link.reenact", folder);
+    if (mkdir(made, 0755) || symlink("elsewhere/film.reenact", by_link))
+        return -1;
+    sample_recording_write(real);
+    return 0;
+}
+
+static enum status verify(const char *path, int takes)
+{
+    struct recording_report report;
+    const enum status status = recording_verify(path, &report);
+    EXPECT_INT(report.takes, takes);
+    return status;
+}
+
+static void test_takes_are_changed_and_added(void **state)
+{
+    (void)state;
+    const struct calibration calibration = sample_calibration();
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_rename_take(by_link, "höher", "other"), OK);
+    EXPECT_STATUS(recording_append(&w, by_link), OK);
+    EXPECT_STATUS(recording_begin_take(w, "third", &calibration), OK);
+    sample_frames_add(w, 0, 4);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_STATUS(verify(by_link, 3), OK);
+    EXPECT_TRUE(database_is_single_file(real) && database_is_single_file(by_link));
+}
+
+// Whatever the file is called by: one writer at a time.
+static void test_second_writer_is_refused(void **state)
+{
+    (void)state;
+    const char *const names[2] = {real, by_link};
+    for (int i = 0; i < 2; i++) {
+        struct recording_writer *first, *second;
+        EXPECT_STATUS(recording_append(&first, names[i]), OK);
+        EXPECT_STATUS(recording_append(&second, names[!i]), ERR_IO);
+        EXPECT_SAYS("being written by another program");
+        EXPECT_STATUS(recording_close(&first), OK);
+    }
+}
+
+// What was filmed last lies in the log: it is read by the link, too, and where that cannot be done the rest is not
+// taken for everything.
+static void test_last_part_of_a_killed_writer(void **state)
+{
+    (void)state;
+    fflush(NULL);
+    pid_t child = fork();
+    if (!child) {
+        const struct calibration calibration = sample_calibration();
+        struct recording_writer *w;
+        if (recording_append(&w, by_link) != OK || recording_begin_take(w, "last", &calibration) != OK)
+            _exit(1);
+        sample_frames_add(w, 0, 20); // more than a batch
+        _exit(0);
+    }
+    int how;
+    waitpid(child, &how, 0);
+    EXPECT_TRUE(WIFEXITED(how) && !WEXITSTATUS(how));
+    EXPECT_TRUE(!database_is_single_file(by_link));
+    struct stat about;
+    EXPECT_INT(stat(real, &about), 0);
+    EXPECT_AT_LEAST(recording_bytes(by_link), about.st_size + 1);
+    EXPECT_NEAR((double)recording_bytes(by_link), (double)recording_bytes(real), 0);
+
+    char log[160], shm[160], elsewhere[128];
+    snprintf(log, sizeof log, "%s-wal", real);
+    snprintf(shm, sizeof shm, "%s-shm", real);
+    snprintf(elsewhere, sizeof elsewhere, "%s/elsewhere", folder);
+    EXPECT_TRUE(!unlink(shm) && !chmod(real, 0444) && !chmod(log, 0444) && !chmod(elsewhere, 0555) &&
+                !chmod(folder, 0755));
+    fflush(NULL);
+    child = fork();
+    if (!child) {
+        struct recording *r;
+        if (!geteuid() && (setgid(65534) || setuid(65534)))
+            _exit(9);
+        const enum status status = recording_open(&r, by_link);
+        fprintf(stderr, "%s\n", status_message());
+        _exit(status == ERR_IO && strstr(status_message(), "elsewhere/film.reenact-wal") ? 0 : 1);
+    }
+    waitpid(child, &how, 0);
+    EXPECT_TRUE(!chmod(elsewhere, 0755) && !chmod(real, 0644) && !chmod(log, 0644));
+    EXPECT_TRUE(WIFEXITED(how) && !WEXITSTATUS(how));
+    EXPECT_STATUS(verify(by_link, 4), OK);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_takes_are_changed_and_added),
+        cmocka_unit_test(test_second_writer_is_refused),
+        cmocka_unit_test(test_last_part_of_a_killed_writer),
+    };
+    return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
+}
