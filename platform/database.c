@@ -82,6 +82,9 @@ static enum status check_path(const char *path, enum database_access access_want
         return fail(ERR_IO, "%s: no permission to read it", path);
     if (access_wanted == DATABASE_WRITE && access(path, W_OK))
         return fail(ERR_IO, "%s: no permission to write to it", path);
+    // SQLite names its log after the file: by the other name half of what is written would be read, and overwritten.
+    if (access_wanted == DATABASE_WRITE && about.st_nlink > 1)
+        return fail(ERR_IO, "%s has another name (a hard link), so it can only be read; write to a copy of it", path);
     return OK;
 }
 

@@ -60,6 +60,26 @@ static void test_second_writer_is_refused(void **state)
     }
 }
 
+// A hard link has no log of its own: what is written by one name would be half seen, and overwritten, by the other.
+static void test_hard_links_are_only_read(void **state)
+{
+    (void)state;
+    char other[128];
+    struct recording_writer *w;
+    snprintf(other, sizeof other, "%s/other.reenact", folder);
+    EXPECT_INT(link(real, other), 0);
+    const char *const names[] = {real, other, by_link};
+    for (size_t i = 0; i < COUNT_OF(names); i++) {
+        EXPECT_STATUS(recording_append(&w, names[i]), ERR_IO);
+        EXPECT_SAYS("another name");
+        EXPECT_STATUS(recording_rename_take(names[i], "other", "again"), ERR_IO);
+        EXPECT_STATUS(verify(names[i], 3), OK);
+    }
+    EXPECT_INT(unlink(other), 0);
+    EXPECT_STATUS(recording_append(&w, real), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+}
+
 // What was filmed last lies in the log: it is read by the link, too, and where that cannot be done the rest is not
 // taken for everything.
 static void test_last_part_of_a_killed_writer(void **state)
@@ -111,6 +131,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_takes_are_changed_and_added),
         cmocka_unit_test(test_second_writer_is_refused),
+        cmocka_unit_test(test_hard_links_are_only_read),
         cmocka_unit_test(test_last_part_of_a_killed_writer),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
