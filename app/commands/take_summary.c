@@ -1,5 +1,6 @@
 #include "app/commands/take_summary.h"
 
+#include "base/image_shrink.h"
 #include "platform/jpeg.h"
 
 #include <math.h>
@@ -96,22 +97,6 @@ const char *take_quality(const struct take_summary *s, bool has_place, char out[
     return out;
 }
 
-// Each pixel the mean of those it covers.
-static void shrink(const uint8_t *rgb, int width, int height, uint8_t *out, int w, int h)
-{
-    for (int y = 0; y < h; y++)
-        for (int x = 0; x < w; x++) {
-            const int x0 = x * width / w, x1 = (x + 1) * width / w, y0 = y * height / h, y1 = (y + 1) * height / h;
-            int sum[3] = {0}, count = 0;
-            for (int v = y0; v < y1 || v == y0; v++)
-                for (int u = x0; u < x1 || u == x0; u++, count++)
-                    for (int c = 0; c < 3; c++)
-                        sum[c] += rgb[3 * ((size_t)v * (size_t)width + (size_t)u) + (size_t)c];
-            for (int c = 0; c < 3; c++)
-                out[3 * (y * w + x) + c] = (uint8_t)(sum[c] / count);
-        }
-}
-
 enum status take_thumbnail(struct take *take, int height, uint8_t **jpeg, size_t *bytes)
 {
     const struct lens *lens = &take_calibration(take)->color;
@@ -135,7 +120,7 @@ enum status take_thumbnail(struct take *take, int height, uint8_t **jpeg, size_t
     uint8_t *small = malloc((size_t)w * (size_t)h * 3);
     if (!small)
         return fail(ERR_MEMORY, "no memory for a thumbnail");
-    shrink(images.color, lens->width, lens->height, small, w, h);
+    image_shrink(images.color, lens->width, lens->height, small, w, h);
     enum status status = jpeg_encode(small, w, h, 80, jpeg, bytes);
     free(small);
     return status;

@@ -1,5 +1,8 @@
 #include "app/ui/take_list.h"
 
+#include "base/image_shrink.h"
+
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +34,29 @@ static const char *trouble_with(const struct take *t)
     return take_calibration(t)->color.width ? NULL : "no colour";
 }
 
+// Uploads the image no larger than a card shows it: of many takes of a large camera they would fill a tablet's memory.
+static enum status upload_cover(struct take_list *l, struct gpu *gpu, int number, const uint8_t *rgb,
+                                const struct lens *lens)
+{
+    enum { MOST_PX = 640 }; // of its width
+    struct take_card *card = &l->cards[number];
+    struct gpu_texture_layout layout = {GPU_RGB8, lens->width, lens->height, GPU_LINEAR};
+    uint8_t *small = NULL;
+    if (lens->width > MOST_PX) {
+        layout.width = MOST_PX;
+        layout.height = (int)fmax(1, floor((double)lens->height * MOST_PX / lens->width));
+        small = malloc((size_t)layout.width * (size_t)layout.height * 3);
+        if (!small)
+            return fail(ERR_MEMORY, "out of memory");
+        image_shrink(rgb, lens->width, lens->height, small, layout.width, layout.height);
+    }
+    const enum status status = gpu_texture_open(&l->images[number], gpu, &layout, small ? small : rgb);
+    free(small);
+    card->image = l->images[number];
+    card->image_aspect = (double)lens->width / lens->height;
+    return status;
+}
+
 static enum status make_card(struct take_list *l, struct gpu *gpu, struct recording *recording, int number)
 {
     struct take_card *card = &l->cards[number];
@@ -47,13 +73,8 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
         card->length_ns = take_entry(take, frames - 1)->time_ns - take_entry(take, 0)->time_ns;
     const struct lens *lens = &take_calibration(take)->color;
     struct take_images images = {0};
-    if (read_cover(take, &images)) {
-        status = gpu_texture_open(&l->images[number], gpu,
-                                  &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR},
-                                  images.color);
-        card->image = l->images[number];
-        card->image_aspect = (double)lens->width / lens->height;
-    }
+    if (read_cover(take, &images))
+        status = upload_cover(l, gpu, number, images.color, lens);
     take_close(&take);
     return status;
 }

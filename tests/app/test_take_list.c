@@ -87,6 +87,40 @@ static void test_damaged_image_is_passed_over(void **state)
     recording_free(&r);
 }
 
+// Of a large camera: a card's image takes no more of the GPU's memory than it shows.
+static void test_large_images_are_shrunk(void **state)
+{
+    (void)state;
+    enum { W = 1920, H = 1080, SHOWN = 640 };
+    static uint8_t rgb[W * H * 3];
+    static struct sample_frame m;
+    struct calibration calibration = sample_calibration();
+    calibration.color = (struct lens){.width = W, .height = H, .fx = 1000, .fy = 1000, .cx = 959.5, .cy = 539.5};
+    const char *path = sample_path("large");
+    struct recording_writer *w;
+    struct recording *r;
+    struct take_list list;
+    sample_frame_make(&m, 7);
+    free(m.jpeg);
+    EXPECT_STATUS(jpeg_encode(rgb, W, H, 80, &m.jpeg, &m.frame.jpeg_bytes), OK);
+    m.frame.jpeg = m.jpeg;
+    m.frame.has_skeleton = true;
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "large", &calibration), OK);
+    EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
+    EXPECT_STATUS(recording_put_body(w, &(struct body){.representative_frame = 0}), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    free(m.jpeg);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    const size_t before = gpu_get_counts(gpu).bytes_held;
+    load(&list, r);
+    EXPECT_TRUE(list.cards[0].image);
+    EXPECT_NEAR(list.cards[0].image_aspect, 16 / 9.0, 1e-9);
+    EXPECT_NEAR(gpu_get_counts(gpu).bytes_held - before, SHOWN * (SHOWN * 9 / 16) * 4, 0);
+    take_list_close(&list);
+    recording_free(&r);
+}
+
 static int set_up(void **state) { return sample_folder_make(state) || gpu_open(&gpu) != OK; }
 
 static int tear_down(void **state)
@@ -100,6 +134,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_take_without_color),
         cmocka_unit_test(test_damaged_image_is_passed_over),
+        cmocka_unit_test(test_large_images_are_shrunk),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
