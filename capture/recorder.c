@@ -306,7 +306,7 @@ static void wait_for_file(struct recorder *r, int64_t time_ns, int64_t frames_re
     while (!r->live && !queue_is_stopped(first)) {
         const struct recording_counters c = recording_writer_count(r->writer);
         const int64_t kept = c.synced_frames - r->synced_before;
-        if (frames_read - kept < (kept > 0 ? 2 : SENSOR_POSE_WARM_UP + 2) ||
+        if (c.failed || frames_read - kept < (kept > 0 ? 2 : SENSOR_POSE_WARM_UP + 2) ||
             (kept > 0 && time_ns - c.synced_ns < FILM_AT_RISK_NS))
             return;
         clock_sleep_until_ns(clock_now_ns() + 1000000);

@@ -290,6 +290,8 @@ enum status database_rename(struct database **db, const char *to)
     if (file >= 0)
         close(file);
     if (status == OK)
+        status = database_check_name(to);
+    if (status == OK)
         status = file_name_new(closing->path, to);
     if (status != OK)
         unlink(closing->path);
@@ -358,6 +360,26 @@ enum status database_close_wal(struct database *db)
     sqlite3_busy_timeout(db->handle, 0);
     int code = sqlite3_exec(db->handle, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : fail_sqlite(db, code);
+}
+
+enum status database_check_name(const char *path)
+{
+    static const char *const endings[] = {LOG, JOURNAL};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char *name = database_beside(path, endings[i]);
+        const bool left = name && !is_empty_beside(path, endings[i]);
+        const enum status status =
+            !name  ? fail(ERR_MEMORY, "no memory to make %s", path)
+            : left ? fail(ERR_EXISTS,
+                          "%s holds the last part of another file that was called so: put it back beside that file, or "
+                          "remove it, or choose another name",
+                          name)
+                   : OK;
+        free(name);
+        if (status != OK)
+            return status;
+    }
+    return OK;
 }
 
 bool database_is_single_file(const char *path)

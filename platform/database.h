@@ -25,7 +25,7 @@ enum database_access {
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
 
 // Closes a database of one file (no log) and gives it another name, synced, so that it appears whole or not at all.
-// ERR_EXISTS, ERR_IO: the file is removed. Sets *db = NULL in any case.
+// ERR_EXISTS (as database_check_name, too), ERR_IO: the file is removed. Sets *db = NULL in any case.
 MUST_CHECK enum status database_rename(struct database **db, const char *to);
 
 // Every statement must be closed before. NULL is fine; sets *db = NULL.
@@ -61,6 +61,10 @@ char *database_beside(const char *path, const char *ending);
 
 // There is no log and no journal beside the file.
 bool database_is_single_file(const char *path);
+
+// Before a file of that name is made: ERR_EXISTS, a log or a journal of another one that was called so is left, which
+// SQLite would take for the new file's. ERR_MEMORY.
+MUST_CHECK enum status database_check_name(const char *path);
 
 // Moves the write-ahead log's contents into the file and syncs both. *left: pages
 // that had to stay in the log (because of readers or a concurrent writer).

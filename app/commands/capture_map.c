@@ -366,7 +366,7 @@ int capture_map(int argc, char **argv)
         NULL,
         NULL};
     command_parse(&argp, argc, argv, &a);
-    if (a.out && file_check_output(a.out, false) != OK)
+    if (a.out && recording_check_new(a.out) != OK)
         return command_failed(argv[0]);
     struct thing_list things = {0};
     if (a.objects && thing_list_read(a.objects, &things) != OK) // said before the sweep, not after it

@@ -155,7 +155,7 @@ static enum status record(const struct record_arguments *given, struct place *pl
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
     static struct record_work work; // a coach is too large for the stack
-    enum status status = given->into ? place_input_read(given->into, place) : file_check_output(given->out, false);
+    enum status status = given->into ? place_input_read(given->into, place) : recording_check_new(given->out);
     if (status == ERR_CORRUPT) { // a take can be filmed without it
         fprintf(stderr, "reenact-capture record: warning: %s\n", status_message());
         status = OK;

@@ -75,7 +75,7 @@ int capture_repair(int argc, char **argv)
     enum status status = a.out ? OK : choose_name(a.file, name);
     const char *out = a.out ? a.out : name;
     if (status == OK && a.out)
-        status = file_check_output(out, false);
+        status = recording_check_new(out);
     if (status == OK)
         status = recording_repair(a.file, out, &report);
     struct failure repaired;

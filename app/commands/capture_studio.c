@@ -90,7 +90,7 @@ static enum status check_file(const char *path)
 {
     struct recording *recording;
     if (!file_exists(path))
-        return file_check_output(path, false);
+        return recording_check_new(path);
     enum status status = recording_open(&recording, path);
     if (status == OK && access(path, W_OK))
         status = fail(ERR_IO, "%s: no permission to write to it", path);

@@ -100,7 +100,7 @@ static enum status copy_take(const struct take_arguments *a)
 {
     struct take_copy_report report;
     const char *to = a->into ? a->into : a->file, *name = a->name ? a->name : a->take;
-    enum status status = file_exists(to) ? OK : file_check_output(to, false);
+    enum status status = file_exists(to) ? OK : recording_check_new(to);
     if (status == OK)
         status = recording_copy_take(a->file, a->take, to, name, &report);
     if (status == OK) {

@@ -348,6 +348,7 @@ void async_writer_count(struct async_writer *s, struct recording_counters *out)
 {
     pthread_mutex_lock(&s->lock);
     *out = s->counters;
+    out->failed = s->first_error.status != OK;
     pthread_mutex_unlock(&s->lock);
 }
 

@@ -20,6 +20,9 @@ struct take;
 // Makes `path`, which must not exist. ERR_EXISTS, ERR_IO, ERR_MEMORY. On failure no file remains and *out is NULL.
 MUST_CHECK enum status recording_create(struct recording_writer **out, const char *path);
 
+// Whether it could be, before long work. ERR_EXISTS, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status recording_check_new(const char *path);
+
 // Opens an existing recording to add to it. ERR_MISSING, ERR_IO, ERR_FORMAT, ERR_CORRUPT, ERR_MEMORY. On failure *out
 // is NULL.
 MUST_CHECK enum status recording_append(struct recording_writer **out, const char *path);
@@ -80,6 +83,7 @@ struct recording_counters {
     int64_t committed_frames, synced_frames; // in the file: a kill does not cost them; nor a power cut
     int64_t committed_ns, synced_ns;         // times of the last of them; INT64_MIN: none
     int64_t written_bytes;                   // of all frames committed so far
+    bool failed;                             // nothing more is written; the next frame that is added says why
 };
 struct recording_counters recording_writer_count(const struct recording_writer *w);
 

@@ -55,7 +55,9 @@ static enum status make_empty(const char *path)
     struct database *db = NULL;
     if (file_exists(path))
         return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", path);
-    enum status status = file_begin(path, part);
+    enum status status = database_check_name(path);
+    if (status == OK)
+        status = file_begin(path, part);
     if (status != OK)
         return status;
     status = database_open(&db, part, DATABASE_WRITE);
@@ -68,6 +70,12 @@ static enum status make_empty(const char *path)
     database_close(&db);
     recording_remove_files(part);
     return status;
+}
+
+enum status recording_check_new(const char *path)
+{
+    const enum status status = file_check_output(path, false);
+    return status == OK ? database_check_name(path) : status;
 }
 
 enum status recording_create(struct recording_writer **out, const char *path)

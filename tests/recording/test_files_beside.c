@@ -1,8 +1,10 @@
-// A recording by a link from another folder: SQLite's log and journal lie beside the file that the link leads to, and
-// everything that is done with the file finds them there.
+// The files that SQLite keeps beside a recording, its log and its journal, and the recording's names: by a link from
+// another folder they are found, of two names none is written to, and those of another recording are not taken for a
+// new one's.
 #include "tests/support/recording_sample.h"
 
 #include "capture/recording/recording_reader.h"
+#include "platform/file.h"
 
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -80,24 +82,32 @@ static void test_hard_links_are_only_read(void **state)
     EXPECT_STATUS(recording_close(&w), OK);
 }
 
-// What was filmed last lies in the log: it is read by the link, too, and where that cannot be done the rest is not
-// taken for everything.
-static void test_last_part_of_a_killed_writer(void **state)
+// Adds a take, and ends like a program that is killed: its last part is in the log.
+static void add_and_die(const char *path, const char *take)
 {
-    (void)state;
     fflush(NULL);
-    pid_t child = fork();
+    const pid_t child = fork();
     if (!child) {
         const struct calibration calibration = sample_calibration();
         struct recording_writer *w;
-        if (recording_append(&w, by_link) != OK || recording_begin_take(w, "last", &calibration) != OK)
+        if (recording_append(&w, path) != OK || recording_begin_take(w, take, &calibration) != OK)
             _exit(1);
-        sample_frames_add(w, 0, 20); // more than a batch
+        sample_frames_add(w, 0, 20);
+        if (recording_put_place(w, &(struct place){.calibration = calibration}) != OK) // commits what there is
+            _exit(1);
         _exit(0);
     }
     int how;
     waitpid(child, &how, 0);
     EXPECT_TRUE(WIFEXITED(how) && !WEXITSTATUS(how));
+}
+
+// What was filmed last lies in the log: it is read by the link, too, and where that cannot be done the rest is not
+// taken for everything.
+static void test_last_part_of_a_killed_writer(void **state)
+{
+    (void)state;
+    add_and_die(by_link, "last");
     EXPECT_TRUE(!database_is_single_file(by_link));
     struct stat about;
     EXPECT_INT(stat(real, &about), 0);
@@ -111,7 +121,7 @@ static void test_last_part_of_a_killed_writer(void **state)
     EXPECT_TRUE(!unlink(shm) && !chmod(real, 0444) && !chmod(log, 0444) && !chmod(elsewhere, 0555) &&
                 !chmod(folder, 0755));
     fflush(NULL);
-    child = fork();
+    const pid_t child = fork();
     if (!child) {
         struct recording *r;
         if (!geteuid() && (setgid(65534) || setuid(65534)))
@@ -120,19 +130,46 @@ static void test_last_part_of_a_killed_writer(void **state)
         fprintf(stderr, "%s\n", status_message());
         _exit(status == ERR_IO && strstr(status_message(), "elsewhere/film.reenact-wal") ? 0 : 1);
     }
+    int how;
     waitpid(child, &how, 0);
     EXPECT_TRUE(!chmod(elsewhere, 0755) && !chmod(real, 0644) && !chmod(log, 0644));
     EXPECT_TRUE(WIFEXITED(how) && !WEXITSTATUS(how));
     EXPECT_STATUS(verify(by_link, 4), OK);
 }
 
+// Who removes the file of a killed writer and leaves its log does not film the next one into the wreck of both.
+static void test_log_of_another_recording(void **state)
+{
+    (void)state;
+    char path[128], log[160], kept[128];
+    struct recording_writer *w;
+    struct recording_report report;
+    snprintf(path, sizeof path, "%s/again.reenact", folder);
+    snprintf(log, sizeof log, "%s-wal", path);
+    snprintf(kept, sizeof kept, "%s/kept", folder);
+    sample_recording_write(path);
+    add_and_die(path, "last");
+    EXPECT_INT(rename(path, kept), 0);
+    EXPECT_TRUE(file_exists(log));
+    EXPECT_STATUS(recording_check_new(path), ERR_EXISTS);
+    EXPECT_SAYS("again.reenact-wal holds the last part of another file");
+    EXPECT_STATUS(recording_create(&w, path), ERR_EXISTS);
+    EXPECT_TRUE(!file_exists(path) && file_exists(log));
+    EXPECT_INT(rename(kept, path), 0); // nothing was lost
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, 3);
+    EXPECT_INT(unlink(path), 0);
+    EXPECT_INT(unlink(log), 0);
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_takes_are_changed_and_added),
-        cmocka_unit_test(test_second_writer_is_refused),
-        cmocka_unit_test(test_hard_links_are_only_read),
-        cmocka_unit_test(test_last_part_of_a_killed_writer),
+        cmocka_unit_test(test_takes_are_changed_and_added), cmocka_unit_test(test_second_writer_is_refused),
+        cmocka_unit_test(test_hard_links_are_only_read),    cmocka_unit_test(test_last_part_of_a_killed_writer),
+        cmocka_unit_test(test_log_of_another_recording),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
 }
