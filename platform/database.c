@@ -186,6 +186,41 @@ static enum status fail_beside(const struct database *db, const char *ending)
     return status;
 }
 
+// Whether the log beside the file is another one's, as where a copy was put in place of a file whose writer was killed:
+// SQLite would take what is in it for the file's. A file is in write-ahead mode (version 2 in its header) before there
+// is anything in its log, and until the log is gone.
+static bool log_is_foreign(const char *path)
+{
+    enum { VERSION_AT = 18, BYTES = 20 };
+    static const char magic[] = "SQLite format 3";
+    uint8_t header[BYTES] = {0};
+    sqlite3 *handle = NULL;
+    sqlite3_file *file = NULL;
+    if (is_empty_beside(path, LOG))
+        return false;
+    // Through SQLite, which keeps the locks of other connections when this one is closed. It reads no log yet.
+    const bool read = sqlite3_open_v2(path, &handle, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL) == SQLITE_OK &&
+                      sqlite3_file_control(handle, "main", SQLITE_FCNTL_FILE_POINTER, &file) == SQLITE_OK && file &&
+                      file->pMethods && file->pMethods->xRead(file, header, BYTES, 0) == SQLITE_OK;
+    sqlite3_close(handle);
+    return read && !memcmp(header, magic, sizeof magic) && header[VERSION_AT] == 1;
+}
+
+static enum status check_log(const char *path)
+{
+    // Asked twice: between the two questions another program may have changed the mode.
+    if (!log_is_foreign(path) || (usleep(20000), !log_is_foreign(path)))
+        return OK;
+    char *name = database_beside(path, LOG);
+    const enum status status =
+        fail(ERR_IO,
+             "%s holds the last part of another file that was called so, not of %s, which would be damaged by it: put "
+             "it beside that file, or remove it",
+             name ? name : LOG, path);
+    free(name);
+    return status;
+}
+
 // SQLite creates PATH-shm beside a file in write-ahead mode, even to read it. In
 // a folder where that is refused the file can still be read if its log is empty.
 static enum status open_without_log(struct database *db, enum database_access access_wanted)
@@ -232,6 +267,8 @@ enum status database_open(struct database **out, const char *path, enum database
 {
     *out = NULL;
     enum status status = access_wanted == DATABASE_CREATE ? make_file(path) : check_path(path, access_wanted);
+    if (status == OK && access_wanted != DATABASE_CREATE)
+        status = check_log(path);
     if (status != OK)
         return status;
     struct database *db = calloc(1, sizeof *db);

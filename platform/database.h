@@ -20,8 +20,8 @@ enum database_access {
 // What a program that was killed while it changed the file had overwritten is put back first, to read it, too.
 // ERR_MISSING: no such file. ERR_FORMAT: a folder, not a database. ERR_CORRUPT:
 // cut or damaged. ERR_IO: no permission; writing, and the file has another name (a hard link); or PATH-wal or
-// PATH-journal holds a part of it and the folder is not writable, which reading them needs. ERR_MEMORY. On error *out
-// is NULL, and DATABASE_CREATE leaves no file.
+// PATH-journal holds a part of it and the folder is not writable, which reading them needs; or PATH-wal is another
+// file's. ERR_MEMORY. On error *out is NULL, and DATABASE_CREATE leaves no file.
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
 
 // Closes a database of one file (no log) and gives it another name, synced, so that it appears whole or not at all.

@@ -164,12 +164,45 @@ static void test_log_of_another_recording(void **state)
     EXPECT_STATUS(recording_close(&w), OK);
 }
 
+// Nor is it taken for that of a copy which is put in the file's place.
+static void test_copy_beside_the_log_of_another(void **state)
+{
+    (void)state;
+    char path[128], log[160], away[160], copy[128];
+    uint8_t *bytes;
+    size_t count;
+    struct recording *r;
+    struct recording_writer *w;
+    struct recording_report report;
+    snprintf(path, sizeof path, "%s/restored.reenact", folder);
+    snprintf(log, sizeof log, "%s-wal", path);
+    snprintf(away, sizeof away, "%s/away", folder);
+    snprintf(copy, sizeof copy, "%s/copy.reenact", folder);
+    sample_recording_write(path);
+    EXPECT_STATUS(file_read(path, &bytes, &count), OK); // as it was before it was filmed into again
+    add_and_die(path, "last");
+    EXPECT_STATUS(recording_open(&r, path), OK); // its own log
+    EXPECT_INT(recording_take_count(r), 3);
+    recording_free(&r);
+    EXPECT_INT(unlink(path), 0);
+    EXPECT_STATUS(file_write_unsynced(path, bytes, count), OK);
+    EXPECT_STATUS(recording_open(&r, path), ERR_IO);
+    EXPECT_SAYS("restored.reenact-wal holds the last part of another file");
+    EXPECT_STATUS(recording_append(&w, path), ERR_IO);
+    EXPECT_STATUS(recording_verify(path, &report), ERR_IO);
+    EXPECT_STATUS(recording_repair(path, copy, &report), ERR_IO);
+    EXPECT_INT(rename(log, away), 0);
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, 2);
+    free(bytes);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_takes_are_changed_and_added), cmocka_unit_test(test_second_writer_is_refused),
         cmocka_unit_test(test_hard_links_are_only_read),    cmocka_unit_test(test_last_part_of_a_killed_writer),
-        cmocka_unit_test(test_log_of_another_recording),
+        cmocka_unit_test(test_log_of_another_recording),    cmocka_unit_test(test_copy_beside_the_log_of_another),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
 }
