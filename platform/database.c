@@ -1,5 +1,6 @@
 #include "platform/database.h"
 
+#include "platform/database_log.h"
 #include "platform/file.h"
 
 #include <errno.h>
@@ -186,38 +187,22 @@ static enum status fail_beside(const struct database *db, const char *ending)
     return status;
 }
 
-// Whether the log beside the file is another one's, as where a copy was put in place of a file whose writer was killed:
-// SQLite would take what is in it for the file's. A file is in write-ahead mode (version 2 in its header) before there
-// is anything in its log, and until the log is gone.
-static bool log_is_foreign(const char *path)
-{
-    enum { VERSION_AT = 18, BYTES = 20 };
-    static const char magic[] = "SQLite format 3";
-    uint8_t header[BYTES] = {0};
-    sqlite3 *handle = NULL;
-    sqlite3_file *file = NULL;
-    if (is_empty_beside(path, LOG))
-        return false;
-    // Through SQLite, which keeps the locks of other connections when this one is closed. It reads no log yet.
-    const bool read = sqlite3_open_v2(path, &handle, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL) == SQLITE_OK &&
-                      sqlite3_file_control(handle, "main", SQLITE_FCNTL_FILE_POINTER, &file) == SQLITE_OK && file &&
-                      file->pMethods && file->pMethods->xRead(file, header, BYTES, 0) == SQLITE_OK;
-    sqlite3_close(handle);
-    return read && !memcmp(header, magic, sizeof magic) && header[VERSION_AT] == 1;
-}
-
 static enum status check_log(const char *path)
 {
-    // Asked twice: between the two questions another program may have changed the mode.
-    if (!log_is_foreign(path) || (usleep(20000), !log_is_foreign(path)))
+    if (is_empty_beside(path, LOG))
         return OK;
-    char *name = database_beside(path, LOG);
+    char *log = database_beside(path, LOG);
+    if (!log)
+        return fail(ERR_MEMORY, "no memory to open %s", path);
+    // Asked twice: between its two questions another program may have closed the file and begun anew.
+    const bool foreign = database_log_is_foreign(path, log) && (usleep(20000), database_log_is_foreign(path, log));
     const enum status status =
-        fail(ERR_IO,
-             "%s holds the last part of another file that was called so, not of %s, which would be damaged by it: put "
-             "it beside that file, or remove it",
-             name ? name : LOG, path);
-    free(name);
+        foreign ? fail(ERR_IO,
+                       "%s holds the last part of another file that was called so, not of %s, which would be damaged "
+                       "by it: put it beside that file, or remove it",
+                       log, path)
+                : OK;
+    free(log);
     return status;
 }
 

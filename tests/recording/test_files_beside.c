@@ -197,12 +197,40 @@ static void test_copy_beside_the_log_of_another(void **state)
     free(bytes);
 }
 
+// Of a file that was closed, whose log the power left there: all of it is in the file, and the file is read.
+static void test_log_whose_removal_was_lost(void **state)
+{
+    (void)state;
+    char path[128], log[160];
+    uint8_t *bytes;
+    size_t count;
+    struct recording_writer *w;
+    struct recording_report report;
+    snprintf(path, sizeof path, "%s/closed.reenact", folder);
+    snprintf(log, sizeof log, "%s-wal", path);
+    sample_recording_write(path);
+    add_and_die(path, "last");
+    EXPECT_STATUS(file_read(log, &bytes, &count), OK);
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_TRUE(database_is_single_file(path));
+    EXPECT_STATUS(file_write_unsynced(log, bytes, count), OK);
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, 3);
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, 3);
+    free(bytes);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_takes_are_changed_and_added), cmocka_unit_test(test_second_writer_is_refused),
         cmocka_unit_test(test_hard_links_are_only_read),    cmocka_unit_test(test_last_part_of_a_killed_writer),
         cmocka_unit_test(test_log_of_another_recording),    cmocka_unit_test(test_copy_beside_the_log_of_another),
+        cmocka_unit_test(test_log_whose_removal_was_lost),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
 }
