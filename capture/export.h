@@ -25,7 +25,7 @@ MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_ax
 // out; else in the camera's. Through a gap in the take, or without a person, the pose before it stays. Joints that keep
 // their place in their parent's axes over the take (elbows, hands, knees, feet) have three channels, rotations; others
 // six: a position that replaces the OFFSET, as Blender reads it, so that every known joint is where the CSV has it.
-// ERR_INPUT: nobody was tracked.
+// ERR_INPUT: no person was tracked.
 MUST_CHECK enum status export_bvh(const struct take *take, FILE *out);
 
 // A frame's depth samples as coloured points, in the world's axes where the sensor was located, else in the camera's.

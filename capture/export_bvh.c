@@ -84,16 +84,6 @@ static void world_rotations(const struct skeleton *s, struct quat before_root, s
     }
 }
 
-// Where the sensor was located in some frames, the others are in no world and left out: the axes of a file are the same
-// all along.
-static bool located_anywhere(const struct take *take)
-{
-    bool located = false;
-    for (int64_t i = 0; i < take_frame_count(take) && !located; i++)
-        located = take_entry(take, i)->has_skeleton && take_entry(take, i)->located;
-    return located;
-}
-
 // One exported frame.
 struct motion_frame {
     int64_t time_ns;
@@ -117,7 +107,7 @@ static enum status motion_open(struct motion *m, const struct take *take)
 {
     int64_t frames = take_frame_count(take);
     struct quat root = {0, 0, 0, 1};
-    const bool in_world = located_anywhere(take);
+    const bool in_world = take_is_located(take); // the same axes all along the file
     *m = (struct motion){.frames = calloc((size_t)(frames ? frames : 1), sizeof *m->frames)};
     if (!m->frames)
         return fail(ERR_MEMORY, "no memory to export the motion");
@@ -142,9 +132,9 @@ static enum status motion_open(struct motion *m, const struct take *take)
     return m->count ? OK : fail(ERR_INPUT, "the take has no skeleton: no person was tracked in it");
 }
 
-// BVH has one step of time for all frames. So a frame before a gap, in which nobody was tracked or frames were dropped,
-// is shown for as many frames as the gap is long, and the step is the mean one then. A clock that jumps by more than a
-// minute has no gap there.
+// BVH has one step of time for all frames. So a frame before a gap, in which no person was tracked or frames were
+// dropped, is shown for as many frames as the gap is long, and the step is the mean one then. A clock that jumps by
+// more than a minute has no gap there.
 static enum status find_times(struct motion *m)
 {
     const double most_s = 60;

@@ -86,9 +86,7 @@ static struct joint_sample sample_of(const struct take_entry *entry)
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
 {
     enum status status = OK;
-    bool located = false;
-    for (int64_t i = 0; i < take_frame_count(take); i++)
-        located = located || take_entry(take, i)->located;
+    const bool located = take_is_located(take);
     for (int64_t i = 0; i < take_frame_count(take) && status == OK; i++) {
         const struct take_entry *entry = take_entry(take, i);
         if (!entry->has_skeleton || (located && !entry->located))

@@ -194,7 +194,7 @@ static enum status check_log(const char *path)
     char *log = database_beside(path, LOG);
     if (!log)
         return fail(ERR_MEMORY, "no memory to open %s", path);
-    // Asked twice: between its two questions another program may have closed the file and begun anew.
+    // Checked twice: another program may close the file and open it again between the log and the header being read.
     const bool foreign = database_log_is_foreign(path, log) && (usleep(20000), database_log_is_foreign(path, log));
     const enum status status =
         foreign ? fail(ERR_IO,

@@ -73,7 +73,7 @@ static bool is_in_file(const struct log_file *l, sqlite3_file *file)
     const int64_t pages = bytes / l->page_bytes;
     uint8_t header[FRAME_HEADER_BYTES], *logged = malloc(l->page_bytes), *page = malloc(l->page_bytes);
     bool *seen = calloc((size_t)pages + 1, sizeof *seen), same = true;
-    const bool able = logged && page && seen; // without memory nothing is known, and nobody is accused
+    const bool able = logged && page && seen; // without memory it counts as the file's; opening the file will say so
     for (int64_t k = l->frames - 1; k >= 0 && same && able; k--) {
         same = read_frame(l, k, header, logged);
         const uint32_t number = same ? number_at(header) : 0;

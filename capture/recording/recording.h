@@ -153,6 +153,9 @@ int64_t take_frame_count(const struct take *t);
 // Asserts the range. Valid until the last handle on the take is closed.
 const struct take_entry *take_entry(const struct take *t, int64_t index);
 const struct body *take_body(const struct take *t);
+// The sensor's pose in the place was measured in a frame with a person: frames in which it was not are then in no
+// world.
+bool take_is_located(const struct take *t);
 bool take_is_complete(const struct take *t); // false: interrupted, still readable
 int64_t take_dropped(const struct take *t);
 int64_t take_lost(const struct take *t);        // frames that damage cost, before a repair too; they are left out

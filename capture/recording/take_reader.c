@@ -421,6 +421,14 @@ const struct take_entry *take_entry(const struct take *t, int64_t index)
 
 const struct body *take_body(const struct take *t) { return &t->index->body; }
 
+bool take_is_located(const struct take *t)
+{
+    bool located = false;
+    for (int64_t i = 0; i < t->index->count && !located; i++)
+        located = t->index->entries[i].has_skeleton && t->index->entries[i].located;
+    return located;
+}
+
 bool take_is_complete(const struct take *t) { return t->index->complete; }
 
 int64_t take_frames_decoded(const struct take *t) { return atomic_load(&t->index->decoded); }

@@ -15,14 +15,6 @@ struct skeleton_track {
 // Without a place: a world with z up for a camera held level.
 static const struct pose level_world_from_camera = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
 
-static bool located_anywhere(const struct take *take)
-{
-    for (int64_t i = 0; i < take_frame_count(take); i++)
-        if (take_entry(take, i)->has_skeleton && take_entry(take, i)->located)
-            return true;
-    return false;
-}
-
 // The i-th usable frame's time since the take's first frame.
 static int64_t time_at(const struct skeleton_track *m, int64_t i)
 {
@@ -64,7 +56,7 @@ enum status skeleton_track_open(struct skeleton_track **out, const struct take *
         return fail(ERR_MEMORY, "out of memory");
     m->take = take;
     m->skeletons = skeletons;
-    m->has_place = located_anywhere(take);
+    m->has_place = take_is_located(take);
     m->frames = malloc(sizeof *m->frames * (size_t)(frames + 1));
     enum status status = m->frames ? OK : fail(ERR_MEMORY, "out of memory");
     for (int64_t i = 0; i < frames && status == OK; i++) {

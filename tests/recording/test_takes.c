@@ -212,7 +212,7 @@ static void test_another_frame_is_representative(void **state)
     EXPECT_AT_LEAST(take_body(take)->representative_frame, 0);
     EXPECT_INT(take_body(take)->representative_frame, best_pose());
     close_take();
-    open_take(path, "second"); // nobody was in it
+    open_take(path, "second"); // no person was tracked in it
     EXPECT_INT(take_body(take)->representative_frame, -1);
     close_take();
 }
