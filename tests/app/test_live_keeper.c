@@ -8,24 +8,30 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stdatomic.h>
 
 static struct scratch scratch;
 static struct calibration calibration;
 static uint16_t depth[WIDTH * HEIGHT];
 
-// In the place of the C library's: what file systems answer that have no links, and those that are full.
-static int refuse_links, refuse_names;
+// In the place of the C library's: what file systems answer that have no links, and those where no attempt can be given
+// its name. The keeper's thread asks while the test's changes them.
+static atomic_bool without_links, without_attempts;
+
+static int refuse_name(const char *to, bool without)
+{
+    errno = without ? EPERM : EROFS;
+    return without || (without_attempts && strstr(to, "-attempt-")) ? -1 : 0;
+}
 
 int link(const char *from, const char *to)
 {
-    errno = refuse_links;
-    return refuse_links ? -1 : linkat(AT_FDCWD, from, AT_FDCWD, to, 0);
+    return refuse_name(to, without_links) ? -1 : linkat(AT_FDCWD, from, AT_FDCWD, to, 0);
 }
 
 int rename(const char *from, const char *to)
 {
-    errno = refuse_names;
-    return refuse_names && strstr(to, "-attempt-") ? -1 : renameat(AT_FDCWD, from, AT_FDCWD, to);
+    return refuse_name(to, false) ? -1 : renameat(AT_FDCWD, from, AT_FDCWD, to);
 }
 
 static struct live_keeper *open_keeper(void)
@@ -121,7 +127,7 @@ static void test_attempts_get_names_that_no_file_has(void **state)
 static void test_a_file_system_without_links(void **state)
 {
     (void)state;
-    refuse_links = EPERM;
+    without_links = true;
     keep_beside_other_files();
 }
 
@@ -130,10 +136,10 @@ static void test_what_could_not_be_kept_can_be_kept_later(void **state)
     (void)state;
     struct live_keeper *k = open_keeper();
     do_attempt(k, 1, 5);
-    refuse_links = refuse_names = EROFS;
+    without_attempts = true;
     struct live_keeper_state now = keep(k);
     EXPECT_TRUE(now.failed && strstr(now.sentence, "Not kept") && strstr(now.sentence, strerror(EROFS)));
-    refuse_links = refuse_names = 0;
+    without_attempts = false;
     now = keep(k);
     EXPECT_TRUE(!now.failed && strstr(now.sentence, "form-attempt-1.reenact"));
     live_keeper_close(&k);
@@ -186,7 +192,7 @@ static int make(void **state)
     (void)state;
     struct rng rng = {SAMPLE_SEED};
     print_message("seed %d\n", SAMPLE_SEED);
-    refuse_links = refuse_names = 0;
+    without_links = without_attempts = false;
     calibration = sample_calibration();
     sample_depth(&rng, depth);
     scratch = scratch_make();
@@ -196,7 +202,7 @@ static int make(void **state)
 static int tidy(void **state)
 {
     (void)state;
-    refuse_links = refuse_names = 0;
+    without_links = without_attempts = false;
     scratch_remove(&scratch);
     return 0;
 }
