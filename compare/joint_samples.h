@@ -39,7 +39,7 @@ void joint_samples_start_at_zero(struct joint_samples *s); // times count from t
 // unknown. ERR_INPUT: not such a file, or no usable row; the sentence names file and line. ERR_MISSING, ERR_IO,
 // ERR_MEMORY. On failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
-bool is_joints_csv(const char *path); // by its first line
+bool is_joints_csv(const char *path); // by its first line; and what is named .csv and is no recording
 
 // Reads a take's skeletons. `name` NULL: the file's only take. ERR_INPUT: it has several, or the take has no skeleton.
 // Else as recording_open and take_open. On failure *out is zeroed.

@@ -2,23 +2,28 @@
 #include "compare/joint_samples.h"
 
 #include "base/text.h"
-#include "platform/file.h"
+#include "platform/text_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 static const char header[] = "timestamp,joint,x_m,y_m,z_m,confidence";
 
 bool is_joints_csv(const char *path)
 {
-    char line[sizeof header] = "";
+    static const char mark[] = "\xef\xbb\xbf", recording[] = "SQLite format 3";
+    char begin[sizeof mark + sizeof header] = "";
     FILE *file = fopen(path, "r");
     if (!file)
         return false;
-    const size_t got = fread(line, 1, sizeof line - 1, file);
+    const size_t got = fread(begin, 1, sizeof begin - 1, file);
     fclose(file);
-    return got == sizeof header - 1 && !memcmp(line, header, sizeof header - 1);
+    const char *ending = strrchr(path, '.');
+    const char *text = begin + (got >= 3 && !memcmp(begin, mark, 3) ? 3 : 0);
+    return !strncmp(text, header, sizeof header - 1) ||
+           (ending && !strcasecmp(ending, ".csv") && strncmp(begin, recording, sizeof recording - 1));
 }
 
 enum { MOST_FIELDS = 8 };
@@ -49,8 +54,8 @@ static bool number(const char *text, double *out)
 
 struct csv {
     const char *path;
-    int64_t line;
-    int fields;
+    int line;
+    int fields; // 0 before the header
     struct joint_sample sample;
     bool begun;
     struct joint_samples *out;
@@ -74,14 +79,14 @@ static enum status take_row(struct csv *c, char *line)
     enum joint joint;
     double time, x[5] = {0, 0, 0, 0, 0};
     if (split(line, field) != c->fields)
-        return fail(ERR_INPUT, "%s, line %lld: a row has %d fields: %s%s", c->path, (long long)c->line, c->fields,
-                    header, c->fields > 6 ? ",sigma_m" : "");
+        return fail(ERR_INPUT, "%s, line %d: a row has %d fields: %s%s", c->path, c->line, c->fields, header,
+                    c->fields > 6 ? ",sigma_m" : "");
     bool good = number(field[0], &time);
     if (!good)
-        return fail(ERR_INPUT, "%s, line %lld: '%.40s' is no time in seconds", c->path, (long long)c->line, field[0]);
+        return fail(ERR_INPUT, "%s, line %d: '%.40s' is no time in seconds", c->path, c->line, field[0]);
     for (int i = 2; i < c->fields; i++)
         if (!number(field[i], &x[i - 2]))
-            return fail(ERR_INPUT, "%s, line %lld: '%.40s' is no number", c->path, (long long)c->line, field[i]);
+            return fail(ERR_INPUT, "%s, line %d: '%.40s' is no number", c->path, c->line, field[i]);
     // Far from every camera and clock: a damaged row. NaN fails all comparisons.
     if (!(fabs(time) < SECONDS_MOST) || !joint_from_name(field[1], &joint)) {
         c->out->dropped++;
@@ -105,42 +110,36 @@ static enum status take_row(struct csv *c, char *line)
     return status;
 }
 
-static enum status read_rows(struct csv *c, char *text)
+static enum status read_rows(struct csv *c, struct text_file *file)
 {
     enum status status = OK;
-    for (char *next = text; next && *next && status == OK;) {
-        char *line = next;
-        next = strchr(line, '\n');
-        if (next)
-            *next++ = 0;
-        line[strcspn(line, "\r")] = 0;
-        if (++c->line == 1) {
-            const char *rest = line + sizeof header - 1;
-            if (strncmp(line, header, sizeof header - 1) || (*rest && strcmp(rest, ",sigma_m")))
-                return fail(ERR_INPUT, "%s is neither a recording nor a joints-csv file, whose first line is %s",
-                            c->path, header);
-            c->fields = *rest ? 7 : 6;
-        } else if (*line) {
+    for (char *line; status == OK && (line = text_file_line(file));) {
+        c->line = file->line;
+        if (c->fields) {
             status = take_row(c, line);
+            continue;
         }
+        const char *rest = line + sizeof header - 1;
+        if (strncmp(line, header, sizeof header - 1) || (*rest && strcmp(rest, ",sigma_m")))
+            return fail(ERR_INPUT, "%s is neither a recording nor a joints-csv file, whose first line is %s", c->path,
+                        header);
+        c->fields = *rest ? 7 : 6;
     }
     return status == OK ? flush(c) : status;
 }
 
 enum status joint_samples_read_csv(const char *path, struct joint_samples *out)
 {
-    uint8_t *text = NULL;
-    size_t size = 0;
+    struct text_file file;
     *out = (struct joint_samples){0};
     struct csv c = {.path = path, .out = out};
-    enum status status = file_read(path, &text, &size);
-    if (status == OK && memchr(text, 0, size))
-        status = fail(ERR_INPUT, "%s is not a text file", path);
-    if (status == OK)
-        status = read_rows(&c, (char *)text);
+    enum status status = text_file_open(&file, path);
+    if (status == OK) {
+        status = read_rows(&c, &file);
+        text_file_close(&file);
+    }
     if (status == OK && !out->count)
         status = fail(ERR_INPUT, "%s holds no joint that is known at any time", path);
-    free(text);
     out->sigma_given = c.fields > 6;
     if (status == OK)
         joint_samples_start_at_zero(out);

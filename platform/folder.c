@@ -24,6 +24,7 @@
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "platform/source_internal.h"
+#include "platform/text_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,8 +39,8 @@ struct image_entry {
 };
 
 struct image_list {
-    const char *name; // "rgb.txt"
-    char *text;       // NULL: there is no such list
+    const char *name;      // "rgb.txt"
+    struct text_file file; // all 0: there is no such list
     struct image_entry *entries;
     int64_t count;
     int64_t skipped; // images whose time did not rise
@@ -93,16 +94,6 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     return true;
 }
 
-// Removes blanks from both ends of a line, in place.
-static char *trim(char *line)
-{
-    line += strspn(line, " \t");
-    size_t length = strlen(line);
-    while (length && strchr(" \t\r", line[length - 1]))
-        line[--length] = 0;
-    return line;
-}
-
 // Adds the image of one line to the list.
 static enum status add_line(struct image_list *list, const char *dir, const char *line, int number)
 {
@@ -133,35 +124,19 @@ static enum status add_line(struct image_list *list, const char *dir, const char
 static enum status read_list(struct image_list *list, const char *dir, const char *name)
 {
     char path[PATH_BYTES];
-    size_t bytes;
-    uint8_t *text;
     list->name = name;
     snprintf(path, sizeof path, "%s/%s", dir, name);
-    enum status status = file_read(path, &text, &bytes);
+    enum status status = text_file_open(&list->file, path);
     if (status != OK)
         return status;
-    list->text = (char *)text;
-    if (memchr(text, 0, bytes))
-        return fail(ERR_INPUT, "%s is not a text file", path);
-    size_t lines = 1;
-    for (size_t i = 0; i < bytes; i++)
-        lines += text[i] == '\n';
+    const size_t lines = text_file_lines_left(&list->file);
     list->entries = malloc(lines * sizeof *list->entries);
     if (!list->entries)
         return fail(ERR_MEMORY, "no memory for the %zu lines of %s", lines, path);
-    int number = 1;
-    for (char *line = list->text, *end; line; line = end, number++) {
-        if ((end = strchr(line, '\n')))
-            *end++ = 0;
-        line = trim(line);
-        if (!*line || *line == '#')
-            continue;
-        if ((status = add_line(list, dir, line, number)) != OK)
+    for (const char *line; (line = text_file_line(&list->file));)
+        if ((status = add_line(list, dir, line, list->file.line)) != OK)
             return status;
-    }
-    if (!list->count)
-        return fail(ERR_INPUT, "%s lists no picture", path);
-    return OK;
+    return list->count ? OK : fail(ERR_INPUT, "%s lists no picture", path);
 }
 
 // ------------------------------------------------------------- the pairs
@@ -402,9 +377,9 @@ static void folder_close(void *self)
     struct folder *f = self;
     if (!f)
         return;
-    free(f->color.text);
+    text_file_close(&f->color.file);
     free(f->color.entries);
-    free(f->depth.text);
+    text_file_close(&f->depth.file);
     free(f->depth.entries);
     free(f->color_of);
     free(f->to_mm);

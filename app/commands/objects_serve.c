@@ -1,10 +1,12 @@
 // reenact-capture objects serve: the folder of a knowledge base.
 #include "app/commands/objects_run.h"
 
+#include "base/text.h"
 #include "capture/objects/thing.h"
 #include "capture/objects/thing_knowledge.h"
 #include "platform/file.h"
 #include "platform/png.h"
+#include "platform/text_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,12 +43,23 @@ static enum status write_picture(const struct thing *t, const char *path, bool f
     return status;
 }
 
+// The description is what a text file beside the list says of the thing.
+static enum status describe(struct thing_knowledge *k, const char *path)
+{
+    struct text_file file;
+    enum status status = text_file_open(&file, path);
+    if (status != OK)
+        return status;
+    snprintf(k->description, sizeof k->description, "%s", file.next);
+    text_make_utf8(k->description); // where it is cut, too
+    text_file_close(&file);
+    return OK;
+}
+
 static enum status write_thing(const struct thing *t, const char *objects, const char *folder, bool force)
 {
     char path[1024], file[2048], picture[2100], note[2048];
     struct thing_knowledge k = {0};
-    uint8_t *text = NULL;
-    size_t count;
     if (!path_of(t, path, sizeof path))
         return fail(ERR_INPUT, "'%s': its url '%s' is no path below a folder", t->name, t->url);
     snprintf(file, sizeof file, "%s/%s", folder, path);
@@ -54,17 +67,15 @@ static enum status write_thing(const struct thing *t, const char *objects, const
     const char *slash = strrchr(objects, '/');
     snprintf(note, sizeof note, "%.*s%s.txt", slash ? (int)(slash - objects + 1) : 0, objects, t->name);
     snprintf(k.name, sizeof k.name, "%s", t->name);
-    if (file_exists(note) && file_read(note, &text, &count) == OK)
-        snprintf(k.description, sizeof k.description, "%s", (char *)text);
-    else
-        snprintf(k.description, sizeof k.description, "%.0f x %.0f mm", 1000 * t->width_m, 1000 * t->height_m);
-    free(text);
+    snprintf(k.description, sizeof k.description, "%.0f x %.0f mm", 1000 * t->width_m, 1000 * t->height_m);
+    enum status status = file_exists(note) ? describe(&k, note) : OK;
     const char *leaf = strrchr(path, '/');
     snprintf(k.image, sizeof k.image, "%.400s.png", leaf ? leaf + 1 : path);
     char parent[2048];
     snprintf(parent, sizeof parent, "%s", file);
     *strrchr(parent, '/') = 0;
-    enum status status = folder_make(parent);
+    if (status == OK)
+        status = folder_make(parent);
     char *json = status == OK ? thing_knowledge_print(&k) : NULL;
     if (status == OK)
         status = json ? write_new(file, json, strlen(json), force) : fail(ERR_MEMORY, "no memory to write %s", file);

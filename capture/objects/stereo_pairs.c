@@ -1,6 +1,6 @@
 #include "capture/objects/stereo_pairs.h"
 
-#include "platform/file.h"
+#include "platform/text_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,28 +29,19 @@ static enum status read_line(const char *path, int line, const char *text, struc
 
 enum status stereo_pairs_read(const char *path, struct stereo_pair **pairs, int *count)
 {
-    uint8_t *text;
-    size_t bytes;
-    enum status status = file_read(path, &text, &bytes);
+    struct text_file file;
+    enum status status = text_file_open(&file, path);
     if (status != OK)
         return status;
-    size_t lines = 1;
-    for (size_t i = 0; i < bytes; i++)
-        lines += text[i] == '\n';
-    struct stereo_pair *out = malloc(lines * sizeof *out);
+    struct stereo_pair *out = malloc(text_file_lines_left(&file) * sizeof *out);
     if (!out)
         status = fail(ERR_MEMORY, "%s: no memory", path);
-    int n = 0, line = 0;
-    char *rest = (char *)text;
-    for (char *at; status == OK && (at = strsep(&rest, "\n"));) {
-        line++;
-        at += strspn(at, " \t\r");
-        if (*at && *at != '#')
-            status = read_line(path, line, at, &out[n++]);
-    }
+    int n = 0;
+    for (const char *line; status == OK && (line = text_file_line(&file)); n++)
+        status = read_line(path, file.line, line, &out[n]);
     if (status == OK && !n)
         status = fail(ERR_INPUT, "%s lists no pairs", path);
-    free(text);
+    text_file_close(&file);
     if (status != OK) {
         free(out);
         return status;

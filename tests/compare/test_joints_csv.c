@@ -9,7 +9,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define HEADER "timestamp,joint,x_m,y_m,z_m,confidence\n"
+#define HEADER_LINE "timestamp,joint,x_m,y_m,z_m,confidence"
+#define HEADER      HEADER_LINE "\n"
 
 static struct scratch scratch;
 
@@ -51,6 +52,27 @@ static void test_numbers_that_are_none_are_left_out(void **state)
     EXPECT_NEAR(s.at[0].skeleton.confidence[JOINT_NECK], 1, 0);
     EXPECT_NEAR(s.at[0].skeleton.confidence[JOINT_HEAD], 0, 0);
     joint_samples_free(&s);
+}
+
+// As spreadsheets save them; what is named .csv is never taken for a recording.
+static void test_other_programs_files(void **state)
+{
+    (void)state;
+    struct movement m;
+    struct movement_source source;
+    const char *path = scratch_file(&scratch, "joints.csv");
+    struct joint_samples s;
+    EXPECT_STATUS(read("\xef\xbb\xbf" HEADER "1,head,0,0,3,1\r\n1.1,head,0,0,3,1\r\n", &s), OK);
+    EXPECT_INT(s.count, 2);
+    joint_samples_free(&s);
+    scratch_text(&scratch, "marked", "\xef\xbb\xbf" HEADER "1,head,0,0,3,1\n");
+    EXPECT_TRUE(is_joints_csv(scratch_file(&scratch, "marked")));
+    EXPECT_TRUE(is_joints_csv(path));
+    scratch_text(&scratch, "joints.csv", "timestamp;joint;x_m;y_m;z_m;confidence\n1;head;0;0;3;1\n");
+    EXPECT_STATUS(movement_read(path, NULL, &m, &source), ERR_INPUT);
+    EXPECT_SAYS(HEADER_LINE);
+    scratch_text(&scratch, "joints.csv", "SQLite format 3 and more");
+    EXPECT_TRUE(!is_joints_csv(path));
 }
 
 static void test_bad_files_are_refused_in_a_sentence(void **state)
@@ -135,6 +157,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_reads_rows),
         cmocka_unit_test(test_numbers_that_are_none_are_left_out),
+        cmocka_unit_test(test_other_programs_files),
         cmocka_unit_test(test_bad_files_are_refused_in_a_sentence),
         cmocka_unit_test(test_a_take_name_is_refused),
         cmocka_unit_test(test_a_file_with_nan_is_compared),

@@ -2,28 +2,12 @@
 
 #include "base/text.h"
 #include "platform/file.h"
+#include "platform/text_file.h"
 
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-// The next line that is neither empty nor a comment, ended by 0; NULL: none. *number: of that line, from 1.
-static char *next_line(char **text, int *number)
-{
-    while (**text) {
-        char *line = *text, *end = strchr(line, '\n');
-        *text = end ? end + 1 : line + strlen(line);
-        if (end)
-            *end = 0;
-        ++*number;
-        while (isspace((unsigned char)*line))
-            line++;
-        if (*line && *line != '#')
-            return line;
-    }
-    return NULL;
-}
 
 static bool parse_pose(const char *text, struct pose *out)
 {
@@ -76,27 +60,24 @@ static enum status parse_entry(const char *line, int index, struct timed_pose *o
 
 enum status pose_list_read(const char *path, struct timed_pose **out, int *count)
 {
-    uint8_t *bytes;
-    size_t size;
-    enum status status = file_read(path, &bytes, &size);
+    struct text_file file;
+    enum status status = text_file_open(&file, path);
     if (status != OK)
         return status;
-    struct timed_pose *list = malloc((size / 16 + 1) * sizeof *list); // a pose's line is longer than 16 bytes
+    struct timed_pose *list = malloc(text_file_lines_left(&file) * sizeof *list);
     if (!list)
         status = fail(ERR_MEMORY, "out of memory");
-    char *text = (char *)bytes, *line;
-    int n = 0, number = 0;
-    while (status == OK && (line = next_line(&text, &number))) {
-        if (strlen(line) < 16 || parse_entry(line, n, &list[n]) != OK)
+    int n = 0;
+    for (const char *line; status == OK && (line = text_file_line(&file)); n++) {
+        if (parse_entry(line, n, &list[n]) != OK)
             status = fail(ERR_INPUT, "%s line %d is no pose: time (or name and number) and tx ty tz qx qy qz qw", path,
-                          number);
+                          file.line);
         else if (n && list[n - 1].time_ns > list[n].time_ns)
-            status = fail(ERR_INPUT, "%s line %d: the times do not rise; sort the lines", path, number);
-        n++;
+            status = fail(ERR_INPUT, "%s line %d: the times do not rise; sort the lines", path, file.line);
     }
     if (status == OK && !n)
         status = fail(ERR_INPUT, "%s holds no pose", path);
-    free(bytes);
+    text_file_close(&file);
     if (status != OK) {
         free(list);
         return status;
@@ -106,32 +87,37 @@ enum status pose_list_read(const char *path, struct timed_pose **out, int *count
     return OK;
 }
 
+static enum status parse_file(const char *folder, const char *name, const struct text_file *list, const char *line,
+                              struct timed_file *out)
+{
+    char *rest, file[512];
+    if (!parse_time(line, &rest, &out->time_ns) || sscanf(rest, "%511s", file) != 1)
+        return fail(ERR_INPUT, "%s/%s line %d is no time and file", folder, name, list->line);
+    if ((size_t)snprintf(out->path, sizeof out->path, "%s/%s", folder, file) >= sizeof out->path)
+        return fail(ERR_INPUT, "%s/%s line %d: the path is too long", folder, name, list->line);
+    return file_check_listed(folder, name, list->line, file);
+}
+
 enum status file_list_read(const char *folder, const char *name, struct timed_file **out, int *count)
 {
     char path[2048];
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    uint8_t *bytes;
-    size_t size;
-    enum status status = file_read(path, &bytes, &size);
+    struct text_file file;
+    enum status status = text_file_open(&file, path);
     if (status != OK)
         return status;
-    struct timed_file *list = malloc((size / 3 + 1) * sizeof *list);
+    struct timed_file *list = malloc(text_file_lines_left(&file) * sizeof *list);
     if (!list)
         status = fail(ERR_MEMORY, "out of memory");
-    char *text = (char *)bytes, *line, *rest, file[512];
-    int n = 0, number = 0;
-    while (status == OK && (line = next_line(&text, &number))) {
-        if (strlen(line) < 3 || !parse_time(line, &rest, &list[n].time_ns) || sscanf(rest, "%511s", file) != 1)
-            status = fail(ERR_INPUT, "%s line %d is no time and file", path, number);
-        else if (n && list[n - 1].time_ns >= list[n].time_ns)
-            status = fail(ERR_INPUT, "%s line %d: the times do not rise; sort the lines", path, number);
-        else if ((status = file_check_listed(folder, name, number, file)) == OK)
-            snprintf(list[n].path, sizeof list[n].path, "%.500s/%s", folder, file);
-        n++;
+    int n = 0;
+    for (const char *line; status == OK && (line = text_file_line(&file)); n++) {
+        status = parse_file(folder, name, &file, line, &list[n]);
+        if (status == OK && n && list[n - 1].time_ns >= list[n].time_ns)
+            status = fail(ERR_INPUT, "%s line %d: the times do not rise; sort the lines", path, file.line);
     }
     if (status == OK && !n)
         status = fail(ERR_INPUT, "%s names no file", path);
-    free(bytes);
+    text_file_close(&file);
     if (status != OK) {
         free(list);
         return status;
