@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -350,6 +351,25 @@ enum status database_has_column(struct database *db, const char *table, const ch
 
 bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
 
+// SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's. NOTHING: there is
+// no log.
+static enum status lock_log(struct database *db)
+{
+    char *name = database_beside(db->path, LOG);
+    if (!name)
+        return fail(ERR_MEMORY, "no memory to open %s", db->path);
+    enum status opened = OK;
+    db->writer_lock = open(name, O_RDONLY | O_CLOEXEC);
+    if (db->writer_lock < 0)
+        opened = errno == ENOENT ? NOTHING : fail(ERR_IO, "%s cannot be opened: %s", name, strerror(errno));
+    free(name);
+    if (opened != OK)
+        return opened;
+    if (flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
+        return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
+    return OK;
+}
+
 enum status database_lock_writer(struct database *db)
 {
     // NORMAL: a commit does not wait for the disk, a checkpoint does. 64 MiB of
@@ -357,20 +377,29 @@ enum status database_lock_writer(struct database *db)
     enum status status =
         database_run(db, "PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0;"
                          "PRAGMA cache_size = -65536; BEGIN IMMEDIATE; COMMIT");
+    if (status == OK)
+        status = lock_log(db);
+    return status == NOTHING ? fail(ERR_IO, "%s: its log cannot be made", db->path) : status;
+}
+
+enum status database_check_change(struct database *db)
+{
+    int64_t version = 0;
+    char same[48];
+    enum status status = lock_log(db);
+    if (status >= OK)
+        status = database_number(db, "PRAGMA user_version", &version);
+    if (status == OK)
+        status = database_run(db, "BEGIN IMMEDIATE");
     if (status != OK)
         return status;
-    // SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's.
-    char *name = database_beside(db->path, LOG);
-    if (!name)
-        return fail(ERR_MEMORY, "no memory to open %s", db->path);
-    db->writer_lock = open(name, O_RDONLY | O_CLOEXEC);
-    enum status opened = db->writer_lock < 0 ? fail(ERR_IO, "%s cannot be opened: %s", name, strerror(errno)) : OK;
-    free(name);
-    if (opened != OK)
-        return opened;
-    if (flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
-        return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
-    return OK;
+    // A first change is what makes the files that SQLite needs beside this one.
+    snprintf(same, sizeof same, "PRAGMA user_version = %" PRId64, version);
+    status = database_run(db, same);
+    struct failure first;
+    failure_keep(&first, status);
+    const enum status back = database_run(db, "ROLLBACK");
+    return status == OK ? back : failure_restore(&first);
 }
 
 enum status database_close_wal(struct database *db)

@@ -51,6 +51,10 @@ bool database_in_transaction(const struct database *db);
 // writer.
 MUST_CHECK enum status database_lock_writer(struct database *db);
 
+// Whether the file could be changed now, before long work: nothing is written that stays. ERR_IO: another program is
+// its writer, or nothing can be made in its folder.
+MUST_CHECK enum status database_check_change(struct database *db);
+
 // After the last write: moves the log into the file and deletes the log. While
 // readers have the file open, the log stays beside it until the next writer.
 MUST_CHECK enum status database_close_wal(struct database *db);

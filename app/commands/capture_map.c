@@ -297,7 +297,9 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
     wanted.prior = a->into ? &before : NULL;
-    enum status status = a->into ? read_place(a->into, &before) : OK;
+    enum status status = a->into ? recording_check_change(a->into) : OK;
+    if (status == OK && a->into)
+        status = read_place(a->into, &before);
     if (status == OK)
         status =
             a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/objects_search.h"
+#include "capture/recording/recording.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -58,6 +59,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_require(state, a->objects, "--objects OBJECTS.json");
         if (a->camera) {
             command_require(state, a->into, "--into FILE");
+            if (a->out || a->pairs || a->rig)
+                argp_error(state, "--camera goes with --into FILE, not with --out, --stereo or --rig");
             return 0;
         }
         command_require(state, a->pairs, "--stereo PAIRS.txt");
@@ -191,7 +194,7 @@ int capture_objects(int argc, char **argv)
         NULL,
         NULL};
     command_parse(&argp, argc, argv, &a);
-    enum status status = a.out ? file_check_output(a.out, a.force) : OK;
+    enum status status = a.out ? file_check_output(a.out, a.force) : recording_check_change(a.into);
     if (status == OK)
         status = a.camera ? objects_by_camera(&a) : objects_run(&a);
     return status == OK ? 0 : command_failed(argv[0]);

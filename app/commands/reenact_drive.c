@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "app/place/robot_place.h"
 #include "capture/recording/recorded_drive.h"
+#include "capture/recording/recording.h"
 #include "reenact/surround/drive/drive_trial.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -65,6 +66,17 @@ static const struct argp_option options[] = {
     {0},
 };
 
+// What would be left out without a word.
+static void refuse_contradictions(const struct argp_state *state, const struct drive_arguments *a)
+{
+    if (a->trials && (strncmp(a->uri, "sim:", 4) || a->file || a->out))
+        argp_error(state, "--trial goes with sim: alone, without FILE and --out");
+    if (a->out && (a->camera || a->map))
+        argp_error(state, "--camera and --map go with the window, not with --out");
+    if ((a->how.calibration || a->remaps) && strncmp(a->uri, "ros:", 4))
+        argp_error(state, "--calibration and --remap go with ros:");
+}
+
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct drive_arguments *a = state->input;
@@ -92,6 +104,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
             command_require(state, a->file, "FILE, in whose place the camera is,");
         if (a->keep)
             command_require(state, a->file, "FILE, in whose place the robot drives,");
+        refuse_contradictions(state, a);
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -282,8 +295,9 @@ int reenact_drive(int argc, char **argv)
     struct place place = {0};
     arguments.how.remap = arguments.remap;
     arguments.how.threads = !arguments.out || !strncmp(arguments.uri, "ros:", 4);
-    const bool in_place = arguments.file && (arguments.keep || !arguments.out);
-    enum status status = in_place ? place_input_read_map(arguments.file, &place) : OK;
+    enum status status = arguments.keep ? recording_check_change(arguments.file) : OK;
+    if (status == OK && arguments.file)
+        status = place_input_read_map(arguments.file, &place);
     if (status == NOTHING)
         status = fail(ERR_INPUT, "%s holds no place to localise %s in", arguments.file,
                       arguments.camera ? "the camera" : "the robot");

@@ -27,6 +27,9 @@ MUST_CHECK enum status recording_check_new(const char *path);
 // is NULL.
 MUST_CHECK enum status recording_append(struct recording_writer **out, const char *path);
 
+// Whether what it holds beside its takes could be changed, before long work: errors as recording_append.
+MUST_CHECK enum status recording_check_change(const char *path);
+
 // Stores a copy of `place` in one transaction, replacing an earlier one. ERR_INPUT: a number is not finite or the
 // calibration is invalid; nothing is written. ERR_IO, ERR_MEMORY: as recording_add_frame.
 MUST_CHECK enum status recording_put_place(struct recording_writer *w, const struct place *place);

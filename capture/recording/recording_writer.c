@@ -115,6 +115,18 @@ enum status recording_append(struct recording_writer **out, const char *path)
     return status == OK ? OK : release(out, status);
 }
 
+enum status recording_check_change(const char *path)
+{
+    struct database *db;
+    enum status status = database_open(&db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(db);
+    if (status == OK)
+        status = database_check_change(db);
+    database_close(&db);
+    return status;
+}
+
 enum status recording_close(struct recording_writer **w)
 {
     if (!*w)

@@ -58,6 +58,8 @@ static void test_second_writer_is_refused(void **state)
         EXPECT_STATUS(recording_append(&first, names[i]), OK);
         EXPECT_STATUS(recording_append(&second, names[!i]), ERR_IO);
         EXPECT_SAYS("being written by another program");
+        EXPECT_STATUS(recording_check_change(names[!i]), ERR_IO);
+        EXPECT_SAYS("being written by another program");
         EXPECT_STATUS(recording_close(&first), OK);
     }
 }
@@ -74,12 +76,35 @@ static void test_hard_links_are_only_read(void **state)
     for (size_t i = 0; i < COUNT_OF(names); i++) {
         EXPECT_STATUS(recording_append(&w, names[i]), ERR_IO);
         EXPECT_SAYS("another name");
+        EXPECT_STATUS(recording_check_change(names[i]), ERR_IO);
+        EXPECT_SAYS("another name");
         EXPECT_STATUS(recording_rename_take(names[i], "other", "again"), ERR_IO);
         EXPECT_STATUS(verify(names[i], 3), OK);
     }
     EXPECT_INT(unlink(other), 0);
     EXPECT_STATUS(recording_append(&w, real), OK);
     EXPECT_STATUS(recording_close(&w), OK);
+}
+
+// What is looked at before long work stays as it is, byte for byte, with nothing beside it.
+static void test_the_check_changes_nothing(void **state)
+{
+    (void)state;
+    uint8_t *before, *after;
+    size_t count, count_after;
+    char none[128];
+    snprintf(none, sizeof none, "%s/none.reenact", folder);
+    EXPECT_STATUS(file_read(real, &before, &count), OK);
+    EXPECT_STATUS(recording_check_change(real), OK);
+    EXPECT_STATUS(recording_check_change(by_link), OK);
+    EXPECT_TRUE(database_is_single_file(real));
+    EXPECT_STATUS(file_read(real, &after, &count_after), OK);
+    EXPECT_TRUE(count == count_after && !memcmp(before, after, count));
+    free(before);
+    free(after);
+    EXPECT_STATUS(recording_check_change(none), ERR_MISSING);
+    EXPECT_STATUS(recording_check_change(folder), ERR_FORMAT);
+    EXPECT_TRUE(!file_exists(none));
 }
 
 // Adds a take, and ends like a program that is killed: its last part is in the log.
@@ -227,10 +252,10 @@ static void test_log_whose_removal_was_lost(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_takes_are_changed_and_added), cmocka_unit_test(test_second_writer_is_refused),
-        cmocka_unit_test(test_hard_links_are_only_read),    cmocka_unit_test(test_last_part_of_a_killed_writer),
-        cmocka_unit_test(test_log_of_another_recording),    cmocka_unit_test(test_copy_beside_the_log_of_another),
-        cmocka_unit_test(test_log_whose_removal_was_lost),
+        cmocka_unit_test(test_takes_are_changed_and_added),    cmocka_unit_test(test_the_check_changes_nothing),
+        cmocka_unit_test(test_second_writer_is_refused),       cmocka_unit_test(test_hard_links_are_only_read),
+        cmocka_unit_test(test_last_part_of_a_killed_writer),   cmocka_unit_test(test_log_of_another_recording),
+        cmocka_unit_test(test_copy_beside_the_log_of_another), cmocka_unit_test(test_log_whose_removal_was_lost),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
 }

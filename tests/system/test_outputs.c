@@ -112,6 +112,25 @@ static void test_outputs_are_checked_first(void **state)
         "is a file");
 }
 
+// What is added to a recording, too: before the sweep, the search and the drive, however long those take.
+static void test_recordings_to_add_to_are_checked_first(void **state)
+{
+    (void)state;
+    const char *other = path_of("second-name");
+    EXPECT_INT(link(file, other), 0);
+    EXPECT_REFUSED(PROCESS(CAPTURE, "map", "--sensor", "folder:nowhere", "--into", other), "another name");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "objects", "--camera", "folder:nowhere", "--objects", "nowhere", "--into", other),
+                   "another name");
+    EXPECT_REFUSED(
+        PROCESS(CAPTURE, "objects", "--stereo", "nowhere", "--rig", "nowhere", "--objects", "nowhere", "--into", other),
+        "another name");
+    EXPECT_REFUSED(PROCESS(REENACT, "drive", "folder:nowhere", other, "--keep", "--out", path_of("drive")),
+                   "another name");
+    EXPECT_INT(unlink(other), 0);
+    EXPECT_REFUSED(PROCESS(REENACT, "drive", "sim:", other, "--out", path_of("drive")), "No such file");
+    EXPECT_TRUE(!file_exists(path_of("drive")));
+}
+
 static void test_a_board_on_standard_output(void **state)
 {
     (void)state;
@@ -273,6 +292,7 @@ int main(void)
         cmocka_unit_test(test_a_recording_is_never_overwritten),
         cmocka_unit_test(test_nothing_is_overwritten_without_force),
         cmocka_unit_test(test_outputs_are_checked_first),
+        cmocka_unit_test(test_recordings_to_add_to_are_checked_first),
         cmocka_unit_test(test_links_are_not_followed),
         cmocka_unit_test(test_a_board_on_standard_output),
         cmocka_unit_test(test_a_folder_named_with_a_slash),
