@@ -351,8 +351,8 @@ enum status database_has_column(struct database *db, const char *table, const ch
 
 bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
 
-// SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's. NOTHING: there is
-// no log.
+// SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's. NOTHING: there
+// is no log.
 static enum status lock_log(struct database *db)
 {
     char *name = database_beside(db->path, LOG);

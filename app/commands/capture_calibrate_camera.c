@@ -2,6 +2,7 @@
 // it.
 #include "app/commands/commands.h"
 
+#include "app/commands/source_frames.h"
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/lens_calibration.h"
 #include "capture/calibration/printed_board.h"
@@ -146,19 +147,15 @@ static enum status add_rolling(struct calibration_run *r, const struct frame *f)
     return status;
 }
 
-static enum status feed(struct calibration_run *r, struct source *source,
+static enum status feed(struct calibration_run *r, struct source_frames *frames,
                         enum status (*add)(struct calibration_run *, const struct frame *))
 {
     enum status status = OK;
     command_catch_signals();
-    progress_bar_start(&r->bar, "calibrating", source_remaining(source));
-    while (status == OK && !command_stopped() && !r->enough) {
+    progress_bar_start(&r->bar, "calibrating", source_remaining(frames->source));
+    while (status == OK && !r->enough) {
         struct frame frame;
-        status = source_next(source, &frame);
-        if (status == ERR_INPUT) { // one damaged picture
-            status = OK;
-            continue;
-        }
+        status = source_frames_next(frames, &frame);
         if (status == OK)
             status = add(r, &frame);
         progress_bar_step(&r->bar);
@@ -297,6 +294,7 @@ static enum status calibrate(struct calibration_run *r)
 {
     const struct camera_arguments *a = r->a;
     const char *uri = a->lens ? a->lens : a->color_depth ? a->color_depth : a->rolling_shutter;
+    struct source_frames frames = {.source = NULL};
     struct source *source = NULL;
     enum status status = a->out ? file_check_output(a->out, a->force) : OK;
     if (status == OK)
@@ -305,12 +303,15 @@ static enum status calibrate(struct calibration_run *r)
         r->calibration = *source_calibration(source);
         status = prepare(r);
     }
+    frames.source = source;
     if (status == OK)
-        status = feed(r, source, a->lens ? add_lens : a->color_depth ? add_color_depth : add_rolling);
+        status = feed(r, &frames, a->lens ? add_lens : a->color_depth ? add_color_depth : add_rolling);
     if (status == OK)
         status = a->lens ? solve_lens(r) : a->color_depth ? solve_color_depth(r) : solve_rolling(r);
     if (status == OK)
         status = keep_and_print(r, source);
+    if (status == OK)
+        status = source_frames_end(&frames);
     lens_calibration_free(&r->lens);
     color_depth_free(&r->color_depth);
     tag_detector_close(&r->detector);

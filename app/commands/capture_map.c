@@ -3,6 +3,7 @@
 
 #include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
+#include "app/commands/source_frames.h"
 #include "base/text.h"
 #include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
@@ -114,46 +115,30 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
 {
     struct progress_bar bar;
     struct frame frame;
-    enum status status = OK;
+    struct source_frames frames = {.source = source};
+    enum status status;
     bool live = source_is_live(source);
     int64_t first_ns = 0;
-    bool any = false;
     progress_bar_start(&bar, live ? "filming the place, Ctrl-C when done" : "mapping", source_remaining(source));
-    while (status == OK) {
-        if (command_stopped()) {
-            status = live ? OK : NOTHING;
-            break;
-        }
-        status = source_next(source, &frame);
-        if (status == NOTHING) {
-            status = OK;
-            break;
-        }
-        if (status == ERR_INPUT) { // one damaged image; the next call continues after it
-            trouble->damaged++;
-            status = OK;
-            continue;
-        }
-        if (status == ERR_DEVICE && any) { // what was swept until then is a map, too
-            snprintf(trouble->cut, sizeof trouble->cut, "%s", status_message());
-            status = OK;
-            break;
-        }
-        if (status != OK)
-            break;
-        if (!any)
+    while ((status = source_frames_next(&frames, &frame)) == OK) {
+        if (frames.count == 1)
             first_ns = frame.time_ns;
-        any = true;
         if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
             break;
         status = mapper_add(mapper, &frame);
         if (status == OK && a->objects)
             status = sweep_pictures_add(pictures, &frame);
+        if (status != OK)
+            break;
         if (bar.done % 10 == 0)
             note_progress(mapper, bar.note, sizeof bar.note);
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
+    trouble->damaged = frames.damaged;
+    snprintf(trouble->cut, sizeof trouble->cut, "%s", frames.cut);
+    if (status == NOTHING)
+        status = command_stopped() && !live ? NOTHING : OK;
     return status;
 }
 

@@ -2,6 +2,7 @@
 
 #include "app/commands/command.h"
 #include "app/commands/place_input.h"
+#include "app/commands/source_frames.h"
 #include "capture/objects/thing_search.h"
 #include "capture/recording/recorded_things.h"
 #include "locate/camera_tracker.h"
@@ -226,11 +227,10 @@ enum status objects_in_sweep(const struct objects_arguments *a, const struct obj
 // ---------------------------------------------------------------- a camera
 
 struct camera_run {
-    struct source *source;
+    struct source_frames frames;
     struct camera_tracker *tracker;
     struct pose last;
     int64_t first_ns;
-    bool any;
 };
 
 static enum status search_image(struct search_run *r, struct camera_run *c, const struct frame *frame)
@@ -255,19 +255,10 @@ static enum status search_images(struct search_run *r, struct camera_run *c)
     struct progress_bar bar;
     struct frame frame;
     enum status status = OK;
-    progress_bar_start(&bar, "looking for things", source_remaining(c->source));
-    while (status == OK && r->searched < MOST_IMAGES && !command_stopped()) {
-        status = source_next(c->source, &frame);
-        if (status == NOTHING)
-            break;
-        if (status == ERR_INPUT) { // one damaged image
-            status = OK;
-            continue;
-        }
-        if (status != OK)
-            break;
-        c->first_ns = c->any ? c->first_ns : frame.time_ns;
-        c->any = true;
+    progress_bar_start(&bar, "looking for things", source_remaining(c->frames.source));
+    while (status == OK && r->searched < MOST_IMAGES && (status = source_frames_next(&c->frames, &frame)) == OK) {
+        if (c->frames.count == 1)
+            c->first_ns = frame.time_ns;
         if (r->arguments->seconds > 0 && (double)(frame.time_ns - c->first_ns) * 1e-9 > r->arguments->seconds)
             break;
         if (frame.color)
@@ -297,13 +288,13 @@ static enum status report(const struct search_run *r)
 enum status objects_by_camera(const struct objects_arguments *a)
 {
     struct search_run r;
-    struct camera_run c = {.source = NULL};
+    struct camera_run c = {.tracker = NULL};
     const struct locator_options how = locator_default_options();
     enum status status = open_run(&r, a);
     if (status == OK)
-        status = source_open(&c.source, a->camera, SOURCE_CAMERA);
+        status = source_open(&c.frames.source, a->camera, SOURCE_CAMERA);
     if (status == OK)
-        status = camera_tracker_open(&c.tracker, &r.place, &source_calibration(c.source)->color, &how);
+        status = camera_tracker_open(&c.tracker, &r.place, &source_calibration(c.frames.source)->color, &how);
     if (status == OK) {
         command_catch_signals();
         status = search_images(&r, &c);
@@ -314,8 +305,10 @@ enum status objects_by_camera(const struct objects_arguments *a)
         status = finish(&r);
     if (status == OK)
         status = report(&r);
+    if (status == OK)
+        status = source_frames_end(&c.frames);
     camera_tracker_close(&c.tracker);
-    source_close(&c.source);
+    source_close(&c.frames.source);
     close_run(&r);
     return status;
 }

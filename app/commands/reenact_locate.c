@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/place_input.h"
+#include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
 #include "base/text.h"
 #include "platform/file.h"
@@ -114,30 +115,21 @@ static enum status locate_image(struct camera_tracker *track, const struct frame
     return add_line(lines, frame->time_ns, found.world_from_camera);
 }
 
-static enum status run(struct camera_tracker *track, struct source *camera, struct text_buffer *lines,
+static enum status run(struct camera_tracker *track, struct source_frames *camera, struct text_buffer *lines,
                        struct locate_summary *s)
 {
     struct progress_bar bar;
     struct frame frame;
-    enum status status = OK;
-    progress_bar_start(&bar, "finding the camera", source_remaining(camera));
-    while (status == OK && !command_stopped()) {
-        status = source_next(camera, &frame);
-        if (status == NOTHING) {
-            status = OK;
+    enum status status;
+    progress_bar_start(&bar, "finding the camera", source_remaining(camera->source));
+    while ((status = source_frames_next(camera, &frame)) == OK) {
+        if (frame.color && (status = locate_image(track, &frame, lines, s)) != OK)
             break;
-        }
-        if (status == ERR_INPUT) {
-            s->damaged++;
-            status = OK;
-            continue;
-        }
-        if (status == OK && frame.color)
-            status = locate_image(track, &frame, lines, s);
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
-    return status;
+    s->damaged = camera->damaged;
+    return status == NOTHING ? OK : status;
 }
 
 static enum status report(const struct locate_arguments *a, const struct locate_summary *s)
@@ -212,6 +204,7 @@ int reenact_locate(int argc, char **argv)
     command_parse(&argp, argc, argv, &a);
     struct camera_tracker *track = NULL;
     struct source *camera = NULL;
+    struct source_frames frames = {0};
     struct text_buffer lines = {0};
     struct locate_summary s = {0};
     enum status status = file_check_output(a.out, a.force);
@@ -219,7 +212,8 @@ int reenact_locate(int argc, char **argv)
         status = open_inputs(&a, &track, &camera);
     if (status == OK) {
         command_catch_signals();
-        status = run(track, camera, &lines, &s);
+        frames.source = camera;
+        status = run(track, &frames, &lines, &s);
     }
     if (status == OK)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
@@ -235,6 +229,8 @@ int reenact_locate(int argc, char **argv)
         const enum status kept = source_save_lens(camera, &s.lens);
         status = kept < 0 ? kept : status;
     }
+    if (status == OK)
+        status = source_frames_end(&frames);
     free(lines.bytes);
     camera_tracker_close(&track);
     source_close(&camera);

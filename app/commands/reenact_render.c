@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/filmed_path.h"
+#include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
 #include "base/clock.h"
 #include "base/text.h"
@@ -105,6 +106,7 @@ struct render_run {
     struct place place;
     struct take *take;
     struct source *camera;
+    struct source_frames frames; // of the camera
     struct camera_tracker *track;
     struct filmed_path path; // instead of a camera; count 0: there is a camera
     struct gpu *gpu;
@@ -119,7 +121,7 @@ struct render_run {
 
     bool started;
     int64_t first_ns; // the camera's time at the first image
-    int64_t images, placed, ambiguous, with_actor, damaged, parts;
+    int64_t images, placed, ambiguous, with_actor, parts;
     int64_t at_level[DETAIL_AUTO];
     double error_px; // predicted, summed over all images with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
@@ -349,7 +351,7 @@ static enum status render_image(struct render_run *r, const struct frame *frame)
 static enum status next_image(struct render_run *r, struct frame *frame)
 {
     if (!r->path.count)
-        return source_next(r->camera, frame);
+        return source_frames_next(&r->frames, frame);
     if (r->images == r->path.count)
         return NOTHING;
     const struct timed_pose *pose = &r->path.poses[r->images];
@@ -364,16 +366,11 @@ static enum status render_images(struct render_run *r)
     progress_bar_start(&progress, "drawing", r->path.count ? r->path.count : source_remaining(r->camera));
     enum status status = OK;
     r->lap_ns = clock_now_ns();
+    r->frames = (struct source_frames){.source = r->camera, .program = "reenact render", .bar = &progress};
     while (!command_stopped()) {
         struct frame frame;
         status = next_image(r, &frame);
         lap(r, STAGE_CAMERA);
-        if (status == ERR_INPUT && !r->path.count) { // one damaged image; the next call continues after it
-            progress_bar_end(&progress);
-            fprintf(stderr, "reenact render: %s; left out\n", status_message());
-            r->damaged++;
-            continue;
-        }
         if (status == OK && frame.color)
             status = render_image(r, &frame);
         if (status != OK)
@@ -409,7 +406,7 @@ static enum status write_stats(struct render_run *r)
     json_add_number(root, "ambiguous", (double)r->ambiguous);
     json_add_number(root, "not_placed", (double)(r->images - r->placed));
     json_add_number(root, "with_actor", (double)r->with_actor);
-    json_add_number(root, "damaged", (double)r->damaged);
+    json_add_number(root, "damaged", (double)r->frames.damaged);
     struct json *levels = json_add_object(root, "pictures_at_level");
     for (int d = 0; d < DETAIL_AUTO; d++)
         json_add_number(levels, detail_names[d], (double)r->at_level[d]);
@@ -452,7 +449,8 @@ int reenact_render(int argc, char **argv)
     enum status status = open_run(&run);
     if (status == OK)
         status = render_images(&run);
-    if (status == OK && command_stopped() && run.video)
+    const bool live = run.camera && source_is_live(run.camera); // then Ctrl-C is how it ends
+    if (status == OK && command_stopped() && run.video && !live)
         status = fail(ERR_IO, "stopped; the pictures drawn so far are in %s, there is no film", arguments.out);
     status = output_close(&run.film, video_close(&run.video, status));
     if (status == OK)
@@ -469,8 +467,9 @@ int reenact_render(int argc, char **argv)
     if (status == OK && run.camera) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
-        if (!source_is_live(run.camera))
+        if (!live)
             command_warn_times(argv[0], source_dropped(run.camera));
+        status = source_frames_end(&run.frames);
     }
     close_run(&run);
     return status == OK ? 0 : command_failed(argv[0]);
