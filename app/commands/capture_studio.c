@@ -8,7 +8,6 @@
 #include "platform/window.h"
 
 #include <stdio.h>
-#include <unistd.h>
 
 struct studio_arguments {
     const char *file, *sensor, *tags;
@@ -88,14 +87,7 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
 // Before anybody films for it.
 static enum status check_file(const char *path)
 {
-    struct recording *recording;
-    if (!file_exists(path))
-        return recording_check_new(path);
-    enum status status = recording_open(&recording, path);
-    if (status == OK && access(path, W_OK))
-        status = fail(ERR_IO, "%s: no permission to write to it", path);
-    recording_free(&recording);
-    return status;
+    return file_exists(path) ? recording_check_change(path) : recording_check_new(path);
 }
 
 int capture_studio(int argc, char **argv)

@@ -126,6 +126,7 @@ static void test_recordings_to_add_to_are_checked_first(void **state)
         "another name");
     EXPECT_REFUSED(PROCESS(REENACT, "drive", "folder:nowhere", other, "--keep", "--out", path_of("drive")),
                    "another name");
+    EXPECT_REFUSED(PROCESS(CAPTURE, "studio", other), "another name");
     EXPECT_INT(unlink(other), 0);
     EXPECT_REFUSED(PROCESS(REENACT, "drive", "sim:", other, "--out", path_of("drive")), "No such file");
     EXPECT_TRUE(!file_exists(path_of("drive")));
