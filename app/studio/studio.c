@@ -96,7 +96,7 @@ static void open_sensor(struct studio *s, int64_t now_ns)
                                                .body_points = s->options.body_points};
     studio_session_close(&s->session);
     studio_snapshot_free(&s->shown);
-    s->gestures = s->takes_ready = s->rooms_ready = 0;
+    s->gestures = s->takes_ready = s->rooms_ready = s->rooms_not_kept = 0;
     if (studio_session_open(&s->session, &how) != OK)
         studio_fail(&s->state, status_message(), now_ns);
 }
@@ -224,6 +224,10 @@ static void take_news(struct studio *s, int64_t now_ns)
     if (s->shown.room.ready != s->rooms_ready) {
         s->rooms_ready = s->shown.room.ready;
         studio_sweep_ready(state, now_ns);
+    }
+    if (s->shown.room.not_kept != s->rooms_not_kept) {
+        s->rooms_not_kept = s->shown.room.not_kept;
+        studio_room_not_kept(state, s->shown.room.why_not_kept, now_ns);
     }
 }
 

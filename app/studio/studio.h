@@ -32,9 +32,9 @@ struct studio {
     struct gpu_texture *color, *depth, *plan;
     uint8_t *depth_rgb, *plan_rgb;
     size_t depth_rgb_pixels;
-    struct ui_box plan_part;                // of the plan that is shown, shares of its width
-    int gestures, takes_ready, rooms_ready; // of the snapshot, handled
-    struct viewer viewer;                   // page PLAYBACK
+    struct ui_box plan_part;                                // of the plan that is shown, shares of its width
+    int gestures, takes_ready, rooms_ready, rooms_not_kept; // of the snapshot, handled
+    struct viewer viewer;                                   // page PLAYBACK
     bool playing;
     struct sound *sound; // NULL: silent
 };

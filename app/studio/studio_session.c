@@ -399,31 +399,50 @@ static void show_sweep(void *self, const struct frame *frame, const struct sweep
 
 static void show_finishing(void *self) { set_doing(self, STUDIO_DOING_MAP, NULL); }
 
+// A map that is neither kept nor dropped yet.
+static bool room_waits(const struct studio_session *s)
+{
+    return s->room.place.tag_count + s->room.place.point_count > 0;
+}
+
+// A room that cannot be kept now, as on a full disk, waits for another try.
+static bool keep_room(struct studio_session *s)
+{
+    if (studio_room_keep(&s->room, s->file) == OK)
+        return true;
+    pthread_mutex_lock(&s->lock);
+    s->shown.room.not_kept++;
+    snprintf(s->shown.room.why_not_kept, sizeof s->shown.room.why_not_kept, "Not kept: %s", status_message());
+    pthread_mutex_unlock(&s->lock);
+    if (s->options.wake)
+        s->options.wake(s->options.wake_self);
+    return false;
+}
+
 // Where the room is kept, the sensor is looked for in it from here on.
 static enum status decide_room(struct studio_session *s)
 {
     const int decision = atomic_exchange(&s->room_decision, ROOM_UNDECIDED);
-    enum status status = OK;
-    if (decision == ROOM_KEEP && s->room.place.tag_count + s->room.place.point_count > 0) {
-        status = studio_room_keep(&s->room, s->file);
-        place_free(&s->place);
-        s->has_place = false;
-        if (status == OK)
-            status = read_place(s);
-        if (status == OK)
-            status = open_sensor_pose(s);
-    }
+    const bool keeps = decision == ROOM_KEEP && room_waits(s);
+    if (decision == ROOM_UNDECIDED || (keeps && !keep_room(s)))
+        return OK;
     studio_room_free(&s->room);
-    return status;
+    if (!keeps)
+        return OK;
+    place_free(&s->place);
+    enum status status = read_place(s);
+    return status == OK ? open_sensor_pose(s) : status;
 }
 
-// A sensor that failed during the sweep is opened again once what was swept until then is kept or dropped.
+// A sensor that failed while a room waits is opened again once that is kept or dropped.
 static enum status after_cut(struct studio_session *s)
 {
     static const int64_t LOOK_NS = 20000000;
-    while (!atomic_load(&s->stop) && atomic_load(&s->room_decision) == ROOM_UNDECIDED)
+    enum status status = OK;
+    while (status == OK && room_waits(s) && !atomic_load(&s->stop)) {
         clock_sleep_until_ns(clock_now_ns() + LOOK_NS);
-    enum status status = decide_room(s);
+        status = decide_room(s);
+    }
     return status == OK && !atomic_load(&s->stop) ? rewind_source(s) : status;
 }
 
@@ -479,6 +498,8 @@ static void *run(void *context)
         status = open_sensor(s);
     while (status == OK && !atomic_load(&s->stop)) {
         status = preview(s);
+        if (status < 0 && room_waits(s))
+            status = after_cut(s);
         if (status == OK && !atomic_load(&s->stop))
             status = serve(s);
         const bool over = s->source && !source_is_live(s->source) && !source_remaining(s->source);
@@ -488,6 +509,9 @@ static void *run(void *context)
     if (status < 0)
         set_doing(s, STUDIO_DOING_FAILED, status_message());
     close_sensor(s);
+    // What was to be kept just before the end.
+    if (atomic_load(&s->room_decision) == ROOM_KEEP && room_waits(s) && studio_room_keep(&s->room, s->file) != OK)
+        fprintf(stderr, "the room is not kept: %s\n", status_message());
     return NULL;
 }
 

@@ -63,7 +63,8 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)
 {
     const bool fresh = from->number != out->number || from->doing != out->doing ||
-                       from->takes_ready != out->takes_ready || from->room.ready != out->room.ready;
+                       from->takes_ready != out->takes_ready || from->room.ready != out->room.ready ||
+                       from->room.not_kept != out->room.not_kept;
     if (!fresh || !studio_snapshot_size(out, &from->calibration))
         return false;
     const struct studio_snapshot kept = *out;

@@ -29,6 +29,8 @@ struct studio_room_view {
     struct map_advice advice; // of the finished map
     char failure[512];        // why there is none; "": there is
     int ready;                // sweeps that ended so far, with a map or without
+    int not_kept;             // how often its map was to be kept and could not be; it waits for another try
+    char why_not_kept[160];
 };
 
 // Buffers grow as needed and belong to the snapshot.

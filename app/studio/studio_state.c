@@ -264,6 +264,13 @@ void studio_sweep_ready(struct studio_state *s, int64_t now_ns)
         go(s, STUDIO_ROOM_REVIEW, now_ns);
 }
 
+void studio_room_not_kept(struct studio_state *s, const char *why, int64_t now_ns)
+{
+    if (s->page == STUDIO_LIVE || s->page == STUDIO_COUNTDOWN)
+        go(s, STUDIO_ROOM_REVIEW, now_ns);
+    studio_say(s, why, now_ns);
+}
+
 void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns)
 {
     snprintf(s->trouble, sizeof s->trouble, "%s", sentence);

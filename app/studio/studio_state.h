@@ -100,6 +100,7 @@ void studio_take_finishing(struct studio_state *s, int64_t now_ns);             
 void studio_take_ready(struct studio_state *s, int64_t frames, int64_t now_ns); // written; 0: nothing to review
 void studio_sweep_finishing(struct studio_state *s, int64_t now_ns); // the sweep is over, the map is computed
 void studio_sweep_ready(struct studio_state *s, int64_t now_ns);     // its map can be reviewed
+void studio_room_not_kept(struct studio_state *s, const char *why, int64_t now_ns); // it can be kept later
 void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
 void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);

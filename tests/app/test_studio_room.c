@@ -352,6 +352,45 @@ static void test_a_sweep_cut_off(void **state)
     place_free(&place);
     recording_free(&recording);
     studio_close(&g.studio);
+    g.scratch = scratch_make(); // the film is used once more
+    stage_close(&g);
+}
+
+// What cannot be kept waits until it can be, and the sensor may be unplugged meanwhile.
+static void test_a_room_that_cannot_be_kept_at_once(void **state)
+{
+    (void)state;
+    static struct stage g = {.skipped_ns = 0};
+    struct recording_writer *writer;
+    g.scratch = swept;
+    EXPECT_TRUE(!remove(scratch_file(&swept, "film.reenact")));
+    fake("FPS", "8");
+    fake("UNPLUG_AFTER", "40"); // after 5 s
+    open_stage(&g, "openni");
+    const int64_t begun = clock_now_ns();
+    wait_page(&g, STUDIO_LIVE, 1);
+    stage_press(&g, 'm');
+    wait_page(&g, STUDIO_ROOM, 12);
+    stage_press(&g, ' ');
+    wait_page(&g, STUDIO_ROOM_REVIEW, 1);
+    EXPECT_TRUE(!*g.studio.shown.room.failure);
+    // Another writer's file.
+    EXPECT_STATUS(recording_create(&writer, g.studio.options.file), OK);
+    stage_press(&g, 'k');
+    const int64_t until = clock_now_ns() + 60 * SECOND;
+    while (!strstr(g.studio.state.notice, "written by another program") && clock_now_ns() < until)
+        stage_draw(&g);
+    EXPECT_TRUE(strstr(g.studio.state.notice, "written by another program") != NULL);
+    EXPECT_INT(g.studio.state.page, STUDIO_ROOM_REVIEW);
+    stage_save(&g, "room-not-kept");
+    EXPECT_STATUS(recording_close(&writer), OK);
+    clock_sleep_until_ns(begun + 7 * SECOND);
+    fake("UNPLUG_AFTER", "-1");
+    stage_press(&g, 'k');
+    while ((!g.studio.shown.has_place || g.studio.state.page != STUDIO_LIVE) && clock_now_ns() < until)
+        stage_draw(&g);
+    EXPECT_TRUE(g.studio.shown.has_place && g.studio.state.page == STUDIO_LIVE);
+    studio_close(&g.studio);
     stage_close(&g);
 }
 
@@ -411,7 +450,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_no_map_is_said),  cmocka_unit_test(test_trim_while_it_plays),
         cmocka_unit_test(test_room_and_take),
         cmocka_unit_test(test_a_live_sensor), // last: the fake sensor's library leaves cJSON with functions of its own
-        cmocka_unit_test(test_a_sweep_cut_off),
+        cmocka_unit_test(test_a_sweep_cut_off), cmocka_unit_test(test_a_room_that_cannot_be_kept_at_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
