@@ -131,8 +131,7 @@ static enum status close_playback(struct studio *s)
 
 static void delete_take(struct studio *s, int64_t now_ns)
 {
-    int64_t freed;
-    if (recording_delete_take(s->options.file, s->state.take, &freed) != OK)
+    if (recording_delete_take(s->options.file, s->state.take, NULL) != OK)
         studio_say(&s->state, status_message(), now_ns);
     else
         studio_say(&s->state, "The take was discarded", now_ns);
@@ -149,9 +148,8 @@ static void rename_take(struct studio *s, int64_t now_ns)
 static void trim_take(struct studio *s, int64_t now_ns)
 {
     char text[160];
-    int64_t freed;
     const int64_t from_ns = s->state.trim_from_ns, to_ns = s->state.trim_to_ns;
-    if (recording_trim_take(s->options.file, s->state.take, from_ns, to_ns, &freed) != OK)
+    if (recording_trim_take(s->options.file, s->state.take, from_ns, to_ns, NULL) != OK)
         snprintf(text, sizeof text, "%.159s", status_message());
     else
         snprintf(text, sizeof text, "The take is %.1f s long now", (double)(to_ns - from_ns) * 1e-9);

@@ -41,24 +41,39 @@ static enum status end(struct database **db, enum status status)
     return first.status == OK ? status : failure_restore(&first);
 }
 
+// More is free in the file than used.
+static enum status is_mostly_free(struct database *db, bool *out)
+{
+    int64_t pages = 0, unused = 0;
+    enum status status = database_number(db, "PRAGMA page_count", &pages);
+    if (status == OK)
+        status = database_number(db, "PRAGMA freelist_count", &unused);
+    *out = unused > pages - unused;
+    return status;
+}
+
 // Gives the pages that nothing uses any more back to the disk. Where there is no room for the second copy that this
-// takes, they stay in the file.
+// takes, they stay in the file. freed NULL: they stay, too, but where that copy is smaller than they are.
 static enum status shrink(const char *path, int64_t before, int64_t *freed)
 {
     struct database *db;
     int64_t exact = 0;
+    bool wanted = true;
     enum status status = database_open(&db, path, DATABASE_WRITE);
+    if (status == OK && !freed)
+        status = is_mostly_free(db, &wanted);
     // Where a damaged byte made a table's id a column like others, VACUUM would renumber its rows.
     if (status == OK)
         status = database_number(db,
                                  "SELECT count(*) FROM sqlite_schema WHERE name IN ('place', 'place_view', 'take', "
                                  "'frame', 'picture') AND sql LIKE '%(id INTEGER PRIMARY KEY,%'",
                                  &exact);
-    if (status == OK && exact == 5)
+    if (status == OK && wanted && exact == 5)
         status = database_run(db, "VACUUM");
     database_close(&db);
     const int64_t after = recording_bytes(path);
-    *freed = before > after ? before - after : 0;
+    if (freed)
+        *freed = before > after ? before - after : 0;
     return status == ERR_IO ? OK : status;
 }
 
@@ -206,7 +221,8 @@ enum status recording_delete_take(const char *path, const char *name, int64_t *f
     struct take_row take;
     const int64_t before = recording_bytes(path);
     struct statement *s = NULL;
-    *freed = 0;
+    if (freed)
+        *freed = 0;
     enum status status = begin(&db, path);
     if (status == OK)
         status = need(db, name, &take);
@@ -300,7 +316,8 @@ enum status recording_trim_take(const char *path, const char *name, int64_t from
     struct take_row take;
     int64_t range[2] = {0, 0};
     const int64_t before = recording_bytes(path);
-    *freed = 0;
+    if (freed)
+        *freed = 0;
     if (from_ns < 0 || to_ns < from_ns)
         return fail(ERR_INPUT, "a take is trimmed from a second to a later one, not from %.3f to %.3f",
                     (double)from_ns * 1e-9, (double)to_ns * 1e-9);

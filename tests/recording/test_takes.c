@@ -6,6 +6,7 @@
 #include "capture/recording/prepared.h"
 #include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
+#include "capture/recording/recording_reader.h"
 #include "tests/support/random.h"
 #include "tests/support/sql.h"
 
@@ -107,6 +108,17 @@ static void test_rename_and_notes(void **state)
     expect_sound(path, 2, FRAMES + 3);
 }
 
+static void add_take(const char *path, const char *name, int frames)
+{
+    const struct calibration calibration = sample_calibration();
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, name, &calibration), OK);
+    sample_frames_add(w, 0, frames);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+}
+
 static void test_delete_overwrites(void **state)
 {
     (void)state;
@@ -126,14 +138,30 @@ static void test_delete_overwrites(void **state)
     expect_sound(path, 1, 3);
     EXPECT_STATUS(recording_delete_take(path, "höher", &freed), ERR_MISSING);
     // Its name and place are free again.
-    const struct calibration calibration = sample_calibration();
-    struct recording_writer *w;
-    EXPECT_STATUS(recording_append(&w, path), OK);
-    EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
-    sample_frames_add(w, 0, 2);
-    EXPECT_STATUS(recording_end_take(w), OK);
-    EXPECT_STATUS(recording_close(&w), OK);
+    add_take(path, "höher", 2);
     expect_sound(path, 2, 5);
+}
+
+// The bytes are gone all the same; the space is the next take's, and is given back once it is most of the file.
+static void test_delete_for_somebody_who_waits(void **state)
+{
+    (void)state;
+    char path[128];
+    snprintf(path, sizeof path, "%s", fresh("hurried"));
+    add_take(path, "long", 300);
+    const int64_t before = recording_bytes(path);
+    EXPECT_INT(jpegs_in(path, 11), 2);
+    EXPECT_STATUS(recording_delete_take(path, "höher", NULL), OK);
+    EXPECT_INT(recording_bytes(path), before);
+    EXPECT_INT(jpegs_in(path, 11), 1);
+    expect_sound(path, 2, 300 + 3);
+    add_take(path, "next", 20);
+    EXPECT_INT(recording_bytes(path), before);
+    EXPECT_STATUS(recording_trim_take(path, "long", 500000000, INT64_MAX, NULL), OK);
+    EXPECT_INT(recording_bytes(path), before);
+    EXPECT_STATUS(recording_delete_take(path, "long", NULL), OK);
+    EXPECT_AT_MOST((double)recording_bytes(path), (double)before / 2);
+    EXPECT_TRUE(database_is_single_file(path));
 }
 
 static void test_trim(void **state)
@@ -308,6 +336,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rename_and_notes),
         cmocka_unit_test(test_delete_overwrites),
+        cmocka_unit_test(test_delete_for_somebody_who_waits),
         cmocka_unit_test(test_trim),
         cmocka_unit_test(test_another_frame_is_representative),
         cmocka_unit_test(test_copy),
