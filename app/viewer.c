@@ -163,6 +163,11 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     struct gesture g = gesture_take(&v->input.gesture);
     double wheel = v->input.wheel;
     v->input.wheel = 0;
+    const struct ui_point at = {v->input.pointer_x, v->input.pointer_y};
+    if (wheel != 0 && v->state.page == PAGE_TAKES)
+        screen_takes_wheel(&v->screens, wheel);
+    if (wheel != 0 && v->state.page == PAGE_WATCH && thing_sheet_wheel(&v->screens.room, v->state.sheet, at, wheel))
+        wheel = 0;
     const bool on_map = v->state.page == PAGE_WATCH && v->state.room.map && v->screens.map_held;
     if (wheel != 0 && !on_map)
         view_state_wheel(&v->state, wheel, now_ns);
@@ -196,7 +201,7 @@ static bool load_cards(struct viewer *v)
     const int64_t until_ns = clock_now_ns() + CARDS_NS;
     enum status status = OK;
     while (status == OK && clock_now_ns() < until_ns) {
-        status = take_list_load(&v->takes, v->gpu, v->recording);
+        status = take_list_load(&v->takes, v->gpu, v->recording, v->screens.first_in_sight, v->screens.end_in_sight);
         v->state.changed |= status == OK;
     }
     return status == OK;

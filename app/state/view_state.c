@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const double PI = 3.14159265358979323846;
@@ -138,14 +139,27 @@ static bool do_anywhere(struct view_state *s, enum view_action action)
     }
 }
 
+// A row up or down stays within the page; one take on from the last is the first.
+static void select_take(struct view_state *s, int by)
+{
+    const int to = s->take + by;
+    if (to >= 0 && to < s->take_count)
+        s->take = to;
+    else if (abs(by) == 1)
+        s->take = (to + s->take_count) % s->take_count;
+}
+
 static void do_on_takes(struct view_state *s, enum view_action action)
 {
+    const int columns = s->take_columns > 1 ? s->take_columns : 1;
     if (s->take_count < 1)
         return;
-    if (action == DO_PREVIOUS || action == DO_STEP_BACK)
-        s->take = (s->take + s->take_count - 1) % s->take_count;
-    else if (action == DO_NEXT || action == DO_STEP_ON)
-        s->take = (s->take + 1) % s->take_count;
+    if (action == DO_STEP_BACK || action == DO_STEP_ON)
+        select_take(s, action == DO_STEP_ON ? 1 : -1);
+    else if (action == DO_PREVIOUS || action == DO_NEXT)
+        select_take(s, action == DO_NEXT ? columns : -columns);
+    else if (action == DO_TO_START || action == DO_TO_END)
+        s->take = action == DO_TO_END ? s->take_count - 1 : 0;
     else if (action == DO_CHOOSE || action == DO_PLAY_PAUSE)
         view_state_choose_take(s, s->take);
 }

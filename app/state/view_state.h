@@ -102,6 +102,7 @@ struct view_state {
     const char *trouble; // the sentence of PAGE_TROUBLE; borrowed
 
     int take, take_count; // the selected take, and of how many
+    int take_columns;     // as the page of takes shows them; 0: one
     bool take_wanted;     // `take` has to be opened
     struct playback_clock playback;
     bool scrubbing, was_playing;

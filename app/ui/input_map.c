@@ -129,7 +129,10 @@ bool input_map_event(struct input_map *m, struct view_state *s, const struct win
     case WINDOW_POINTER_DOWN:
     case WINDOW_POINTER_MOVE:
     case WINDOW_POINTER_UP: return on_pointer(m, s, e, px_per_dp, now_ns);
-    case WINDOW_WHEEL: m->wheel += e->amount; break;
+    case WINDOW_WHEEL:
+        m->wheel += e->amount;
+        s->changed = true;
+        break;
     case WINDOW_KEY: on_key(s, e, now_ns); break;
     case WINDOW_PAD_BUTTON: view_state_do(s, input_map_button(e->button), now_ns); break;
     case WINDOW_PAD_AXIS: m->pad[e->axis] = e->amount; break;

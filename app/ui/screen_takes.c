@@ -10,7 +10,7 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
                       const struct take_card *card, int number, struct ui_box box)
 {
     const struct theme *t = b->theme;
-    char name[32], text[64];
+    char name[32], text[64] = "";
     snprintf(name, sizeof name, "take-%d", number);
     struct ui_touch touch = ui_area(b->ui, name, box);
     if (touch.went_down) {
@@ -43,10 +43,24 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
     label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
     const char *about = card->trouble ? card->trouble : card->complete ? "" : "interrupted";
-    snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
+    if (card->loaded)
+        snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
     label(b, FACE_SMALL, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24}, t->quiet, text);
     if (touch.held && !screens->scrolling)
         ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));
+}
+
+void screen_takes_wheel(struct screens *screens, double notches)
+{
+    static const double NOTCH = 100; // dp
+    screens->scroll -= notches * NOTCH;
+}
+
+// Scrolls no farther than is needed to have the card at `y` in sight.
+static void follow(struct screens *screens, double y, double card_h, double page_h)
+{
+    screens->scroll = fmin(screens->scroll, y);
+    screens->scroll = fmax(screens->scroll, y + card_h - page_h);
 }
 
 static void draw_cards(const struct brush *b, struct screens *screens, struct view_state *s,
@@ -58,7 +72,13 @@ static void draw_cards(const struct brush *b, struct screens *screens, struct vi
     double h = w * 0.62 + WORDS;
     int rows = (page->count + columns - 1) / columns;
     double most = fmax(0, rows * (h + MARGIN) - in.h + BORDER);
+    s->take_columns = columns;
+    if (screens->followed != s->take + 1)
+        follow(screens, s->take / columns * (h + MARGIN), h, in.h);
+    screens->followed = s->take + 1;
     screens->scroll = fmin(fmax(screens->scroll, 0), most);
+    screens->first_in_sight = (int)(screens->scroll / (h + MARGIN)) * columns;
+    screens->end_in_sight = ((int)((screens->scroll + in.h + BORDER) / (h + MARGIN)) + 1) * columns;
     ui_clip(b->ui, (struct ui_box){0, in.y - 8, ui_width(b->ui), in.h + BORDER + 8});
     for (int i = 0; i < page->count; i++) {
         struct ui_box box = {in.x + (i % columns) * (w + MARGIN), in.y + (i / columns) * (h + MARGIN) - screens->scroll,

@@ -10,13 +10,16 @@
 struct screens {
     double scroll, grabbed_y, scrolled_from; // page of takes, dp
     bool scrolling;
-    bool image_held; // fingers are on the image, not on a control
-    bool map_held;   // or on the map
+    int followed; // 1 + the selected take that was brought into sight; another one is when it is selected
+    int first_in_sight, end_in_sight; // cards that were drawn last
+    bool image_held;                  // fingers are on the image, not on a control
+    bool map_held;                    // or on the map
     struct room_ui room;
 };
 
 struct take_card {
     const char *name;
+    bool loaded; // what follows is known
     int64_t length_ns;
     bool complete;
     const char *trouble;             // why it cannot be watched; NULL: it can
@@ -28,6 +31,8 @@ struct takes_page {
     const struct take_card *cards;
     int count;
 };
+// notches: of a mouse's wheel since the page was drawn last.
+void screen_takes_wheel(struct screens *screens, double notches);
 void screen_takes(const struct brush *b, struct screens *screens, struct view_state *s, const struct takes_page *page,
                   int64_t now_ns);
 

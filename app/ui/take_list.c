@@ -64,8 +64,11 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     enum status status = take_open(&take, recording, card->name);
     if (status == ERR_MEMORY)
         return status;
-    if (status != OK)
-        return OK; // choosing it will report why
+    if (status != OK) { // choosing it will report why
+        card->complete = true;
+        card->trouble = "damaged";
+        return OK;
+    }
     int64_t frames = take_frame_count(take);
     card->complete = take_is_complete(take);
     card->trouble = trouble_with(take);
@@ -92,15 +95,30 @@ enum status take_list_open(struct take_list *l, struct recording *recording, con
         return fail(ERR_MEMORY, "out of memory");
     }
     for (int i = 0; i < l->count; i++)
-        l->cards[i] = (struct take_card){.name = recording_take_name(recording, i), .complete = true};
+        l->cards[i] = (struct take_card){.name = recording_take_name(recording, i)};
     return OK;
 }
 
-enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recording *recording)
+// How far a card is out of sight, in cards.
+static int beyond(int i, int first, int end) { return i < first ? first - i : i >= end ? i + 1 - end : 0; }
+
+enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recording *recording, int first, int end)
 {
-    if (l->loaded == l->count)
+    int next = -1;
+    for (int i = 0; i < l->count; i++) {
+        const int far = beyond(i, first, end);
+        if (far > TAKE_LIST_AHEAD && l->images[i]) {
+            gpu_texture_close(&l->images[i]);
+            l->cards[i].image = NULL;
+            l->cards[i].loaded = false;
+        }
+        if (far <= TAKE_LIST_AHEAD && !l->cards[i].loaded && (next < 0 || far < beyond(next, first, end)))
+            next = i;
+    }
+    if (next < 0)
         return NOTHING;
-    return make_card(l, gpu, recording, l->loaded++);
+    l->cards[next].loaded = true;
+    return make_card(l, gpu, recording, next);
 }
 
 void take_list_close(struct take_list *l)

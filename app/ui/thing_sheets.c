@@ -166,10 +166,21 @@ static void card_sheet(const struct brush *b, struct room_ui *ui, struct view_st
     *content_h = y + shift - in.y;
 }
 
+bool thing_sheet_wheel(struct room_ui *ui, enum view_sheet open, struct ui_point at, double notches)
+{
+    const struct ui_box *box = &ui->sheet;
+    if ((open != SHEET_THINGS && open != SHEET_CARD) || at.x < box->x || at.x > box->x + box->w || at.y < box->y ||
+        at.y > box->y + box->h)
+        return false;
+    ui->scroll[open == SHEET_CARD] -= notches * ROW;
+    return true;
+}
+
 void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
                       struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
     panel(b, box, false);
+    ui->sheet = box;
     if (s->sheet == SHEET_THINGS)
         find_sheet(b, ui, s, page, box, eye, now_ns);
     else if (s->sheet == SHEET_CARD && page->card && s->room.card >= 0 && s->room.card < page->count)

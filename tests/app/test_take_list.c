@@ -1,7 +1,9 @@
 // The cards of takes: what they show and say of takes that are damaged, or cannot be watched.
+#include "tests/support/glass.h"
 #include "tests/support/recording_sample.h"
 
 #include "app/ui/take_list.h"
+#include "base/clock.h"
 #include "reenact/render/actor_renderer.h"
 #include "tests/support/sql.h"
 
@@ -11,7 +13,7 @@ static void load(struct take_list *list, struct recording *r)
 {
     enum status status = take_list_open(list, r, "film.reenact");
     while (status == OK)
-        status = take_list_load(list, gpu, r);
+        status = take_list_load(list, gpu, r, 0, list->count);
     EXPECT_STATUS(status, NOTHING);
 }
 
@@ -121,6 +123,108 @@ static void test_large_images_are_shrunk(void **state)
     recording_free(&r);
 }
 
+static void write_takes(const char *path, int count)
+{
+    static struct sample_frame m;
+    const struct calibration calibration = sample_calibration();
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    for (int i = 0; i < count; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "take %d", i);
+        sample_frame_make(&m, 7);
+        m.frame.jpeg = m.jpeg;
+        m.frame.has_skeleton = true;
+        EXPECT_STATUS(recording_begin_take(w, name, &calibration), OK);
+        EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
+        EXPECT_STATUS(recording_end_take(w), OK);
+        free(m.jpeg);
+    }
+    EXPECT_STATUS(recording_close(&w), OK);
+}
+
+// Those in sight come first, and what is far from them gives its image up.
+static void test_a_long_list_holds_few_images(void **state)
+{
+    (void)state;
+    enum { COUNT = 4 * TAKE_LIST_AHEAD, FROM = COUNT - 12 };
+    const char *path = sample_path("long");
+    struct recording *r;
+    struct take_list list;
+    write_takes(path, COUNT);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_list_open(&list, r, "film.reenact"), OK);
+    const size_t before = gpu_get_counts(gpu).bytes_held;
+    while (take_list_load(&list, gpu, r, 0, 8) == OK)
+        ;
+    const size_t one = (gpu_get_counts(gpu).bytes_held - before) / (8 + TAKE_LIST_AHEAD);
+    EXPECT_AT_LEAST((double)one, WIDTH * HEIGHT * 3);
+    EXPECT_TRUE(list.cards[7].image && list.cards[7 + TAKE_LIST_AHEAD].image);
+    EXPECT_TRUE(!list.cards[8 + TAKE_LIST_AHEAD].image && !list.cards[8 + TAKE_LIST_AHEAD].loaded);
+    for (int i = 0; i < 4; i++)
+        EXPECT_STATUS(take_list_load(&list, gpu, r, FROM, FROM + 4), OK);
+    for (int i = 0; i < 4; i++)
+        EXPECT_TRUE(list.cards[FROM + i].image && list.cards[FROM + i].loaded);
+    EXPECT_TRUE(!list.cards[0].image && !list.cards[FROM - 1].image && !list.cards[FROM + 4].image);
+    while (take_list_load(&list, gpu, r, FROM, FROM + 4) == OK)
+        ;
+    EXPECT_NEAR(gpu_get_counts(gpu).bytes_held - before, (double)((COUNT - FROM + TAKE_LIST_AHEAD) * one), 0);
+    take_list_close(&list);
+    EXPECT_INT(gpu_get_counts(gpu).bytes_held, before);
+    recording_free(&r);
+}
+
+static bool in_sight(const struct glass *g, int take)
+{
+    return take >= g->viewer.screens.first_in_sight && take < g->viewer.screens.end_in_sight;
+}
+
+static void press(struct glass *g, int key)
+{
+    const struct window_event event = {.kind = WINDOW_KEY, .key = key};
+    (void)input_map_event(&g->viewer.input, &g->viewer.state, &event, glass_scale(g), clock_now_ns());
+    glass_draw(g);
+}
+
+static void turn_wheel(struct glass *g, double notches)
+{
+    const struct window_event event = {.kind = WINDOW_WHEEL, .amount = notches};
+    (void)input_map_event(&g->viewer.input, &g->viewer.state, &event, glass_scale(g), clock_now_ns());
+    glass_draw(g);
+}
+
+// The take that keys select is always in sight; the wheel scrolls, and does not bring it back.
+static void test_the_page_follows_what_is_selected(void **state)
+{
+    (void)state;
+    enum { COUNT = 60 };
+    static char path[200];
+    struct glass g;
+    snprintf(path, sizeof path, "%s", sample_path("page"));
+    write_takes(path, COUNT);
+    const struct viewer_options options = {.file = path, .refresh_hz = 60};
+    glass_open(&g, 640, 400, &options);
+    struct view_state *s = &g.viewer.state;
+    glass_draw(&g);
+    EXPECT_INT(s->page, PAGE_TAKES);
+    EXPECT_TRUE(in_sight(&g, 0) && !in_sight(&g, COUNT - 1));
+    for (int i = 0; i < COUNT - 1; i++) {
+        press(&g, WINDOW_KEY_RIGHT);
+        EXPECT_INT(s->take, i + 1);
+        EXPECT_TRUE(in_sight(&g, s->take));
+    }
+    EXPECT_TRUE(!in_sight(&g, 0));
+    turn_wheel(&g, 1000);
+    EXPECT_TRUE(in_sight(&g, 0) && s->take == COUNT - 1);
+    glass_draw(&g);
+    EXPECT_NEAR(g.viewer.screens.scroll, 0, 0);
+    turn_wheel(&g, -3);
+    EXPECT_NEAR(g.viewer.screens.scroll, 300, 0);
+    press(&g, WINDOW_KEY_HOME);
+    EXPECT_TRUE(in_sight(&g, 0) && s->take == 0);
+    glass_close(&g);
+}
+
 static int set_up(void **state) { return sample_folder_make(state) || gpu_open(&gpu) != OK; }
 
 static int tear_down(void **state)
@@ -135,6 +239,8 @@ int main(void)
         cmocka_unit_test(test_take_without_color),
         cmocka_unit_test(test_damaged_image_is_passed_over),
         cmocka_unit_test(test_large_images_are_shrunk),
+        cmocka_unit_test(test_a_long_list_holds_few_images),
+        cmocka_unit_test(test_the_page_follows_what_is_selected),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -160,6 +160,23 @@ static void test_keys_match_buttons(void **state)
     EXPECT_TRUE(s.quit);
 }
 
+// Left and right go from take to take and round, up and down a row, Home and End to the first and the last.
+static void test_keys_select_takes(void **state)
+{
+    (void)state;
+    static const struct {
+        int key, take;
+    } steps[] = {{WINDOW_KEY_LEFT, 10}, {WINDOW_KEY_RIGHT, 0}, {WINDOW_KEY_UP, 0},  {WINDOW_KEY_DOWN, 4},
+                 {WINDOW_KEY_DOWN, 8},  {WINDOW_KEY_DOWN, 8},  {WINDOW_KEY_UP, 4},  {WINDOW_KEY_END, 10},
+                 {WINDOW_KEY_RIGHT, 0}, {WINDOW_KEY_END, 10},  {WINDOW_KEY_HOME, 0}};
+    struct view_state s = view_state_start(11, true, 0);
+    s.take_columns = 4;
+    for (size_t i = 0; i < COUNT_OF(steps); i++) {
+        view_state_do(&s, input_map_key(steps[i].key, false), S);
+        EXPECT_INT(s.take, steps[i].take);
+    }
+}
+
 static void test_scrubbing_restores_playback(void **state)
 {
     (void)state;
@@ -447,6 +464,7 @@ int main(void)
         cmocka_unit_test(test_suspend_takes_no_playback_time),
         cmocka_unit_test(test_drag_pinch_and_twist_gestures),
         cmocka_unit_test(test_keys_match_buttons),
+        cmocka_unit_test(test_keys_select_takes),
         cmocka_unit_test(test_scrubbing_restores_playback),
         cmocka_unit_test(test_actor_fades_when_camera_is_lost),
         cmocka_unit_test(test_frozen_or_lost_camera_is_reported),
