@@ -2,6 +2,8 @@
 // man pages and completion, which are made from the same help), and the package.
 #include "tests/support/test.h"
 
+#include "capture/recording/recording.h"
+#include "platform/database.h"
 #include "platform/file.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
@@ -121,6 +123,48 @@ static void test_what_is_installed(void **state)
     EXPECT_TRUE(strstr(said.out, "--detail"));
 }
 
+// A desktop tells a recording by what it holds, whatever it is called, and from other SQLite files; what opens it, and
+// the studio, are in the menu's own form.
+static void test_a_desktop_knows_recordings(void **state)
+{
+    (void)state;
+    char share[300], path[512], command[1400];
+    snprintf(share, sizeof share, "%s", scratch_file(&scratch, "usr/share"));
+    const char *const entries[] = {"reenact", "reenact-studio"};
+    for (size_t i = 0; i < COUNT_OF(entries); i++) {
+        snprintf(path, sizeof path, "%s/applications/%s.desktop", share, entries[i]);
+        EXPECT_INT(access(path, R_OK), 0);
+        if (access("/usr/bin/desktop-file-validate", X_OK))
+            continue;
+        const struct process_result said = PROCESS("/usr/bin/desktop-file-validate", path);
+        if (said.exit_code || *said.out)
+            print_error("%s\n", said.out);
+        EXPECT_TRUE(!said.exit_code && !*said.out);
+    }
+    snprintf(path, sizeof path, "%s/icons/hicolor/scalable/apps/reenact.svg", share);
+    EXPECT_INT(access(path, R_OK), 0);
+    if (access("/usr/bin/update-mime-database", X_OK) || access("/usr/bin/gio", X_OK))
+        skip();
+    struct recording_writer *w;
+    struct database *db;
+    EXPECT_STATUS(recording_create(&w, scratch_file(&scratch, "named-otherwise")), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    scratch_text(&scratch, "cut.reenact", "SQ");
+    EXPECT_STATUS(database_open(&db, scratch_file(&scratch, "other"), DATABASE_CREATE), OK);
+    EXPECT_STATUS(database_run(db, "CREATE TABLE t(id)"), OK);
+    database_close(&db);
+    snprintf(command, sizeof command,
+             "update-mime-database %s/mime && cd %s && for file in named-otherwise cut.reenact other; do "
+             "XDG_DATA_HOME=%s gio info -a standard::content-type $file | grep content-type; done",
+             share, scratch.path, share);
+    const struct process_result said = PROCESS("/usr/bin/bash", "-c", command);
+    print_message("%s%s", said.out, said.err);
+    const char *first = strstr(said.out, "application/x-reenact"),
+               *second = first ? strstr(first + 1, "application/x-reenact") : NULL;
+    EXPECT_TRUE(second && !strstr(second + 1, "application/x-reenact"));
+    EXPECT_TRUE(second && strstr(second, "sqlite3"));
+}
+
 // The package of Debian's own tools: what it depends on is found by the libraries that the programs link.
 static void test_package_can_be_unpacked_and_run(void **state)
 {
@@ -165,6 +209,7 @@ int main(void)
         cmocka_unit_test(test_help_and_version_are_alike),
 #ifndef EMULATED
         cmocka_unit_test(test_what_is_installed),
+        cmocka_unit_test(test_a_desktop_knows_recordings),
         cmocka_unit_test(test_package_can_be_unpacked_and_run),
 #endif
     };
