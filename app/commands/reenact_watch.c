@@ -12,7 +12,7 @@
 
 struct watch_arguments {
     const char *file, *take, *camera, *sensor, *photos;
-    bool fullscreen, light, mirrored, no_body_points, stats, ask;
+    bool fullscreen, light, mirrored, no_body_points, stats, ask, say_in_window;
     int rotate, size[2];
     double dpi, seconds;
 };
@@ -31,7 +31,8 @@ enum {
     KEY_DPI,
     KEY_SECONDS,
     KEY_STATS,
-    KEY_KNOWLEDGE
+    KEY_KNOWLEDGE,
+    KEY_SAY_IN_WINDOW
 };
 
 static const struct argp_option options[] = {
@@ -52,6 +53,8 @@ static const struct argp_option options[] = {
     {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
     {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    {"say-in-window", KEY_SAY_IN_WINDOW, NULL, 0,
+     "where FILE holds nothing to watch, say so in the window: who starts this from a desktop sees no terminal", 0},
     {"stats", KEY_STATS, NULL, 0, "say what the screen shows, and at the end how long each stage took", 0},
     {0},
 };
@@ -70,6 +73,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_NO_BODY_POINTS: a->no_body_points = true; return 0;
     case KEY_KNOWLEDGE: a->ask = true; return 0;
     case KEY_STATS: a->stats = true; return 0;
+    case KEY_SAY_IN_WINDOW: a->say_in_window = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_ROTATE:
@@ -349,8 +353,10 @@ int reenact_watch(int argc, char **argv)
     command_parse(&argp, argc, argv, &given);
     struct watch watch = {.arguments = &given, .started_ns = clock_now_ns()};
     command_catch_signals();
+    struct failure nothing_to_watch;
     enum status status = check_file(&given);
-    if (status == OK)
+    failure_keep(&nothing_to_watch, status);
+    if (status == OK || given.say_in_window)
         status = watch_open(&watch);
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
@@ -365,5 +371,7 @@ int reenact_watch(int argc, char **argv)
     if (status == OK && given.stats)
         print_stats(&watch);
     watch_close(&watch);
+    if (status == OK)
+        status = failure_restore(&nothing_to_watch);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -208,6 +208,32 @@ static void test_driving_with_the_map_beside(void **state)
     end_watcher();
 }
 
+// From a desktop there is no terminal to say why; from one, no window opens.
+static void test_a_damaged_file_opened_by_a_desktop(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    scratch_text(&rehearsal.scratch, "notes.reenact", "no recording");
+    char path[300];
+    snprintf(path, sizeof path, "%s", scratch_file(&rehearsal.scratch, "notes.reenact"));
+    const char *const arguments[] = {PROGRAM_DIR "/reenact", "--say-in-window", path, NULL};
+    int button = 0;
+    watcher = process_start(arguments);
+    for (int i = 0; i < 300 * PROCESS_PATIENCE && button < 1500; i++) {
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
+        if (display_read(&display))
+            button = display_count(&display, ACCENT, 540, 380, 740, 520);
+    }
+    print_message("%d pixels of the button that closes\n", button);
+    EXPECT_AT_LEAST(button, 1500);
+    const int status = end(&watcher);
+    EXPECT_TRUE(WIFEXITED(status));
+    EXPECT_INT(WEXITSTATUS(status), 1);
+    const struct process_result said = PROCESS(PROGRAM_DIR "/reenact", path);
+    EXPECT_INT(said.exit_code, 1);
+    EXPECT_TRUE(strstr(said.err, "not a recording") != NULL);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -234,6 +260,7 @@ int main(void)
         cmocka_unit_test(test_wayland),
         cmocka_unit_test(test_lost_graphics_context_is_recreated),
         cmocka_unit_test(test_driving_with_the_map_beside),
+        cmocka_unit_test(test_a_damaged_file_opened_by_a_desktop),
         cmocka_unit_test(test_missing_display_is_reported),
         cmocka_unit_test(test_missing_graphics_driver_is_reported),
     };
