@@ -2,6 +2,7 @@
 
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 size_t text_character_bytes(const char *text)
 {
@@ -35,6 +36,30 @@ static size_t printable_bytes(const char *text)
     const unsigned char *at = (const unsigned char *)text;
     const bool control = *at < 32 || *at == 127 || (*at == 0xc2 && at[1] < 0xa0);
     return control ? 0 : text_character_bytes(text);
+}
+
+bool text_append(char *text, size_t bytes, const char *more)
+{
+    const size_t before = strlen(text);
+    size_t end = before;
+    while (*more) {
+        const size_t n = printable_bytes(more);
+        if (n && end + n >= bytes)
+            break;
+        memcpy(text + end, more, n);
+        end += n;
+        more += n ? n : 1;
+    }
+    text[end] = 0;
+    return end > before;
+}
+
+void text_remove_last(char *text)
+{
+    size_t end = strlen(text);
+    while (end && (text[end - 1] & 0xc0) == 0x80)
+        end--;
+    text[end ? end - 1 : 0] = 0;
 }
 
 static void replace_others(char *text, size_t (*wanted)(const char *))

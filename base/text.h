@@ -19,6 +19,11 @@ bool text_is_printable(const char *text);
 // Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
 void text_make_printable(char *text);
 
+// What is typed: appends the printable characters of `more` as long as they fit whole. False: none was appended.
+bool text_append(char *text, size_t bytes, const char *more);
+// Removes the last character; nothing from an empty text.
+void text_remove_last(char *text);
+
 // A printable copy, for a terminal, of a name from outside; what is longer is cut. Returns out.
 enum { TEXT_SHOWN_BYTES = 512 };
 const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES]);

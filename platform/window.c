@@ -16,6 +16,8 @@ struct window {
     SDL_atomic_t woken; // 1: a wake event is in the queue
     int quarter_turns;
     double requested_dpi;
+    bool types;      // text is typed (window_type)
+    bool other_text; // what comes next as text is of a key that was pressed before it was
 };
 
 static enum status fail_open(struct window **s, const char *what)
@@ -60,6 +62,11 @@ enum status window_open(struct window **out, const struct window_options *option
         return fail_open(&s, "there is no display to show it on");
     if (!make_window(s, options))
         return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?");
+    // Text always comes, so that what is typed fast is not lost, but where it would bring up a keyboard on the screen.
+    if (SDL_HasScreenKeyboardSupport())
+        SDL_StopTextInput();
+    else
+        SDL_StartTextInput();
     SDL_GL_SetSwapInterval(1); // may fail: then the main loop's own pacing limits the rate
     // Game pads are optional.
     if (!SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER))
@@ -279,7 +286,16 @@ static void translate_event(struct window *s, const SDL_Event *e, struct window_
     }
     switch (e->type) {
     case SDL_QUIT: out->kind = WINDOW_QUIT; break;
-    case SDL_KEYDOWN: translate_key(&e->key, out); break;
+    case SDL_KEYDOWN:
+        s->other_text = !s->types;
+        translate_key(&e->key, out);
+        break;
+    case SDL_KEYUP: s->other_text = false; break;
+    case SDL_TEXTINPUT:
+        out->kind = s->types && !s->other_text ? WINDOW_TEXT : WINDOW_NO_EVENT;
+        snprintf(out->text, sizeof out->text, "%s", e->text.text);
+        s->other_text = false;
+        break;
     case SDL_WINDOWEVENT: translate_window(&e->window, out); break;
     case SDL_APP_WILLENTERBACKGROUND: out->kind = WINDOW_HIDDEN; break;
     case SDL_APP_DIDENTERFOREGROUND: out->kind = WINDOW_SHOWN; break;
@@ -315,6 +331,17 @@ struct window_event window_wait(struct window *s, int wait_ms)
             translate_event(s, &event, &out);
         while (out.kind == WINDOW_NO_EVENT && SDL_PollEvent(&event)); // events that are not translated are skipped
     return out;
+}
+
+void window_type(struct window *s, bool on)
+{
+    if (on == s->types)
+        return;
+    s->types = on;
+    if (on && !SDL_IsTextInputActive())
+        SDL_StartTextInput();
+    else if (!on && SDL_HasScreenKeyboardSupport())
+        SDL_StopTextInput();
 }
 
 void window_wake(struct window *s)

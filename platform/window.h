@@ -44,12 +44,14 @@ enum window_event_kind {
     WINDOW_POINTER_UP,
     WINDOW_WHEEL,      // amount: notches, away from the user is positive
     WINDOW_KEY,        // key
+    WINDOW_TEXT,       // text, as typed, between window_type's on and off; the keys that made it come as well
     WINDOW_PAD_BUTTON, // button, pressed
     WINDOW_PAD_AXIS,   // axis at amount, -1..1; triggers 0..1
 };
 
 // Keys without a printable character, and space; other keys are their lower-case ASCII character.
 enum window_key {
+    WINDOW_KEY_BACKSPACE = 8,
     WINDOW_KEY_ENTER = 13,
     WINDOW_KEY_ESCAPE = 27,
     WINDOW_KEY_SPACE = 32,
@@ -85,6 +87,7 @@ struct window_event {
     int64_t pointer; // a finger's number, constant while it is down; the mouse is -1
     double x, y;     // pixels
     int key;         // enum window_key or a letter
+    char text[32];   // UTF-8
     bool shift;
     enum pad_button button;
     enum pad_axis axis;
@@ -93,6 +96,10 @@ struct window_event {
 
 // The next event; waits up to wait_ms for one, 0: does not wait.
 struct window_event window_wait(struct window *s, int wait_ms);
+
+// Whether text is typed: capitals, accents and what input methods compose come as WINDOW_TEXT, and a tablet shows its
+// keyboard. Off at first; costs nothing where nothing changes.
+void window_type(struct window *s, bool on);
 
 // Makes window_wait return; from any thread, until window_close.
 void window_wake(struct window *s);

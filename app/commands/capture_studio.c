@@ -73,6 +73,7 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
         if ((until_ns && now_ns >= until_ns) || command_stopped())
             studio_do(&r->studio.state, STUDIO_QUIT, now_ns);
         due_ns = studio_update(&r->studio, now_ns);
+        window_type(r->window, studio_types(&r->studio));
         if (!studio_changed(&r->studio))
             continue;
         enum status status = draw(r, px_per_dp, now_ns);

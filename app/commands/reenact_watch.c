@@ -296,6 +296,7 @@ static enum status watch_loop(struct watch *w)
         if (w->hidden)
             continue;
         due_ns = viewer_update(&w->viewer, now_ns);
+        window_type(w->screen, view_state_types(s));
         if (s->changed) {
             enum status status = draw(w, now_ns);
             if (status != OK)

@@ -1,5 +1,7 @@
 #include "app/state/room_state.h"
 
+#include "base/text.h"
+
 #include <ctype.h>
 #include <string.h>
 
@@ -15,19 +17,9 @@ struct room_state room_state_start(void)
                                .map_orbit = {{0, 0, 0.5}, 0.6, 0.75, 7}};
 }
 
-bool room_state_type(struct room_state *s, int key)
+bool room_state_type(struct room_state *s, const char *text)
 {
-    const size_t count = strlen(s->filter);
-    if (key == 8) {
-        if (count)
-            s->filter[count - 1] = 0;
-        return true;
-    }
-    if (key < 32 || key > 126 || (key == 32 && !count) || count + 1 >= sizeof s->filter)
-        return false;
-    s->filter[count] = (char)key;
-    s->filter[count + 1] = 0;
-    return true;
+    return (*s->filter || *text != ' ') && text_append(s->filter, sizeof s->filter, text);
 }
 
 bool room_name_matches(const char *name, const char *filter)

@@ -22,8 +22,8 @@ struct room_state {
 
 struct room_state room_state_start(void);
 
-// A printable key or backspace (8) for the filter. False: not for it.
-bool room_state_type(struct room_state *s, int key);
+// Text for the filter, which does not begin with a blank. False: there is nothing new.
+bool room_state_type(struct room_state *s, const char *text);
 
 // Whether the name contains the filter, whatever the case of ASCII letters. An empty filter: yes.
 bool room_name_matches(const char *name, const char *filter);

@@ -380,6 +380,8 @@ void view_state_gesture(struct view_state *s, const struct gesture *g, const str
     }
 }
 
+bool view_state_types(const struct view_state *s) { return s->page == PAGE_WATCH && s->sheet == SHEET_THINGS; }
+
 void view_state_wheel(struct view_state *s, double notches, int64_t now_ns)
 {
     if (s->page == PAGE_LIVE)

@@ -153,6 +153,9 @@ void view_state_fail(struct view_state *s, const char *sentence); // to PAGE_TRO
 
 void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns);
 
+// Whether text is typed: a thing is looked for by its name.
+bool view_state_types(const struct view_state *s);
+
 // What an action means on PAGE_LIVE. False: nothing there.
 bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out);
 

@@ -274,6 +274,11 @@ int64_t studio_update(struct studio *s, int64_t now_ns)
 
 bool studio_changed(const struct studio *s) { return s->state.changed || (s->playing && s->viewer.state.changed); }
 
+bool studio_types(const struct studio *s)
+{
+    return s->playing ? view_state_types(&s->viewer.state) : s->state.page == STUDIO_RENAME;
+}
+
 bool studio_finished(const struct studio *s)
 {
     return s->state.quit && s->state.page != STUDIO_RECORDING && s->state.page != STUDIO_FINISHING;
@@ -285,8 +290,11 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
 {
     struct studio_state *state = &s->state;
     if (state->page == STUDIO_RENAME && event->key != WINDOW_KEY_ESCAPE) {
-        studio_type(state, event->key, now_ns);
-        return true;
+        if (event->key == WINDOW_KEY_BACKSPACE)
+            studio_type_back(state);
+        else if (event->key == WINDOW_KEY_ENTER)
+            studio_type_done(state, now_ns);
+        return true; // letters come as text
     }
     switch (event->key) {
     case WINDOW_KEY_SPACE:
@@ -320,6 +328,10 @@ bool studio_event(struct studio *s, const struct window_event *event, double px_
         return input_map_event(&s->viewer.input, &s->viewer.state, event, px_per_dp, now_ns);
     if (event->kind == WINDOW_KEY)
         return handle_key(s, event, now_ns);
+    if (event->kind == WINDOW_TEXT) {
+        studio_type(&s->state, event->text);
+        return true;
+    }
     if (event->kind == WINDOW_RESIZED || event->kind == WINDOW_SHOWN || event->kind == WINDOW_POINTER_MOVE)
         s->state.changed = true;
     const bool pressed = input_map_event(&s->input, &s->ignored, event, px_per_dp, now_ns);

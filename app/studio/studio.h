@@ -50,6 +50,7 @@ bool studio_event(struct studio *s, const struct window_event *event, double px_
 // says whether to draw.
 int64_t studio_update(struct studio *s, int64_t now_ns);
 bool studio_changed(const struct studio *s);
+bool studio_types(const struct studio *s); // whether text is typed
 
 // ERR_DEVICE: the GPU context is lost.
 MUST_CHECK enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns);

@@ -266,7 +266,7 @@ static void draw_rename_buttons(const struct brush *b, struct studio_state *s, s
 {
     struct ui_box row = cut_top(&buttons, TARGET);
     if (text_button(b, "rename-done", "Done", BUTTON_MAIN, cut_left(&row, 150)))
-        studio_type(s, 13, now_ns);
+        studio_type_done(s, now_ns);
     if (text_button(b, "rename-leave", "Leave it", BUTTON_RAISED, cut_left(&row, 150)))
         studio_do(s, STUDIO_BACK, now_ns);
     label(b, FACE_SMALL, row, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");

@@ -1,5 +1,7 @@
 #include "app/studio/studio_state.h"
 
+#include "base/text.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -201,23 +203,27 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
         do_in_room_review(s, action, now_ns);
 }
 
-void studio_type(struct studio_state *s, int key, int64_t now_ns)
+void studio_type(struct studio_state *s, const char *text)
 {
-    const size_t length = strlen(s->name);
+    if (s->page == STUDIO_RENAME)
+        s->changed |= text_append(s->name, sizeof s->name, text);
+}
+
+void studio_type_back(struct studio_state *s)
+{
+    if (s->page == STUDIO_RENAME)
+        text_remove_last(s->name);
+    s->changed = true;
+}
+
+void studio_type_done(struct studio_state *s, int64_t now_ns)
+{
     if (s->page != STUDIO_RENAME)
         return;
-    s->changed = true;
-    if (key == 13) {
-        if (length && strcmp(s->name, s->take))
-            command(s, STUDIO_RENAME_TAKE);
-        else
-            go(s, STUDIO_REVIEW, now_ns);
-    } else if (key == 8) {
-        s->name[length ? length - 1 : 0] = 0;
-    } else if (key >= 32 && key < 127 && length + 1 < sizeof s->name) {
-        s->name[length] = (char)key;
-        s->name[length + 1] = 0;
-    }
+    if (*s->name && strcmp(s->name, s->take))
+        command(s, STUDIO_RENAME_TAKE);
+    else
+        go(s, STUDIO_REVIEW, now_ns);
 }
 
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns)

@@ -92,7 +92,10 @@ struct studio_state studio_start(bool dark);
 void studio_set_sensors(struct studio_state *s, int count, int64_t now_ns); // the list was read
 void studio_choose_sensor(struct studio_state *s, int sensor, int64_t now_ns);
 void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns);
-void studio_type(struct studio_state *s, int key, int64_t now_ns); // page RENAME; a character, 8: back, 13: done
+// Page RENAME: what is typed, the last character taken back, the name as it is.
+void studio_type(struct studio_state *s, const char *text);
+void studio_type_back(struct studio_state *s);
+void studio_type_done(struct studio_state *s, int64_t now_ns);
 
 // ---- what happened
 void studio_sensor_ready(struct studio_state *s, int64_t now_ns);

@@ -1,5 +1,7 @@
 #include "app/ui/input_map.h"
 
+#include "base/text.h"
+
 static const double TAP_DP = 16; // a tap moves no farther; chosen by hand
 
 enum view_action input_map_key(int key, bool shift)
@@ -113,12 +115,12 @@ static bool on_pointer(struct input_map *m, struct view_state *s, const struct w
 // While a thing is looked for by its name, letters are letters.
 static void on_key(struct view_state *s, const struct window_event *e, int64_t now_ns)
 {
-    const bool finding = s->page == PAGE_WATCH && s->sheet == SHEET_THINGS;
+    const bool finding = view_state_types(s), letter = e->key >= 32 && e->key < 127;
     if (finding && e->key == WINDOW_KEY_ENTER)
         s->room.enter = s->changed = true;
-    else if (finding && room_state_type(&s->room, e->key))
-        s->changed = true;
-    else
+    else if (finding && e->key == WINDOW_KEY_BACKSPACE)
+        text_remove_last(s->room.filter);
+    else if (!finding || !letter) // letters come as text
         view_state_do(s, input_map_key(e->key, e->shift), now_ns);
 }
 
@@ -134,6 +136,7 @@ bool input_map_event(struct input_map *m, struct view_state *s, const struct win
         s->changed = true;
         break;
     case WINDOW_KEY: on_key(s, e, now_ns); break;
+    case WINDOW_TEXT: s->changed |= view_state_types(s) && room_state_type(&s->room, e->text); break;
     case WINDOW_PAD_BUTTON: view_state_do(s, input_map_button(e->button), now_ns); break;
     case WINDOW_PAD_AXIS: m->pad[e->axis] = e->amount; break;
     case WINDOW_RESIZED: s->changed = true; break;

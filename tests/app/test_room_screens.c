@@ -84,11 +84,16 @@ static void touch(struct glass *g, double x_dp, double y_dp)
     glass_draw(g);
 }
 
+// A letter comes as a key and, where text is typed, as text.
 static void type(struct glass *g, const char *keys)
 {
     for (; *keys; keys++) {
-        const struct window_event e = {.kind = WINDOW_KEY, .key = *keys};
-        input_map_event(&g->viewer.input, &g->viewer.state, &e, glass_scale(g), clock_now_ns());
+        const struct window_event key = {.kind = WINDOW_KEY, .key = *keys};
+        const struct window_event text = {.kind = WINDOW_TEXT, .text = {*keys}};
+        const bool types = view_state_types(&g->viewer.state);
+        input_map_event(&g->viewer.input, &g->viewer.state, &key, glass_scale(g), clock_now_ns());
+        if (types && *keys >= 32)
+            input_map_event(&g->viewer.input, &g->viewer.state, &text, glass_scale(g), clock_now_ns());
         glass_draw(g);
     }
 }

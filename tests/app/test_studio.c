@@ -65,13 +65,17 @@ static void test_from_sensor_to_kept(void **state)
     studio_do(&s, STUDIO_BACK, 0);
     EXPECT_TRUE(s.page == STUDIO_REVIEW && next_command(&s, STUDIO_CLOSE_PLAYBACK));
     studio_do(&s, STUDIO_EDIT_NAME, 0);
-    for (const char *key = "\b\b\b\b\b\bkata"; *key; key++)
-        studio_type(&s, *key, 0);
-    EXPECT_TRUE(!strcmp(s.name, "kata"));
-    studio_type(&s, 13, 0);
+    for (int i = 0; i < 6; i++)
+        studio_type_back(&s);
+    EXPECT_TRUE(!*s.name);
+    studio_type(&s, "Kata");
+    studio_type(&s, "ü\n"); // no line break in a name
+    EXPECT_TRUE(!strcmp(s.name, "Kataü"));
+    studio_type_back(&s);
+    studio_type_done(&s, 0);
     EXPECT_TRUE(next_command(&s, STUDIO_RENAME_TAKE));
     studio_renamed(&s, true, 0);
-    EXPECT_TRUE(s.page == STUDIO_REVIEW && !strcmp(s.take, "kata"));
+    EXPECT_TRUE(s.page == STUDIO_REVIEW && !strcmp(s.take, "Kata"));
     studio_do(&s, STUDIO_KEEP, 0);
     EXPECT_TRUE(s.page == STUDIO_LIVE && s.kept == 1 && s.number == 2);
 }
@@ -187,11 +191,15 @@ static void film_takes(struct stage *g, const char *uri)
     stage_draw(g);
     EXPECT_TRUE(!g->studio.playing && g->studio.state.page == STUDIO_REVIEW);
     stage_press(g, 'n');
-    for (const char *key = "\b\b\b\b\b\bfirst"; *key; key++)
-        stage_press(g, *key);
+    EXPECT_TRUE(studio_types(&g->studio));
+    for (int i = 0; i < 6; i++)
+        stage_press(g, WINDOW_KEY_BACKSPACE);
+    stage_press(g, 'f'); // comes as text, too
+    stage_type(g, "First Übung");
     stage_save_all(g, "rename");
     stage_press(g, WINDOW_KEY_ENTER);
-    EXPECT_TRUE(!strcmp(g->studio.state.take, "first") && g->studio.state.page == STUDIO_REVIEW);
+    EXPECT_TRUE(!studio_types(&g->studio));
+    EXPECT_TRUE(!strcmp(g->studio.state.take, "First Übung") && g->studio.state.page == STUDIO_REVIEW);
     stage_press(g, 'k');
     EXPECT_INT(stage_takes_in(file), 1);
     // A second one, stopped by hand and discarded.

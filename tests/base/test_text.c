@@ -16,6 +16,29 @@ static void test_times_are_readable(void **state)
     assert_string_equal(seconds_text(7, 0, out), "0");
 }
 
+static void test_text_is_typed(void **state)
+{
+    (void)state;
+    char name[8] = "";
+    text_remove_last(name);
+    EXPECT_TRUE(!*name);
+    EXPECT_TRUE(text_append(name, sizeof name, "Kü"));
+    assert_string_equal(name, "Kü");
+    EXPECT_TRUE(text_append(name, sizeof name,
+                            "\x1b[\xff"
+                            "2\n")); // what is printable of it
+    assert_string_equal(name, "Kü[2");
+    EXPECT_TRUE(!text_append(name, sizeof name, "日")); // three bytes, of which two would fit
+    EXPECT_TRUE(text_append(name, sizeof name, "éa"));
+    assert_string_equal(name, "Kü[2é");
+    EXPECT_TRUE(!text_append(name, sizeof name, "a"));
+    static const char *const left[] = {"Kü[2", "Kü[", "Kü", "K", "", ""};
+    for (size_t i = 0; i < COUNT_OF(left); i++) {
+        text_remove_last(name);
+        assert_string_equal(name, left[i]);
+    }
+}
+
 static void test_characters(void **state)
 {
     (void)state;
@@ -78,9 +101,8 @@ static void test_printable_text(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_times_are_readable),
-        cmocka_unit_test(test_characters),
-        cmocka_unit_test(test_printable_text),
+        cmocka_unit_test(test_times_are_readable), cmocka_unit_test(test_text_is_typed),
+        cmocka_unit_test(test_characters),         cmocka_unit_test(test_printable_text),
         cmocka_unit_test(test_names_are_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -95,6 +95,14 @@ void stage_press(struct stage *g, int key)
     stage_draw(g);
 }
 
+void stage_type(struct stage *g, const char *text)
+{
+    struct window_event event = {.kind = WINDOW_TEXT};
+    snprintf(event.text, sizeof event.text, "%s", text);
+    studio_event(&g->studio, &event, 1, clock_now_ns() + g->skipped_ns);
+    stage_draw(g);
+}
+
 int stage_takes_in(const char *file)
 {
     struct recording *recording;

@@ -29,6 +29,7 @@ void stage_save(struct stage *g, const char *name);
 // The page wide and upright, dark and light.
 void stage_save_all(struct stage *g, const char *page);
 void stage_press(struct stage *g, int key);
+void stage_type(struct stage *g, const char *text); // at most 31 bytes
 int stage_takes_in(const char *file);
 void stage_close(struct stage *g);
 // A finger on the middle of the control that was drawn there, in dp.
