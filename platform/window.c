@@ -333,6 +333,12 @@ struct window_event window_wait(struct window *s, int wait_ms)
     return out;
 }
 
+void window_say(const char *title, const char *sentence)
+{
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+    (void)SDL_ShowSimpleMessageBox(SDL_MESSAGEBOX_ERROR, title, sentence, NULL);
+}
+
 void window_type(struct window *s, bool on)
 {
     if (on == s->types)

@@ -97,6 +97,9 @@ struct window_event {
 // The next event; waits up to wait_ms for one, 0: does not wait.
 struct window_event window_wait(struct window *s, int wait_ms);
 
+// A sentence in a small window of the desktop's own, until it is closed; nothing where that cannot be. Needs no window.
+void window_say(const char *title, const char *sentence);
+
 // Whether text is typed: capitals, accents and what input methods compose come as WINDOW_TEXT, and a tablet shows its
 // keyboard. Off at first; costs nothing where nothing changes.
 void window_type(struct window *s, bool on);

@@ -11,12 +11,21 @@
 
 struct studio_arguments {
     const char *file, *sensor, *tags;
-    bool fullscreen, light;
+    bool fullscreen, light, say_in_window;
     int size[2]; // of the window, pixels
     double dpi, seconds;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_FULLSCREEN, KEY_LIGHT, KEY_SIZE, KEY_DPI, KEY_SECONDS, KEY_TAGS };
+enum {
+    KEY_SENSOR = COMMAND_KEY,
+    KEY_FULLSCREEN,
+    KEY_LIGHT,
+    KEY_SIZE,
+    KEY_DPI,
+    KEY_SECONDS,
+    KEY_TAGS,
+    KEY_SAY_IN_WINDOW
+};
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
@@ -27,6 +36,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
+    case KEY_SAY_IN_WINDOW: a->say_in_window = true; return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
@@ -102,6 +112,8 @@ int capture_studio(int argc, char **argv)
         {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
         {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
         {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+        {"say-in-window", KEY_SAY_IN_WINDOW, NULL, 0,
+         "say in a window, too, why it cannot begin: who starts this from a desktop sees no terminal", 0},
         {0},
     };
     static const struct argp argp = {options,
@@ -145,5 +157,7 @@ int capture_studio(int argc, char **argv)
     studio_close(&run.studio);
     gpu_close(&run.gpu);
     window_close(&run.window);
+    if (status != OK && given.say_in_window)
+        window_say("Reenact Studio", status_message());
     return status == OK ? 0 : command_failed(argv[0]);
 }

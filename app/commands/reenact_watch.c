@@ -374,5 +374,7 @@ int reenact_watch(int argc, char **argv)
     watch_close(&watch);
     if (status == OK)
         status = failure_restore(&nothing_to_watch);
+    else if (given.say_in_window) // no window that could say it, or it failed
+        window_say("Reenact", status_message());
     return status == OK ? 0 : command_failed(argv[0]);
 }

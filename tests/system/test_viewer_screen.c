@@ -234,6 +234,33 @@ static void test_a_damaged_file_opened_by_a_desktop(void **state)
     EXPECT_TRUE(strstr(said.err, "not a recording") != NULL);
 }
 
+// In a window of the desktop's own, until it is closed.
+static void test_a_studio_that_cannot_begin(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    scratch_text(&rehearsal.scratch, "notes.reenact", "no recording");
+    char path[300];
+    snprintf(path, sizeof path, "%s", scratch_file(&rehearsal.scratch, "notes.reenact"));
+    const char *const arguments[] = {PROGRAM_DIR "/reenact-capture", "studio", "--say-in-window", path, NULL};
+    int ended = 0, status = 0, colors = 0;
+    watcher = process_start(arguments);
+    for (int i = 0; i < 300 * PROCESS_PATIENCE && colors < 3; i++) {
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
+        colors = display_read(&display) ? display_colors(&display, 0, 0, WIDTH, HEIGHT) : 0;
+    }
+    EXPECT_AT_LEAST(colors, 3);
+    EXPECT_INT(waitpid(watcher, &status, WNOHANG), 0); // it waits to be read
+    for (int i = 0; i < 100 * PROCESS_PATIENCE && !ended; i++) {
+        display_close_window(&display);
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
+        ended = waitpid(watcher, &status, WNOHANG);
+    }
+    EXPECT_INT(ended, watcher);
+    watcher = 0;
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -261,6 +288,7 @@ int main(void)
         cmocka_unit_test(test_lost_graphics_context_is_recreated),
         cmocka_unit_test(test_driving_with_the_map_beside),
         cmocka_unit_test(test_a_damaged_file_opened_by_a_desktop),
+        cmocka_unit_test(test_a_studio_that_cannot_begin),
         cmocka_unit_test(test_missing_display_is_reported),
         cmocka_unit_test(test_missing_graphics_driver_is_reported),
     };
