@@ -216,6 +216,44 @@ static int best_pose(void)
 }
 
 // Where the representative frame is trimmed off, or damaged, another one takes its place: the person is still shown.
+// While one program watches a take, another changes the file: other takes, names and notes do not matter; of a take
+// that is trimmed or deleted no other frames are shown for those that were there.
+static void test_a_take_changed_while_it_is_open(void **state)
+{
+    (void)state;
+    char path[128];
+    struct take_images images;
+    struct take *other;
+    const uint8_t *jpeg;
+    size_t count;
+    int64_t freed;
+    snprintf(path, sizeof path, "%s", fresh("changed"));
+    open_take(path, "höher");
+    EXPECT_STATUS(take_open(&other, recording, "second"), OK);
+    EXPECT_STATUS(take_read(take, 5, TAKE_COLOR, &images), OK);
+    EXPECT_STATUS(recording_rename_take(path, "höher", "high"), OK);
+    add_take(path, "third", 4);
+    EXPECT_STATUS(take_read(take, FRAMES - 1, TAKE_COLOR, &images), OK);
+    EXPECT_STATUS(recording_trim_take(path, "high", 0, 500000000, &freed), OK);
+    EXPECT_STATUS(take_read(take, 5, TAKE_COLOR, &images), ERR_IO);
+    EXPECT_SAYS("changed by another program");
+    EXPECT_TRUE(!images.color);
+    EXPECT_STATUS(take_read_jpeg(take, 5, &jpeg, &count), ERR_IO);
+    EXPECT_STATUS(take_read(other, 0, TAKE_COLOR, &images), OK);
+    take_close(&other);
+    close_take();
+    open_take(path, "high"); // its first frames are gone now
+    EXPECT_STATUS(take_read(take, 5, TAKE_COLOR, &images), OK);
+    EXPECT_STATUS(recording_trim_take(path, "high", 100000000, INT64_MAX, NULL), OK);
+    EXPECT_STATUS(take_read(take, 5, TAKE_COLOR, &images), ERR_IO);
+    close_take();
+    open_take(path, "high");
+    EXPECT_STATUS(recording_delete_take(path, "high", &freed), OK);
+    add_take(path, "high", 20);
+    EXPECT_STATUS(take_read(take, 0, TAKE_COLOR, &images), ERR_IO);
+    close_take();
+}
+
 static void test_another_frame_is_representative(void **state)
 {
     (void)state;
@@ -338,6 +376,7 @@ int main(void)
         cmocka_unit_test(test_delete_overwrites),
         cmocka_unit_test(test_delete_for_somebody_who_waits),
         cmocka_unit_test(test_trim),
+        cmocka_unit_test(test_a_take_changed_while_it_is_open),
         cmocka_unit_test(test_another_frame_is_representative),
         cmocka_unit_test(test_copy),
         cmocka_unit_test(test_copy_says_what_damage_cost),
