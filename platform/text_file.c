@@ -18,7 +18,7 @@ enum status text_file_open(struct text_file *out, const char *path)
         free(bytes);
         return fail(ERR_INPUT, "%s is not a text file in UTF-8", path);
     }
-    *out = (struct text_file){.text = (char *)bytes, .bytes = count};
+    *out = (struct text_file){.text = (char *)bytes};
     out->next = out->text + (strncmp(out->text, mark, 3) ? 0 : 3);
     return OK;
 }

@@ -4,7 +4,6 @@
 
 struct text_file {
     char *text; // of the whole file; lines point into it
-    size_t bytes;
     char *next;
     int line; // of the line read last, from 1
 };

@@ -511,7 +511,7 @@ static void *run(void *context)
     close_sensor(s);
     // What was to be kept just before the end.
     if (atomic_load(&s->room_decision) == ROOM_KEEP && room_waits(s) && studio_room_keep(&s->room, s->file) != OK)
-        fprintf(stderr, "the room is not kept: %s\n", status_message());
+        fprintf(stderr, "reenact-capture studio: the room is not kept: %s\n", status_message());
     return NULL;
 }
 

@@ -116,8 +116,9 @@ static bool on_pointer(struct input_map *m, struct view_state *s, const struct w
 static void on_key(struct view_state *s, const struct window_event *e, int64_t now_ns)
 {
     const bool finding = view_state_types(s), letter = e->key >= 32 && e->key < 127;
+    s->changed |= finding;
     if (finding && e->key == WINDOW_KEY_ENTER)
-        s->room.enter = s->changed = true;
+        s->room.enter = true;
     else if (finding && e->key == WINDOW_KEY_BACKSPACE)
         text_remove_last(s->room.filter);
     else if (!finding || !letter) // letters come as text

@@ -72,10 +72,10 @@ static void draw_cards(const struct brush *b, struct screens *screens, struct vi
     double h = w * 0.62 + WORDS;
     int rows = (page->count + columns - 1) / columns;
     double most = fmax(0, rows * (h + MARGIN) - in.h + BORDER);
-    s->take_columns = columns;
-    if (screens->followed != s->take + 1)
+    if (screens->followed != s->take + 1 || s->take_columns != columns)
         follow(screens, s->take / columns * (h + MARGIN), h, in.h);
     screens->followed = s->take + 1;
+    s->take_columns = columns;
     screens->scroll = fmin(fmax(screens->scroll, 0), most);
     screens->first_in_sight = (int)(screens->scroll / (h + MARGIN)) * columns;
     screens->end_in_sight = ((int)((screens->scroll + in.h + BORDER) / (h + MARGIN)) + 1) * columns;
