@@ -38,6 +38,7 @@ struct live_sensor {
     struct live_points *points;                  // NULL: none are looked for
     int attempt;                                 // being collected; 0: none yet
     bool collecting;                             // the wish's run, as of the last frame
+    bool keeping;                                // the keeper gets the attempt's frames
     int left_out;                                // frames of a film in a row
     bool at_start;                               // a film has delivered nothing but its first frame
     int64_t began_ns, first_ns, due_ns, late_ns; // of a film: clock and film time of its start; when a frame is due
@@ -143,8 +144,17 @@ static void begin_collecting(struct live_sensor *s, const struct live_wish *wish
     joint_samples_free(&s->samples);
     s->samples_attempt = wish->attempt;
     pthread_mutex_unlock(&s->lock);
-    if (s->options.keeper)
+    s->keeping = s->options.keeper;
+    if (s->keeping)
         live_keeper_begin(s->options.keeper, source_calibration(s->source), wish->attempt);
+}
+
+// Also where the sensor fails meanwhile: it may come back with another clock, or be another one with larger images.
+static void end_keeping(struct live_sensor *s)
+{
+    if (s->keeping)
+        live_keeper_end(s->options.keeper);
+    s->keeping = false;
 }
 
 // Out of memory, an attempt has what was collected before.
@@ -157,7 +167,7 @@ static void collect(struct live_sensor *s, const struct frame *frame, const stru
     if (look->person && room && s->samples_attempt == s->attempt)
         (void)!joint_samples_add(to, &look->sample);
     pthread_mutex_unlock(&s->lock);
-    if (!s->options.keeper)
+    if (!s->keeping)
         return;
     const struct keeper_frame kept = {.time_ns = frame->time_ns,
                                       .located = look->located,
@@ -214,8 +224,8 @@ static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
 {
     if (wish->run && wish->attempt != s->attempt)
         begin_collecting(s, wish);
-    if (s->collecting && !wish->run && s->options.keeper)
-        live_keeper_end(s->options.keeper);
+    if (s->collecting && !wish->run)
+        end_keeping(s);
     s->collecting = wish->run;
     if (wish->shown.end > wish->shown.first)
         live_tracker_show(s->tracker, &wish->shown);
@@ -406,6 +416,7 @@ static void *sensor_thread(void *self)
             status = run_sensor(s);
         if (status != OK)
             report(s, status_message());
+        end_keeping(s);
         live_points_close(&s->points);
         live_tracker_close(&s->tracker);
         source_close(&s->source);
