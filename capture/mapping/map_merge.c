@@ -22,7 +22,9 @@ static enum status add_tag(struct map *m, int32_t id, double side_m)
     struct map_tag *tag = &m->tags[m->tag_count++];
     tag->id = id;
     tag->side_m = side_m;
-    return tag_pattern(id, &tag->pattern) ? OK : fail(ERR_MEMORY, "no memory for the pattern of tag %d", (int)id);
+    return tag_pattern(id, &tag->pattern)
+               ? OK
+               : fail(ERR_INPUT, "tag %d is not of the family tag36h11, which ends at %d", (int)id, TAG_ID_COUNT - 1);
 }
 
 enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags, int32_t tag_count)
@@ -38,6 +40,8 @@ enum status map_load_prior(struct map *m, const struct place *prior, const struc
     enum status status = OK;
     for (int32_t i = 0; i < old_tags && status == OK; i++) {
         status = add_tag(m, prior->tags[i].id, prior->tags[i].side_m);
+        if (status == OK && m->tag_count == i)
+            status = fail(ERR_INPUT, "the place has tag %d twice", (int)prior->tags[i].id);
         m->tags[i].world_from_tag = prior->tags[i].world_from_tag;
         memcpy(m->tags[i].covariance, prior->tags[i].covariance, sizeof m->tags[i].covariance);
         m->tags[i].mapped = m->tags[i].fixed = true;

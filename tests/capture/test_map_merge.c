@@ -267,6 +267,29 @@ static void test_unrelated_sweep_is_refused(void **state)
     EXPECT_SAYS("list");
 }
 
+// As no sweep leaves it, but a file from outside may.
+static void test_impossible_tags_are_refused(void **state)
+{
+    (void)state;
+    struct place_tag twice[] = {
+        {.id = 3, .side_m = 0.2, .world_from_tag = POSE_IDENTITY},
+        {.id = 3, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {1, 0, 0}}},
+        {.id = 5, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {2, 0, 0}}},
+    };
+    struct place known = room.first;
+    struct mapper_options o = mapper_default_options();
+    struct mapper *m;
+    known.tags = twice;
+    known.tag_count = 3;
+    o.prior = &known;
+    EXPECT_STATUS(mapper_open(&m, &room.calibration, NULL, 0, &o), ERR_INPUT);
+    EXPECT_SAYS("tag 3 twice");
+    twice[1].id = 587;
+    EXPECT_STATUS(mapper_open(&m, &room.calibration, NULL, 0, &o), ERR_INPUT);
+    EXPECT_SAYS("tag36h11");
+    EXPECT_TRUE(m == NULL);
+}
+
 // A tag that was moved after the first sweep is reported and estimated again; nothing else changes.
 static void test_moved_tag_is_detected(void **state)
 {
@@ -347,6 +370,7 @@ int main(void)
         cmocka_unit_test(test_known_tags_need_not_be_listed),
         cmocka_unit_test(test_place_without_tags_grows_by_landmarks),
         cmocka_unit_test(test_unrelated_sweep_is_refused),
+        cmocka_unit_test(test_impossible_tags_are_refused),
         cmocka_unit_test(test_moved_tag_is_detected),
         cmocka_unit_test(test_takes_are_kept),
     };
