@@ -86,8 +86,10 @@ static enum status add_view(struct ply *ply, const struct place *place, const st
         enum status status = jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, l->width, l->height);
         if (status != OK) {
             free(rgb);
-            return status;
+            rgb = NULL; // damaged: its points have no colour
         }
+        if (status == ERR_MEMORY)
+            return status;
     }
     const struct colored_depth d = {.calibration = &place->calibration,
                                     .depth = view->depth,

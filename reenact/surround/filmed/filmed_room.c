@@ -54,8 +54,9 @@ enum status filmed_room_open(struct surroundings *room, const struct place *plac
         return fail(ERR_INPUT, "the place was filmed without a colour camera, so there is no picture of it to draw");
     enum status status = surroundings_open_live(room, SURROUNDINGS_FILMED, view, POSE_IDENTITY, how);
     for (int i = 0; status == OK && i < place->view_count; i++)
-        if (is_usable(place, &place->views[i]))
-            status = take_view(room, place, &place->views[i]);
+        if (is_usable(place, &place->views[i]) &&
+            (status = take_view(room, place, &place->views[i])) == ERR_CORRUPT) // a damaged view costs itself alone
+            status = OK;
     if (status != OK)
         surroundings_close(room);
     return status;

@@ -8,8 +8,8 @@
 int filmed_room_views(const struct place *place);
 
 // view: the lens of what will be drawn, ideal. how NULL: the default of SURROUNDINGS_FILMED. The place may be freed
-// afterwards. ERR_INPUT: it was filmed without a colour camera; ERR_CORRUPT: a picture cannot be read; ERR_MEMORY. On
-// error *room is zeroed. surroundings_close closes it.
+// afterwards. A view whose picture is damaged is left out. ERR_INPUT: it was filmed without a colour camera;
+// ERR_MEMORY. On error *room is zeroed. surroundings_close closes it.
 MUST_CHECK enum status filmed_room_open(struct surroundings *room, const struct place *place, const struct lens *view,
                                         const struct surroundings_options *how);
 
