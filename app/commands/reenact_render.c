@@ -378,6 +378,7 @@ static enum status render_images(struct render_run *r)
         progress_bar_step(&progress);
     }
     progress_bar_end(&progress);
+    r->frames.bar = NULL; // it lived here
     if (status < 0)
         return status;
     if (command_stopped() && !r->images)

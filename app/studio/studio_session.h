@@ -31,7 +31,8 @@ void studio_session_end(struct studio_session *s);
 void studio_session_pause(struct studio_session *s, bool pause);
 
 // Sweeps the room from the next frame on, until it is ended or dropped; then snapshot.room has its map, which waits to
-// be kept in the file, in place of the place there if the sweep did not add to it, or dropped.
+// be kept in the file, in place of the place there if the sweep did not add to it, or dropped. One that cannot be kept
+// (room.not_kept) waits on.
 void studio_session_sweep(struct studio_session *s);
 void studio_session_end_sweep(struct studio_session *s, bool drop);
 void studio_session_keep_room(struct studio_session *s, bool keep);

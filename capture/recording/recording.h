@@ -176,7 +176,8 @@ struct take_images {
 };
 enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // Reads and decodes the wanted images (a sum of take_want) of frame `index`. ERR_CORRUPT: the frame is damaged; others
-// can still be read. ERR_IO, ERR_MEMORY. On failure all images in *out are NULL.
+// can still be read. ERR_IO: also where another program trimmed or deleted the take since it was
+// opened. ERR_MEMORY. On failure all images in *out are NULL.
 MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
 // How many frames all handles on the take have decoded so far, for tests of what reads too much. Any thread may ask.
 int64_t take_frames_decoded(const struct take *t);

@@ -1,5 +1,5 @@
 // A live sensor that is unplugged while an attempt is made and kept, and comes back as another one, with smaller images
-// and its clock begun anew. OpenNI2's fake sensor.
+// and timestamps that start again. OpenNI2's fake sensor.
 #include "app/live/live_keeper.h"
 #include "app/live/live_sensor.h"
 
