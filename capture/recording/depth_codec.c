@@ -48,9 +48,17 @@ void depth_coder_close(struct depth_coder **c)
 // itself, because the sensor uses nearly all values.
 static int find_levels(struct depth_coder *c, const uint16_t *depth, size_t n, int *largest)
 {
+    enum { AHEAD = 1024 }; // pixels that are fetched from memory before their turn; chosen by hand
     int levels = 1;
+    size_t i = 0;
     memset(c->seen, 0, sizeof c->seen);
-    for (size_t i = 0; i < n; i++)
+    for (uint64_t four; i + 4 <= n; i += 4) { // the image is seldom in a near cache, and this is its first use
+        memcpy(&four, depth + i, sizeof four);
+        __builtin_prefetch(depth + i + AHEAD);
+        c->seen[four & UINT16_MAX] = c->seen[four >> 16 & UINT16_MAX] = 1;
+        c->seen[four >> 32 & UINT16_MAX] = c->seen[four >> 48] = 1;
+    }
+    for (; i < n; i++)
         c->seen[depth[i]] = 1;
     c->level_of[0] = HOLE;
     c->depth_of[0] = 0;

@@ -1,10 +1,27 @@
 // Encoding of a depth image's pixels.
 
+// Compilers make one instruction of each of these, which they do not of a selection by a comparison.
+static inline lanes smaller_lanes(lanes a, lanes b)
+{
+    lanes out;
+    for (int i = 0; i < LANES; i++)
+        out[i] = a[i] < b[i] ? a[i] : b[i];
+    return out;
+}
+
+static inline lanes larger_lanes(lanes a, lanes b)
+{
+    lanes out;
+    for (int i = 0; i < LANES; i++)
+        out[i] = a[i] > b[i] ? a[i] : b[i];
+    return out;
+}
+
+// The median of a, b and a + b - c.
 static inline lanes predict_lanes(lanes a, lanes b, lanes c)
 {
-    const lanes less = a < b, low = select_lanes(less, a, b), high = select_lanes(less, b, a);
     const lanes plane = a - c + b; // in this order it does not overflow
-    return select_lanes(plane < low, low, select_lanes(plane > high, high, plane));
+    return larger_lanes(smaller_lanes(a, b), smaller_lanes(larger_lanes(a, b), plane));
 }
 
 // The pixels of a block as they are coded.
@@ -13,14 +30,26 @@ struct coded_block {
     bool plain; // no number has bits that are not in its symbol
 };
 
-// Contexts and numbers of the pixels from x on, from their levels and fills.
-static inline void code_block(const struct row *row, const struct row *above, int x, LEVEL noise,
+// The fills left of the pixels from x on, the first of their block. Where that has no holes they are its levels, which
+// have been in memory for long: the fills have just been stored, and a load across two stores would wait for both.
+static inline lanes first_fills_left(const struct row *row, int x, bool has_holes)
+{
+    if (has_holes)
+        return load(row->filled + x - 1);
+    lanes left = load(row->level + x - 1);
+    left[0] = row->filled[x - 1];
+    return left;
+}
+
+// Contexts and numbers of the pixels from x on, from their levels and fills. has_holes: any of them is one.
+static inline void code_block(const struct row *row, const struct row *above, int x, LEVEL noise, bool has_holes,
                               struct coded_block *to)
 {
     lanes large = (lanes){0};
     for (int i = 0; i < BLOCK; i += LANES, x += LANES) {
         const lanes level = load(row->level + x), left = load(row->level + x - 1);
-        const lanes a = load(row->filled + x - 1), b = load(above->filled + x), c = load(above->filled + x - 1);
+        const lanes b = load(above->filled + x), c = load(above->filled + x - 1);
+        const lanes a = !i ? first_fills_left(row, x, has_holes) : has_holes ? load(row->filled + x - 1) : left;
         const lanes holes = holes_above(above, x) | ((left == HOLE) & 1), whole = holes == 0;
         const lanes index = slopes_above(above, x, noise) + slopes_of(c - a, noise);
         const lanes below = (index < 0) & whole; // mirrored: the residual is negated
@@ -33,8 +62,8 @@ static inline void code_block(const struct row *row, const struct row *above, in
     to->plain = no_bits(large);
 }
 
-// Fills the block's holes; each depends on the pixel before it.
-static inline void fill_block(struct row *row, const struct row *above, int x)
+// Fills the block's holes; each depends on the pixel before it. False: it has none.
+static inline bool fill_block(struct row *row, const struct row *above, int x)
 {
     lanes holes = (lanes){0};
     for (int i = 0; i < BLOCK; i += LANES) {
@@ -43,10 +72,11 @@ static inline void fill_block(struct row *row, const struct row *above, int x)
         store(row->filled + x + i, level);
     }
     if (no_bits(holes))
-        return;
+        return false;
     for (const int end = x + BLOCK; x < end; x++)
         if (row->level[x] == HOLE)
             row->filled[x] = (LEVEL)depth_predict(row->filled[x - 1], above->filled[x], above->filled[x - 1]);
+    return true;
 }
 
 static inline void push_block(struct rans_numbers *to, const struct coded_block *block, int count)
@@ -73,8 +103,8 @@ static void encode_row(struct rans_numbers *to, struct row *row, struct row *abo
         if (all_are(row->level + x, count, HOLE)) {
             fill_all(row->filled + x, row->filled[x - 1]);
         } else {
-            fill_block(row, above, x);
-            code_block(row, above, x, noise, &block);
+            const bool has_holes = fill_block(row, above, x);
+            code_block(row, above, x, noise, has_holes, &block);
             kind = all_are(block.number, count, 1) ? BLOCK_PREDICTED : BLOCK_CODED;
         }
         rans_push(to, kind_context(row, above, k), (uint32_t)kind);

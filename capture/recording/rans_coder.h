@@ -3,7 +3,7 @@
 // 2014, "Interleaved entropy coders"), so that one's arithmetic goes on while the other's waits. Numbers are pushed
 // with their context; rans_finish counts the frequencies and encodes in reverse order, so that decoding runs forwards.
 // Decoding is safe on any bytes, if rans_start is told how much is read between two calls of rans_is_within. One coder,
-// one thread; deterministic. Memory: at most 16 bytes a number, and 1.3 kB a context.
+// one thread; deterministic. Memory: at most 16 bytes a number, and 2.3 kB a context.
 //
 // A number 0..7 is its own symbol; above, the symbol holds the position of the highest bit and the bit after it, and
 // the remaining bits follow in the state, all equally likely.
@@ -53,13 +53,16 @@ struct rans_context {
     struct rans_share shares[RANS_SYMBOLS];
 };
 
+struct symbol_code; // rans_coder.c
+
 struct rans_coder {
     int contexts;
     struct rans_context *context;
     // encoding
     struct rans_numbers numbers[RANS_STREAMS];
-    size_t capacity;  // of a stream's numbers
-    uint32_t *counts; // two tables of how often each code occurs
+    size_t capacity;             // of a stream's numbers
+    uint32_t *counts;            // two tables of how often each code occurs
+    struct symbol_code *symbols; // of each code
     uint8_t *words, *words_begin[RANS_STREAMS], *words_end[RANS_STREAMS];
     size_t words_capacity;
     // decoding
