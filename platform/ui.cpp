@@ -5,6 +5,7 @@
 extern "C" {
 #include "platform/gpu.h"
 }
+#include "platform/system_fonts.h"
 #include "platform/ui.h"
 #pragma GCC diagnostic pop
 
@@ -12,11 +13,15 @@ extern "C" {
 #include <imgui_internal.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <new>
+#include <set>
 #include <vector>
 
 static_assert(sizeof(gpu_draw2d_vertex) == sizeof(ImDrawVert), "vertices are copied one for one");
 static_assert(sizeof(ImDrawIdx) == sizeof(uint16_t), "indices are copied as they are");
+
+using letter_set = std::set<uint32_t>; // Unicode; beyond those that every atlas has
 
 struct ui {
     struct gpu *gpu;
@@ -26,8 +31,10 @@ struct ui {
     std::vector<ui_face> faces;
     std::vector<ImFont *> fonts;
     double px_per_dp;
-    // The atlas has letters beyond Latin; a text asked for them; with them it would be too large for the GPU.
-    bool wide, wide_wanted, wide_refused;
+    // Of each face the letters that texts asked for, and those of them that the atlas was built with.
+    std::vector<letter_set> asked, built;
+    bool letters_wanted, letters_refused; // texts asked for more; with them the atlas would be too large for the GPU
+    struct system_fonts *system; // NULL until a text asks for a letter that the faces lack, or if there are none
     int width_px, height_px;
     ImDrawList *draw_list; // between ui_begin and ui_end
     std::vector<gpu_draw2d_batch> batches;
@@ -45,35 +52,108 @@ ImVec2 at(ui_point p) { return at(p.x, p.y); }
 ImVec2 first(ui_box b) { return at(b.x, b.y); }
 ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 
-// Latin with accents, typographic punctuation, arrows and the minus sign; and what else the font has: Greek, Cyrillic
-// and Vietnamese, which take as much of the atlas again, so only where a name holds them.
+// Latin with accents, typographic punctuation, arrows and the minus sign.
 const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
                                 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
-const ImWchar wide_glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x300,  0x52f,  0x1e00, 0x1fff, 0x2010, 0x2027,
-                                     0x2030, 0x203a, 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 const ImWchar digits[] = {'0', '9', 0};
+// What else the faces have: Greek, Cyrillic and Vietnamese. It takes as much of the atlas again, so only where a name
+// holds any of it, but then all, because other letters of the same name will follow.
+const ImWchar own_ranges[] = {0x300, 0x52f, 0x1e00, 0x1fff, 0};
+// Scripts whose letters are joined, reordered or run from right to left, which ImGui cannot do; controls; surrogates
+// and private letters.
+const ImWchar unshaped_ranges[] = {0x1,    0x1f,   0x7f,   0x9f,   0x590,  0xdff,  0xf00,  0x109f,
+                                   0x1780, 0x18af, 0x1900, 0x1cff, 0x200b, 0x200f, 0x202a, 0x202e,
+                                   0x2060, 0x206f, 0xa800, 0xabff, 0xd800, 0xf8ff, 0xfb1d, 0xfdff,
+                                   0xfe00, 0xfe0f, 0xfe70, 0xfeff, 0xfff0, 0xffff, 0};
 
-enum status build_font_atlas(ui *u, double px_per_dp)
+bool is_in(const ImWchar *ranges, uint32_t letter)
+{
+    for (; *ranges; ranges += 2)
+        if (letter >= ranges[0] && letter <= ranges[1])
+            return true;
+    return false;
+}
+
+// The computer's fonts for those of the letters that the faces lack; the caller frees their bytes.
+int read_system_fonts(ui *u, const std::vector<letter_set> &letters, system_font out[SYSTEM_FONTS_MOST])
+{
+    letter_set foreign;
+    for (const letter_set &of_face : letters)
+        for (uint32_t letter : of_face)
+            if (!is_in(own_ranges, letter))
+                foreign.insert(letter);
+    if (!foreign.empty() && !u->system)
+        u->system = system_fonts_open();
+    if (foreign.empty() || !u->system)
+        return 0;
+    const std::vector<uint32_t> list(foreign.begin(), foreign.end());
+    return system_fonts_read(u->system, list.data(), int(list.size()), out);
+}
+
+const float EM_OF_LINE = 0.83F; // of the faces: Inter's
+
+// Adds the face to the atlas, and behind it the fonts for what it lacks. `ranges` must last until the atlas is built.
+ImFont *add_face(const ui_face &face, float size, const ImWchar *ranges, const system_font *others, int other_count)
 {
     ImFontAtlas *atlas = ImGui::GetIO().Fonts;
+    ImFontConfig how;
+    how.FontDataOwnedByAtlas = false;
+    how.OversampleH = 2;
+    how.OversampleV = 1;
+    how.GlyphRanges = ranges;
+    ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count), size, &how);
+    for (int i = 0; font && i < other_count; i++) {
+        how.MergeMode = true;
+        how.FontNo = others[i].index;
+        atlas->AddFontFromMemoryTTF(others[i].bytes, int(others[i].count), size, &how);
+        // Lines of other fonts are up to half as high again for letters of the same size: negative, the size of an em.
+        atlas->ConfigData.back().SizePixels = -EM_OF_LINE * size;
+    }
+    return font;
+}
+
+// All faces, with those letters.
+bool build_atlas(ui *u, double px_per_dp, const std::vector<letter_set> &letters, const system_font *others,
+                 int other_count)
+{
+    ImFontAtlas *atlas = ImGui::GetIO().Fonts;
+    std::vector<ImVector<ImWchar>> ranges(u->faces.size());
     atlas->Clear();
     u->fonts.clear();
-    for (const ui_face &face : u->faces) {
-        ImFontConfig how;
-        how.FontDataOwnedByAtlas = false;
-        how.OversampleH = 2;
-        how.OversampleV = 1;
-        how.GlyphRanges = face.digits_only ? digits : u->wide ? wide_glyph_ranges : glyph_ranges;
-        ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count),
-                                                   float(std::lround(face.size * px_per_dp)), &how);
+    for (size_t f = 0; f < u->faces.size(); f++) {
+        const ui_face &face = u->faces[f];
+        ImFontGlyphRangesBuilder builder;
+        builder.AddRanges(face.digits_only ? digits : glyph_ranges);
+        for (uint32_t letter : letters[f])
+            if (is_in(own_ranges, letter))
+                builder.AddRanges(own_ranges);
+            else
+                builder.AddChar(ImWchar(letter));
+        builder.BuildRanges(&ranges[f]);
+        const bool merged = !letters[f].empty();
+        ImFont *font =
+            add_face(face, float(std::lround(face.size * px_per_dp)), ranges[f].Data, others, merged ? other_count : 0);
         if (!font)
-            return fail(ERR_INPUT, "a font of the controls cannot be read");
+            return false;
         u->fonts.push_back(font);
     }
+    return atlas->Build();
+}
+
+enum status build_font_atlas(ui *u, double px_per_dp, const std::vector<letter_set> &letters)
+{
+    ImFontAtlas *atlas = ImGui::GetIO().Fonts;
+    system_font others[SYSTEM_FONTS_MOST];
+    const int other_count = read_system_fonts(u, letters, others);
+    // A font that fontconfig reads and ImGui does not costs its letters alone.
+    const bool is_built = build_atlas(u, px_per_dp, letters, others, other_count) ||
+                          (other_count && build_atlas(u, px_per_dp, letters, nullptr, 0));
+    for (int i = 0; i < other_count; i++)
+        free(others[i].bytes);
+    if (!is_built)
+        return fail(ERR_INPUT, "a font of the controls cannot be read");
     unsigned char *pixels = nullptr;
     int width = 0, height = 0;
-    if (!atlas->Build())
-        return fail(ERR_INPUT, "a font of the controls cannot be read");
     atlas->GetTexDataAsRGBA32(&pixels, &width, &height);
     for (long i = 0, n = long(width) * height; i < n; i++) // premultiplied white
         pixels[4 * i] = pixels[4 * i + 1] = pixels[4 * i + 2] = pixels[4 * i + 3];
@@ -82,7 +162,9 @@ enum status build_font_atlas(ui *u, double px_per_dp)
     enum status status = gpu_texture_open(&u->font_texture, u->gpu, &layout, pixels);
     atlas->SetTexID(u->font_texture);
     atlas->ClearTexData();
+    atlas->ClearInputData(); // points to bytes that are freed
     u->px_per_dp = px_per_dp;
+    u->built = letters;
     return status;
 }
 
@@ -107,26 +189,44 @@ enum status open_ui(ui *u, const gpu_draw2d_shaders *shaders)
     return OK;
 }
 
-// With the letters that were asked for, where the GPU takes that many.
+// With the letters that were asked for; where the GPU does not take that many, with those of before, or none.
 enum status build_widest_font_atlas(ui *u, double px_per_dp)
 {
-    u->wide = u->wide_wanted;
-    enum status status = build_font_atlas(u, px_per_dp);
-    u->wide_refused = u->wide && status == ERR_DEVICE;
-    if (!u->wide_refused)
-        return status;
-    u->wide = false;
-    return build_font_atlas(u, px_per_dp);
+    const std::vector<letter_set> none(u->faces.size()), before = u->built;
+    u->letters_wanted = u->letters_refused = false;
+    enum status status = build_font_atlas(u, px_per_dp, u->asked);
+    if (status == ERR_DEVICE && u->asked != before) {
+        u->letters_refused = true;
+        status = build_font_atlas(u, px_per_dp, before);
+    }
+    if (status == ERR_DEVICE && before != none) {
+        u->letters_refused = true;
+        status = build_font_atlas(u, px_per_dp, none);
+    }
+    return status;
 }
 
-// By the first byte in UTF-8: U+0300 to U+053F begin with 0xcc to 0xd4, U+1E00 to U+1FFF with 0xe1 and from 0xb8 on.
-bool has_wide_letters(const char *text)
+// Whether the atlas has all that the face has beyond Latin.
+bool has_own_ranges(const ui *u, int face)
 {
-    const unsigned char *at = reinterpret_cast<const unsigned char *>(text);
-    for (; *at; at++)
-        if ((*at >= 0xcc && *at <= 0xd4) || (*at == 0xe1 && at[1] >= 0xb8))
+    for (uint32_t letter : u->built[size_t(face)])
+        if (is_in(own_ranges, letter))
             return true;
     return false;
+}
+
+// Notes the letters of a text that the atlas lacks.
+void ask_for_letters(ui *u, int face, const char *text)
+{
+    if (u->faces[size_t(face)].digits_only)
+        return;
+    while (*text) {
+        unsigned letter = uint8_t(*text);
+        text += letter < 0x80 ? 1 : ImTextCharFromUtf8(&letter, text, nullptr);
+        if (letter > 0x24f && letter <= IM_UNICODE_CODEPOINT_MAX && !is_in(glyph_ranges, letter) &&
+            !is_in(unshaped_ranges, letter) && u->asked[size_t(face)].insert(letter).second)
+            u->letters_wanted = u->letters_wanted || !is_in(own_ranges, letter) || !has_own_ranges(u, face);
+    }
 }
 
 ImFont *font_of(const ui *u, int face)
@@ -150,6 +250,8 @@ enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_draw2d_sh
         return fail(ERR_MEMORY, "out of memory");
     u->gpu = gpu;
     u->faces.assign(faces, faces + face_count);
+    u->asked.resize(u->faces.size());
+    u->built.resize(u->faces.size());
     enum status status = open_ui(u, shaders);
     if (status != OK)
         ui_close(&u);
@@ -169,6 +271,7 @@ void ui_close(struct ui **out)
     }
     gpu_texture_close(&u->font_texture);
     gpu_draw2d_close(&u->draw2d);
+    system_fonts_close(&u->system);
     delete u;
     *out = nullptr;
 }
@@ -246,7 +349,7 @@ enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
     return gpu_draw2d_end(u->draw2d);
 }
 
-bool ui_letters_wanted(const struct ui *u) { return u->wide_wanted && !u->wide && !u->wide_refused; }
+bool ui_letters_wanted(const struct ui *u) { return u->letters_wanted && !u->letters_refused; }
 
 double ui_width(const struct ui *u) { return u->width_px / u->px_per_dp; }
 double ui_height(const struct ui *u) { return u->height_px / u->px_per_dp; }
@@ -328,13 +431,13 @@ void ui_image(struct ui *u, const struct gpu_texture *texture, struct ui_box box
 
 double ui_text_width(struct ui *u, int face, const char *text)
 {
-    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
+    ask_for_letters(u, face, text);
     return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, 0, text).x);
 }
 
 double ui_text_height(struct ui *u, int face, const char *text, double width)
 {
-    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
+    ask_for_letters(u, face, text);
     return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, float(width), text).y);
 }
 
@@ -345,7 +448,7 @@ void ui_text(struct ui *u, int face, struct ui_point top_left, uint32_t color, c
 
 void ui_text_lines(struct ui *u, int face, struct ui_point top_left, double width, uint32_t color, const char *text)
 {
-    u->wide_wanted = u->wide_wanted || has_wide_letters(text);
+    ask_for_letters(u, face, text);
     // Rounded to whole pixels: text between them is blurred.
     const double s = u->px_per_dp;
     ImVec2 where = at(std::round(top_left.x * s) / s, std::round(top_left.y * s) / s);

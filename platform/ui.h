@@ -53,8 +53,10 @@ void ui_end(struct ui *ui);
 // ERR_DEVICE.
 MUST_CHECK enum status ui_draw(struct ui *ui, struct gpu_target *target, int quarter_turns);
 
-// The last frame held Greek, Cyrillic or Vietnamese letters for the first time and has '?' in their place: the next one
-// will show them, unless the GPU takes no atlas of that many. Letters of other scripts are always '?'.
+// The last frame held letters beyond Latin for the first time and has '?' in their place: the next one will show them,
+// unless the GPU takes no atlas of that many. Greek, Cyrillic and Vietnamese are the faces' own; others, as Japanese,
+// Chinese and Korean, come from the computer's fonts (system_fonts.h). Always '?': what no font has, and scripts whose
+// letters are joined, reordered or run from right to left.
 bool ui_letters_wanted(const struct ui *ui);
 
 double ui_width(const struct ui *ui);
