@@ -1,8 +1,17 @@
 #include "base/text.h"
 
+#include <ctype.h>
 #include <inttypes.h>
+#include <locale.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
+#include <wctype.h>
+
+static pthread_once_t letters_once = PTHREAD_ONCE_INIT;
+static locale_t letters; // the C library's knowledge of all letters, whatever the user's language; 0: it has none
+
+static void open_letters(void) { letters = newlocale(LC_CTYPE_MASK, "C.UTF-8", (locale_t)0); }
 
 size_t text_character_bytes(const char *text)
 {
@@ -20,6 +29,35 @@ size_t text_character_bytes(const char *text)
     }
     static const uint32_t least[] = {0, 0x80, 0x800, 0x10000};
     return code >= least[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
+}
+
+// The character at *at as a small letter; moves *at behind it. A byte that is no character: a number beyond them.
+static uint32_t take_small_letter(const char **at)
+{
+    const unsigned char *from = (const unsigned char *)*at;
+    const size_t bytes = text_character_bytes(*at);
+    *at += bytes ? bytes : 1;
+    if (!bytes)
+        return 0x110000u + *from;
+    uint32_t code = bytes == 1 ? *from : *from & (0x7fu >> bytes);
+    for (size_t i = 1; i < bytes; i++)
+        code = code << 6 | (from[i] & 0x3fu);
+    return letters ? (uint32_t)towlower_l((wint_t)code, letters) : code < 0x80 ? (uint32_t)tolower((int)code) : code;
+}
+
+bool text_contains(const char *text, const char *part)
+{
+    pthread_once(&letters_once, open_letters);
+    for (;; take_small_letter(&text)) {
+        const char *at = text, *wanted = part;
+        bool same = true;
+        while (same && *wanted)
+            same = *at && take_small_letter(&at) == take_small_letter(&wanted);
+        if (same)
+            return true;
+        if (!*text)
+            return false;
+    }
 }
 
 int text_length(const char *text)

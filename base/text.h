@@ -19,6 +19,10 @@ bool text_is_printable(const char *text);
 // Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
 void text_make_printable(char *text);
 
+// Whether `part` occurs in `text`; capitals are the same as small letters, of every script that has them. What is not
+// well-formed is compared byte by byte.
+bool text_contains(const char *text, const char *part);
+
 // What is typed: appends the printable characters of `more` as long as they fit whole. False: none was appended.
 bool text_append(char *text, size_t bytes, const char *more);
 // Removes the last character; nothing from an empty text.

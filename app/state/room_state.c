@@ -2,7 +2,6 @@
 
 #include "base/text.h"
 
-#include <ctype.h>
 #include <string.h>
 
 // Chosen by hand: at that distance, and at that standard deviation, a label has half its opacity.
@@ -20,19 +19,6 @@ struct room_state room_state_start(void)
 bool room_state_type(struct room_state *s, const char *text)
 {
     return (*s->filter || *text != ' ') && text_append(s->filter, sizeof s->filter, text);
-}
-
-bool room_name_matches(const char *name, const char *filter)
-{
-    for (;; name++) {
-        size_t i = 0;
-        while (filter[i] && tolower((unsigned char)name[i]) == tolower((unsigned char)filter[i]))
-            i++;
-        if (!filter[i])
-            return true;
-        if (!*name)
-            return false;
-    }
 }
 
 void room_state_want(struct room_state *s, int thing) { s->wanted = s->wanted == thing ? ROOM_NOTHING : thing; }

@@ -25,9 +25,6 @@ struct room_state room_state_start(void);
 // Text for the filter, which does not begin with a blank. False: there is nothing new.
 bool room_state_type(struct room_state *s, const char *text);
 
-// Whether the name contains the filter, whatever the case of ASCII letters. An empty filter: yes.
-bool room_name_matches(const char *name, const char *filter);
-
 // An arrow leads to that thing; to none if it does already.
 void room_state_want(struct room_state *s, int thing);
 

@@ -2,6 +2,7 @@
 #include "app/ui/room_page.h"
 
 #include "app/state/view_state.h"
+#include "base/text.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -65,13 +66,13 @@ static void find_sheet(const struct brush *b, struct room_ui *ui, struct view_st
         view_state_do(s, DO_NAMES, now_ns);
     int rows = 0, first = -1;
     for (int i = 0; i < page->count; i++)
-        rows += room_name_matches(page->things[i].name, s->room.filter);
+        rows += text_contains(page->things[i].name, s->room.filter);
     double tapped_y;
     const double shift = scroll_of(b, ui, 0, in, rows * ROW, &tapped_y);
     const int tapped = tapped_y < 0 ? -1 : (int)(tapped_y / ROW);
     ui_clip(b->ui, in);
     for (int i = 0, row = 0; i < page->count; i++) {
-        if (!room_name_matches(page->things[i].name, s->room.filter))
+        if (!text_contains(page->things[i].name, s->room.filter))
             continue;
         const double away = v3_distance(page->things[i].world_from_thing.translation, eye);
         const struct ui_box at = {in.x, in.y + row * ROW - shift, in.w, ROW - 4};

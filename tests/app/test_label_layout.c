@@ -116,8 +116,6 @@ static void test_names_are_found(void **state)
 {
     (void)state;
     struct room_state s = room_state_start();
-    EXPECT_TRUE(room_name_matches("Foam Roller", "roll") && room_name_matches("x", "") && room_name_matches("", ""));
-    EXPECT_TRUE(!room_name_matches("band", "bands") && !room_name_matches("", "a"));
     EXPECT_TRUE(!room_state_type(&s, " ") && !room_state_type(&s, "\x1b"));
     EXPECT_TRUE(room_state_type(&s, "dumbbell and more "));
     EXPECT_TRUE(room_state_type(&s, "than thirty-one letters"));

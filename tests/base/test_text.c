@@ -39,6 +39,37 @@ static void test_text_is_typed(void **state)
     }
 }
 
+static void test_text_is_found(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *part;
+        bool found;
+    } of[] = {
+        {"Foam Roller", "roll", true},
+        {"x", "", true},
+        {"", "", true},
+        {"band", "bands", false},
+        {"band", "and", true},
+        {"aab", "ab", true}, // begun in vain before
+        {"a", "b", false},   // the last of both
+        {"", "a", false},
+        {"Gymnastikbälle", "BÄLLE", true},
+        {"Ξύλινο κοντάρι", "ΚΟΝΤΆΡΙ", true},
+        {"Ведро", "вЕДР", true},
+        {"跳び箱", "箱", true},
+        {"跳び箱", "\xae\xb1", false}, // bytes within a character
+        {"caf\xe9", "F\xe9", true},    // not UTF-8
+        {"caf\xe9", "\xc9", false},
+        {"caf\xe9", "é", false},
+    };
+    for (size_t i = 0; i < COUNT_OF(of); i++) {
+        if (text_contains(of[i].text, of[i].part) != of[i].found)
+            print_error("'%s' in '%s'\n", of[i].part, of[i].text);
+        EXPECT_TRUE(text_contains(of[i].text, of[i].part) == of[i].found);
+    }
+}
+
 static void test_characters(void **state)
 {
     (void)state;
@@ -102,8 +133,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_times_are_readable), cmocka_unit_test(test_text_is_typed),
-        cmocka_unit_test(test_characters),         cmocka_unit_test(test_printable_text),
-        cmocka_unit_test(test_names_are_shown),
+        cmocka_unit_test(test_text_is_found),      cmocka_unit_test(test_characters),
+        cmocka_unit_test(test_printable_text),     cmocka_unit_test(test_names_are_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
