@@ -136,6 +136,14 @@ static enum status write_take(struct take *take, const struct export_arguments *
     return OK;
 }
 
+// Takes without colour are drawn from their depth where people look at what comes out.
+static enum status open_take(struct take **out, struct recording *recording, const struct export_arguments *given)
+{
+    const bool looked_at = given->format == EXPORT_GLB || given->format == EXPORT_MP4 ||
+                           (given->format == EXPORT_PLY && given->what == PLY_MESH);
+    return looked_at ? take_open_drawn(out, recording, given->take) : take_open(out, recording, given->take);
+}
+
 static enum status write_out(struct recording *recording, const struct export_arguments *given,
                              const struct progress_watch *watch)
 {
@@ -143,7 +151,7 @@ static enum status write_out(struct recording *recording, const struct export_ar
     struct take *take = NULL;
     struct output *out = NULL;
     int64_t damaged = 0;
-    enum status status = place ? OK : take_open(&take, recording, given->take);
+    enum status status = place ? OK : open_take(&take, recording, given);
     if (status == OK && take && !take_frame_count(take))
         status = fail(ERR_INPUT, "the take '%s' holds no frame", given->take);
     if (status == OK && given->format == EXPORT_FOLDER) {

@@ -140,7 +140,7 @@ static enum status list_take(struct recording *r, const char *shown, int index, 
 {
     struct take *take;
     char quality[QUALITY_BYTES];
-    enum status status = take_open(&take, r, recording_take_name(r, index));
+    enum status status = take_open_drawn(&take, r, recording_take_name(r, index));
     if (status != OK)
         return status;
     struct take_summary s = take_summarize(take, recording_take_name(r, index));

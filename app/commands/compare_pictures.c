@@ -30,7 +30,7 @@ static enum status open_take(struct compare_pictures *p, const char *path, const
 {
     enum status status = recording_open(&p->recording, path);
     if (status == OK)
-        status = take_open(&p->take, p->recording, name ? name : recording_take_name(p->recording, 0));
+        status = take_open_drawn(&p->take, p->recording, name ? name : recording_take_name(p->recording, 0));
     if (status != OK)
         return status;
     const int64_t count = take_frame_count(p->take);

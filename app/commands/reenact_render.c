@@ -214,7 +214,7 @@ static enum status open_run(struct render_run *r)
     if (status == OK)
         status = recording_open(&r->recording, a->file);
     if (status == OK)
-        status = take_open(&r->take, r->recording, a->take);
+        status = take_open_drawn(&r->take, r->recording, a->take);
     if (status == OK)
         status = open_locator(r);
     if (status == OK)

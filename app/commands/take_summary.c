@@ -32,7 +32,7 @@ struct take_summary take_summarize(const struct take *t, const char *name)
     for (int64_t i = 0; i < s.frames; i++) {
         const struct take_entry *e = take_entry(t, i);
         s.with_skeleton += e->has_skeleton;
-        s.with_color += e->has_color;
+        s.with_color += e->has_color && !take_is_drawn_from_depth(t);
         s.with_depth += e->has_depth;
         s.located += e->located;
         if (i)

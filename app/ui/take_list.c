@@ -31,7 +31,7 @@ static const char *trouble_with(const struct take *t)
 {
     if (take_body(t)->representative_frame < 0)
         return "no person in it";
-    return take_calibration(t)->color.width ? NULL : "no colour";
+    return take_calibration(t)->color.width ? NULL : "no colour and no depth";
 }
 
 // Uploads the image no larger than a card shows it: of many takes of a large camera they would fill a tablet's memory.
@@ -61,7 +61,7 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
 {
     struct take_card *card = &l->cards[number];
     struct take *take;
-    enum status status = take_open(&take, recording, card->name);
+    enum status status = take_open_drawn(&take, recording, card->name);
     if (status == ERR_MEMORY)
         return status;
     if (status != OK) { // choosing it will report why

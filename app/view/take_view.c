@@ -86,7 +86,7 @@ enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct
     if (status == OK)
         status = recording_open(&s->recording, path);
     if (status == OK)
-        status = take_open(&s->take, s->recording, options->take);
+        status = take_open_drawn(&s->take, s->recording, options->take);
     if (status == OK)
         status = recording_open(&s->inset_recording, path);
     if (status == OK)

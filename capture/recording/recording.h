@@ -124,6 +124,11 @@ const char *recording_take_name(const struct recording *r, int index);
 // lists the takes there are. ERR_CORRUPT: its row cannot be read. ERR_IO, ERR_MEMORY. On failure *out is NULL.
 MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
 
+// The same for those who look at the take: where no frame can have colour because the sensor had no colour camera, each
+// one's colour image is drawn from its depth (depth_picture.h), and take_calibration and the entries say so: it has the
+// depth camera's lens.
+MUST_CHECK enum status take_open_drawn(struct take **out, struct recording *r, const char *name);
+
 // Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its
 // own statement and decode buffers. `r` is another handle on the same file, used by the same thread as *out. `same` is
 // only read and must be open during the call; afterwards the handles may be closed in any order, by any threads.
@@ -159,7 +164,8 @@ const struct body *take_body(const struct take *t);
 // The sensor's pose in the place was measured in a frame with a person: frames in which it was not are then in no
 // world.
 bool take_is_located(const struct take *t);
-bool take_is_complete(const struct take *t); // false: interrupted, still readable
+bool take_is_drawn_from_depth(const struct take *t); // its colour images are: see take_open_drawn
+bool take_is_complete(const struct take *t);         // false: interrupted, still readable
 int64_t take_dropped(const struct take *t);
 int64_t take_lost(const struct take *t);        // frames that damage cost, before a repair too; they are left out
 int64_t take_errors_lost(const struct take *t); // frames whose joints' covariances damage cost
@@ -183,7 +189,7 @@ MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, s
 int64_t take_frames_decoded(const struct take *t);
 
 // The bytes of a frame's colour image, a JPEG as the sensor made it where it did; valid until the handle's next
-// take_read or take_read_jpeg. NOTHING: it has no colour. Errors as take_read; unless OK, *bytes is NULL.
+// take_read or take_read_jpeg. NOTHING: it has no colour of its own. Errors as take_read; unless OK, *bytes is NULL.
 MUST_CHECK enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes, size_t *count);
 
 // ---------------------------------------------------------------- verify and repair

@@ -2,6 +2,7 @@
 #include "capture/recording/take_index.h"
 
 #include "capture/recording/depth_codec.h"
+#include "capture/recording/depth_picture.h"
 #include "platform/jpeg.h"
 
 #include <stdio.h>
@@ -84,6 +85,21 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     return status;
 }
 
+enum status take_open_drawn(struct take **out, struct recording *r, const char *name)
+{
+    enum status status = take_open(out, r, name);
+    struct take_index *index = status == OK ? (*out)->index : NULL; // nobody else has it yet
+    if (!index || index->calibration.color.width || !index->calibration.depth.width)
+        return status;
+    index->drawn_from_depth = true;
+    index->calibration.color = index->calibration.depth;
+    index->calibration.color_from_depth = POSE_IDENTITY;
+    index->calibration.registered = true;
+    for (int64_t i = 0; i < index->count; i++)
+        index->entries[i].has_color = index->entries[i].has_depth;
+    return OK;
+}
+
 enum status take_open_shared(struct take **out, struct recording *r, const struct take *same)
 {
     atomic_fetch_add(&same->index->handles, 1);
@@ -133,6 +149,8 @@ bool take_is_located(const struct take *t)
         located = t->index->entries[i].has_skeleton && t->index->entries[i].located;
     return located;
 }
+
+bool take_is_drawn_from_depth(const struct take *t) { return t->index->drawn_from_depth; }
 
 bool take_is_complete(const struct take *t) { return t->index->complete; }
 
@@ -199,18 +217,29 @@ static enum status decode_color(struct take *t)
     return bytes ? jpeg_decode(bytes, count, t->color, lens->width, lens->height) : ERR_CORRUPT;
 }
 
-static enum status decode_wanted(struct take *t, unsigned want, struct take_images *out)
+// From the depth and the mask, which were decoded just now; has_mask: there is one.
+static enum status draw_color(struct take *t, bool has_mask)
+{
+    const struct lens *lens = &t->index->calibration.depth;
+    if (!t->color && !(t->color = malloc(3 * lens_pixels(lens))))
+        return no_memory();
+    depth_picture_draw(lens, t->depth, has_mask ? t->mask : NULL, t->color);
+    return OK;
+}
+
+static enum status decode_wanted(struct take *t, bool has_mask, unsigned want, struct take_images *out)
 {
     const struct calibration *c = &t->index->calibration;
+    const bool draws = t->index->drawn_from_depth && (want & TAKE_COLOR);
     enum status status = OK;
     if (((want & (TAKE_DEPTH | TAKE_MASK)) && !depth_pixels(c)) || ((want & TAKE_COLOR) && !c->color.width))
         return fail(ERR_CORRUPT, "it has an image of a camera that is not there");
-    if (want & TAKE_MASK)
+    if ((want & TAKE_MASK) || (draws && has_mask))
         status = decode_mask(t);
-    if (status == OK && (want & TAKE_DEPTH))
+    if (status == OK && ((want & TAKE_DEPTH) || draws))
         status = decode_depth(t);
     if (status == OK && (want & TAKE_COLOR))
-        status = decode_color(t);
+        status = draws ? draw_color(t, has_mask) : decode_color(t);
     if (status == OK)
         *out = (struct take_images){.color = want & TAKE_COLOR ? t->color : NULL,
                                     .depth = want & TAKE_DEPTH ? t->depth : NULL,
@@ -292,7 +321,7 @@ enum status take_read(struct take *t, int64_t index, unsigned want, struct take_
     statement_reset(t->read_images); // take_read_jpeg leaves it open
     enum status status = find_images(t, entry);
     if (status == OK)
-        status = decode_wanted(t, want, out);
+        status = decode_wanted(t, entry->has_mask, want, out);
     status = name_frame(t, index, status);
     statement_reset(t->read_images);
     return status;
@@ -303,7 +332,7 @@ enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes,
     const struct take_entry *entry = take_entry(t, index);
     *bytes = NULL;
     *count = 0;
-    if (!entry->has_color)
+    if (!entry->has_color || t->index->drawn_from_depth)
         return NOTHING;
     statement_reset(t->read_images);
     enum status status = find_images(t, entry);
