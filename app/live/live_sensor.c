@@ -4,6 +4,7 @@
 #include "app/camera/mailbox.h"
 #include "base/clock.h"
 #include "base/condition.h"
+#include "capture/recording/depth_picture.h"
 #include "platform/source.h"
 
 #include <pthread.h>
@@ -109,7 +110,8 @@ static void release(struct live_sensor *s, struct sensor_slot *slot)
     pthread_mutex_unlock(&s->lock);
 }
 
-static enum status fill(struct sensor_slot *slot, const struct frame *frame, const struct calibration *c)
+// drawn: the sensor has no colour; the picture is drawn once the person's mask is there.
+static enum status fill(struct sensor_slot *slot, const struct frame *frame, const struct calibration *c, bool drawn)
 {
     const size_t color = lens_pixels(&c->color), depth = lens_pixels(&c->depth);
     struct live_frame *f = &slot->frame;
@@ -125,7 +127,7 @@ static enum status fill(struct sensor_slot *slot, const struct frame *frame, con
     f->calibration = *c;
     if (!slot->rgb || !slot->depth || !slot->mask)
         return fail(ERR_MEMORY, "no memory for the sensor's frame");
-    f->rgb = frame->color ? slot->rgb : NULL;
+    f->rgb = frame->color || drawn ? slot->rgb : NULL;
     f->depth = slot->depth;
     f->mask = slot->mask;
     if (frame->color)
@@ -256,13 +258,17 @@ static enum status process(struct live_sensor *s, const struct frame *frame, int
     struct live_frame *f = &slot->frame;
     follow_wish(s, &wish);
     exchange_points(s, frame);
-    enum status status = fill(slot, frame, source_calibration(s->source));
+    struct calibration calibration = *source_calibration(s->source);
+    const bool drawn = depth_picture_replaces_color(&calibration);
+    enum status status = fill(slot, frame, &calibration, drawn);
     if (status == OK)
-        status = live_tracker_next(s->tracker, frame->time_ns, f->rgb, f->depth, slot->mask, &f->look);
+        status = live_tracker_next(s->tracker, frame->time_ns, frame->color, f->depth, slot->mask, &f->look);
     if (status != OK) {
         release(s, slot);
         return status;
     }
+    if (drawn)
+        depth_picture_draw(&calibration.depth, f->depth, slot->mask, slot->rgb);
     f->received_ns = received_ns;
     f->attempt = wish.attempt;
     if (wish.run)

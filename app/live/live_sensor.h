@@ -34,8 +34,8 @@ void live_sensor_close(struct live_sensor **s); // NULL is fine; waits for the t
 
 struct live_frame {
     int64_t number;                 // 1, 2, … over all frames
-    struct calibration calibration; // of the sensor
-    const uint8_t *rgb;             // of calibration.color's size; NULL: the sensor has no colour
+    struct calibration calibration; // of the sensor; without colour, of its depth drawn as a picture (depth_picture.h)
+    const uint8_t *rgb;             // of calibration.color's size; NULL: this frame has no colour
     const uint16_t *depth;          // of calibration.depth's size
     const uint8_t *mask;            // 255 = the person
     struct live_look look;

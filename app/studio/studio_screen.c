@@ -12,13 +12,21 @@ static const double SIDE = 380, FOOT = 92, ROW = 64, NARROW = 900, BUTTONS_W = 4
 
 // ---------------------------------------------------------------- pieces
 
+// Of a sensor without colour the depth image is all there is: it takes the large picture's place.
+static bool sees_color(const struct studio_snapshot *shown) { return shown->calibration.color.width > 0; }
+
+static const struct lens *large_lens(const struct studio_snapshot *shown)
+{
+    return sees_color(shown) ? &shown->calibration.color : &shown->calibration.depth;
+}
+
 static void draw_skeleton(const struct brush *b, const struct studio_snapshot *shown, struct ui_box at)
 {
     static const struct part_ends across[] = {{JOINT_LEFT_SHOULDER, JOINT_NECK},
                                               {JOINT_RIGHT_SHOULDER, JOINT_NECK},
                                               {JOINT_LEFT_HIP, JOINT_WAIST},
                                               {JOINT_RIGHT_HIP, JOINT_WAIST}};
-    const struct lens *lens = &shown->calibration.color;
+    const struct lens *lens = large_lens(shown);
     struct ui_point points[JOINT_COUNT];
     bool there[JOINT_COUNT];
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -69,6 +77,10 @@ static void draw_place(const struct brush *b, const struct studio_snapshot *show
     const struct sensor_sight *sight = &shown->sight;
     char text[200];
     int used = 0;
+    if (!sees_color(shown)) {
+        label(b, FACE_SMALL, box, b->theme->quiet, "Without colour the sensor cannot tell where it stands");
+        return;
+    }
     if (!shown->has_place) {
         label(b, FACE_SMALL, box, b->theme->quiet, "No place in the file: map the room first, or film without");
         return;
@@ -98,8 +110,10 @@ static void draw_hint(const struct brush *b, const struct studio_snapshot *shown
 
 static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
 {
-    struct ui_box depth = upright ? cut_left(&box, box.w * 0.5) : cut_top(&box, fmin(box.w * 0.75, box.h * 0.45));
-    studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
+    if (sees_color(v->shown)) {
+        struct ui_box depth = upright ? cut_left(&box, box.w * 0.5) : cut_top(&box, fmin(box.w * 0.75, box.h * 0.45));
+        studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
+    }
     panel(b, box, false);
     struct ui_box in = inner(box, 12);
     const bool flat = box.h < 0.65 * box.w;
@@ -159,7 +173,7 @@ static void draw_live_foot(const struct brush *b, struct studio_state *s, const 
                         cut_right(&row, 110)))
             studio_do(s, STUDIO_PAUSE, now_ns);
     } else if (s->page == STUDIO_LIVE) {
-        if (text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
+        if (sees_color(v->shown) && text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
             studio_do(s, STUDIO_MAP_ROOM, now_ns);
         if (text_button(b, "studio-row", "In a row", s->in_a_row ? BUTTON_ON : BUTTON_RAISED, cut_right(&row, 110)))
             studio_do(s, STUDIO_IN_A_ROW, now_ns);
@@ -175,7 +189,7 @@ static void draw_live_foot(const struct brush *b, struct studio_state *s, const 
 // What the picture leaves, in its own shape, and at least a third.
 static struct ui_box cut_side(const struct studio_view *v, struct ui_box *in, bool upright)
 {
-    const struct lens *lens = &v->shown->calibration.color;
+    const struct lens *lens = large_lens(v->shown);
     const double aspect = lens->width > 0 ? (double)lens->width / lens->height : 4.0 / 3;
     if (upright)
         return cut_bottom(in, fmax(in->h - in->w / aspect - GAP, in->h * 0.36));
@@ -188,8 +202,9 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
     const bool upright = in.h > in.w;
     struct ui_box foot = cut_bottom(&in, in.w < NARROW ? FOOT + TARGET + GAP : FOOT);
     struct ui_box side = cut_side(v, &in, upright);
-    const struct ui_box at = studio_picture_draw(b, v->color, &v->shown->calibration.color, in, true);
-    if (v->shown->has_skeleton && v->color)
+    const struct gpu_texture *picture = sees_color(v->shown) ? v->color : v->depth;
+    const struct ui_box at = studio_picture_draw(b, picture, large_lens(v->shown), in, true);
+    if (v->shown->has_skeleton && picture)
         draw_skeleton(b, v->shown, at);
     if (s->page == STUDIO_RECORDING)
         draw_recording_mark(b, v->shown, in);

@@ -104,3 +104,13 @@ void depth_picture_draw(const struct lens *lens, const uint16_t *depth, const ui
         for (int x = 0; x < lens->width; x += 2)
             draw_block(lens, depth, mask, x, y, rgb);
 }
+
+bool depth_picture_replaces_color(struct calibration *c)
+{
+    if (c->color.width || !c->depth.width)
+        return false;
+    c->color = c->depth;
+    c->color_from_depth = POSE_IDENTITY;
+    c->registered = true;
+    return true;
+}

@@ -89,12 +89,9 @@ enum status take_open_drawn(struct take **out, struct recording *r, const char *
 {
     enum status status = take_open(out, r, name);
     struct take_index *index = status == OK ? (*out)->index : NULL; // nobody else has it yet
-    if (!index || index->calibration.color.width || !index->calibration.depth.width)
+    if (!index || !depth_picture_replaces_color(&index->calibration))
         return status;
     index->drawn_from_depth = true;
-    index->calibration.color = index->calibration.depth;
-    index->calibration.color_from_depth = POSE_IDENTITY;
-    index->calibration.registered = true;
     for (int64_t i = 0; i < index->count; i++)
         index->entries[i].has_color = index->entries[i].has_depth;
     return OK;

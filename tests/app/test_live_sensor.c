@@ -1,9 +1,10 @@
 // A live sensor that is unplugged while an attempt is made and kept, and comes back as another one, with smaller images
-// and timestamps that start again. OpenNI2's fake sensor.
+// and timestamps that start again; and one without colour. OpenNI2's fake sensor.
 #include "app/live/live_keeper.h"
 #include "app/live/live_sensor.h"
 
 #include "base/clock.h"
+#include "platform/source.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/test.h"
@@ -109,6 +110,60 @@ static void test_another_sensor_in_its_place(void **state)
     live_keeper_close(&keeper);
 }
 
+// The mirror shows its depth; what is kept of the attempt has no colour.
+static void test_sensor_without_color(void **state)
+{
+    (void)state;
+    struct live_sensor *sensor;
+    struct live_keeper *keeper;
+    struct recording *r;
+    struct take *take;
+    fake("", folder_of("colorless"));
+    fake("FPS", "15");
+    fake("UNPLUG_AFTER", "-1");
+    const char *watched = scratch_file(&scratch, "depth.reenact");
+    EXPECT_STATUS(live_keeper_open(&keeper, &(struct live_keeper_options){.watched = watched}), OK);
+    const struct live_sensor_options options = {.sensor = "openni", .keeper = keeper};
+    EXPECT_STATUS(live_sensor_open(&sensor, &options), OK);
+    live_sensor_wish(sensor, &(struct live_wish){.attempt = 1, .run = true});
+    wait_for(sensor, 160, 6);
+    const struct live_frame *f = live_sensor_latest(sensor);
+    EXPECT_TRUE(f->rgb && lens_equal(&f->calibration.color, &f->calibration.depth));
+    int person = 0, light = 0;
+    for (int i = 0; i < 160 * 120; i++) {
+        person += f->mask[i] && f->depth[i];
+        light += f->rgb[3 * i] > f->rgb[3 * i + 2]; // the person's colour; all else is grey
+    }
+    print_message("%d pixels of a person, %d in their colour\n", person, light);
+    EXPECT_AT_LEAST(person, 100);
+    EXPECT_INT(light, person);
+    live_sensor_wish(sensor, &(struct live_wish){.attempt = 1, .run = false});
+    wait_for(sensor, 160, 2);
+    keep(keeper, "depth-attempt-1.reenact");
+    live_sensor_close(&sensor);
+    live_keeper_close(&keeper);
+    EXPECT_STATUS(recording_open(&r, scratch_file(&scratch, "depth-attempt-1.reenact")), OK);
+    EXPECT_STATUS(take_open(&take, r, "attempt 1"), OK);
+    EXPECT_TRUE(!take_calibration(take)->color.width && take_entry(take, 0)->has_depth);
+    take_close(&take);
+    recording_free(&r);
+}
+
+// The folder `from` as a sensor without colour films it.
+static void film_without_color(const char *from, const char *to)
+{
+    char command[1200], path[400];
+    struct calibration calibration;
+    snprintf(path, sizeof path, "%s/calibration.json", folder_of(from));
+    EXPECT_STATUS(calibration_read(path, &calibration), OK);
+    calibration.color = (struct lens){0};
+    snprintf(command, sizeof command, "mkdir %s && cd %s && ln -s ../%s/depth ../%s/depth.txt .",
+             scratch_file(&scratch, to), scratch_file(&scratch, to), from, from);
+    EXPECT_INT(system(command), 0);
+    snprintf(path, sizeof path, "%s/calibration.json", folder_of(to));
+    EXPECT_STATUS(calibration_write(path, &calibration), OK);
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -120,6 +175,7 @@ static int make(void **state)
         return -1;
     film_sensor(world, &scratch, "large", 0.5, 0.5, 30);
     film_sensor(world, &scratch, "small", 0.25, 0.5, 12);
+    film_without_color("small", "colorless");
     world_close(&world);
     return 0;
 }
@@ -134,6 +190,7 @@ static int tidy(void **state)
 int main(void)
 {
     keep_player();
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_another_sensor_in_its_place)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_another_sensor_in_its_place),
+                                       cmocka_unit_test(test_sensor_without_color)};
     return cmocka_run_group_tests(tests, make, tidy);
 }
