@@ -46,6 +46,7 @@ struct viewer {
     struct take_list takes;
     struct place place;
     bool has_place;
+    bool take_located; // the open take
     struct take_view *take_view;
     struct camera_feed *feed;
     struct camera_texture *camera_texture; // the feed's image

@@ -165,6 +165,18 @@ static enum status open_locator(struct render_run *r)
     return status;
 }
 
+// A take with a person who has no place among the place's things: wherever they were drawn would be wrong.
+static enum status check_located(const struct render_run *r)
+{
+    bool person = false;
+    for (int64_t i = 0; i < take_frame_count(r->take) && !person; i++)
+        person = take_entry(r->take, i)->has_skeleton;
+    if (!person || take_is_located(r->take))
+        return OK;
+    return fail(ERR_INPUT, "it is not known where the actor of '%s' stood: the sensor recognised nothing of the place",
+                r->arguments->take);
+}
+
 static bool on_progress(void *self, double share)
 {
     struct progress_bar *progress = self;
@@ -217,6 +229,8 @@ static enum status open_run(struct render_run *r)
         status = take_open_drawn(&r->take, r->recording, a->take);
     if (status == OK)
         status = open_locator(r);
+    if (status == OK)
+        status = check_located(r);
     if (status == OK)
         status = open_film(r);
     if (status == OK)

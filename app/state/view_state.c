@@ -428,8 +428,9 @@ void view_state_on_camera(struct view_state *s, const struct view_camera *camera
         s->ever_placed = true;
     }
     on_moved_tags(s, now_ns);
-    // Without a camera image, or a place to localise it in, the view is the orbit's.
-    s->orbiting = s->orbit_requested || !camera->requested || !camera->has_place || (!camera->seeing && !camera->frame);
+    // Without a camera image, a place to localise it in, or a position of the actor there, the view is the orbit's.
+    s->orbiting = s->orbit_requested || !camera->requested || !camera->has_place || !camera->take_located ||
+                  (!camera->seeing && !camera->frame);
 }
 
 void view_state_set_problem(struct view_state *s, const char *sentence)
@@ -534,6 +535,8 @@ static const char *camera_hint(const struct view_state *s)
         return "The camera has stopped sending images";
     if (!s->camera.has_place)
         return "This recording has no map of a place. Drag with a finger to move round the actor";
+    if (!s->camera.take_located)
+        return "The sensor recognised nothing of the place when this was filmed. Drag to move round the actor";
     if (s->camera.frame && !s->camera.placed &&
         s->presence <= 0) // only once the actor has faded: the pose may be found again soon
         return s->camera.has_tags ? "Point the camera at a tag"

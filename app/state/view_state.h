@@ -73,6 +73,7 @@ struct view_camera {
     bool requested;      // the app was started with a camera
     bool has_place;      // the recording has a place to localise in
     bool has_tags;       // and the place has tags
+    bool take_located;   // the sensor was located in it, so that the actor has a position there
     bool seeing;         // images arrive
     int64_t received_ns; // when the last one arrived
     int64_t frame;       // number of the newest processed image; 0: none

@@ -134,6 +134,8 @@ int64_t take_view_frames_decoded(const struct take_view *s) { return take_frames
 
 int64_t take_view_frames(const struct take_view *s) { return take_frame_count(s->take); }
 
+bool take_view_is_located(const struct take_view *s) { return take_is_located(s->take); }
+
 int64_t take_view_length_ns(const struct take_view *s)
 {
     return take_entry(s->take, take_view_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;

@@ -1,9 +1,11 @@
-// Faults of the camera while watching: each has its sentence on the screen, and is gone once it is mended, without any
-// input.
+// Faults of the camera while watching, and a take that has no place in its pictures: each has its sentence on the
+// screen, and is gone once it is mended, without any input.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
+#include "platform/file.h"
 #include "tests/support/glass.h"
+#include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 
 #include <stdio.h>
@@ -11,14 +13,16 @@
 
 static struct rehearsal rehearsal;
 
-static void open_glass(struct glass *g, const char *camera)
+static void open_file(struct glass *g, const char *file, const char *camera)
 {
     static char uri[300]; // must outlive the glass
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&rehearsal.scratch, camera));
     const struct viewer_options how = {
-        .file = rehearsal.file, .take = "turn", .camera = uri, .fixed_resolution = true, .refresh_hz = 60};
+        .file = file, .take = "turn", .camera = uri, .fixed_resolution = true, .refresh_hz = 60};
     glass_open(g, GLASS_LONG / 4, GLASS_SHORT / 4, &how);
 }
+
+static void open_glass(struct glass *g, const char *camera) { open_file(g, rehearsal.file, camera); }
 
 static void move(const char *from, const char *to)
 {
@@ -109,6 +113,48 @@ static void test_camera_without_tag_continues(void **state)
     glass_close(&g);
 }
 
+// A place where one tag hangs elsewhere, and the take copied to it, which was not filmed there.
+static void make_take_of_elsewhere(const char *file)
+{
+    struct recording *from;
+    struct recording_writer *w;
+    struct place place;
+    struct take_copy_report report;
+    EXPECT_STATUS(recording_open(&from, rehearsal.file), OK);
+    EXPECT_STATUS(recording_read_place(from, &place), OK);
+    recording_free(&from);
+    place.tags[0].world_from_tag.translation.x += 0.5;
+    EXPECT_STATUS(recording_create(&w, file), OK);
+    EXPECT_STATUS(recording_put_place(w, &place), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    place_free(&place);
+    EXPECT_STATUS(recording_copy_take(rehearsal.file, "turn", file, "turn", &report), OK);
+    EXPECT_TRUE(report.place_differs);
+}
+
+// The sensor saw nothing of the place. The actor is looked at from all round, and drawn nowhere in the camera's
+// pictures, where they would stand wrong.
+static void test_actor_without_a_position(void **state)
+{
+    (void)state;
+    struct glass g;
+    char file[300], camera[300], out[300];
+    snprintf(file, sizeof file, "%s", scratch_file(&rehearsal.scratch, "elsewhere.reenact"));
+    snprintf(camera, sizeof camera, "folder:%s", scratch_file(&rehearsal.scratch, "viewer"));
+    snprintf(out, sizeof out, "%s", scratch_file(&rehearsal.scratch, "pictures"));
+    make_take_of_elsewhere(file);
+    open_file(&g, file, "viewer");
+    expect_hint(&g, "recognised nothing of the place");
+    EXPECT_TRUE(g.viewer.state.orbiting && !g.viewer.image.camera);
+    EXPECT_AT_LEAST(g.viewer.image.parts, 1);
+    glass_close(&g);
+    const struct process_result said =
+        PROCESS(PROGRAM_DIR "/reenact", "render", file, "--take", "turn", "--camera", camera, "--out", out);
+    print_message("%s", said.err);
+    EXPECT_INT(said.exit_code, 1);
+    EXPECT_TRUE(strstr(said.err, "not known where the actor") && !file_exists(out));
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -130,6 +176,7 @@ int main(void)
         cmocka_unit_test(test_camera_can_be_replugged),
         cmocka_unit_test(test_wrong_size_is_distinguished_from_no_images),
         cmocka_unit_test(test_camera_without_tag_continues),
+        cmocka_unit_test(test_actor_without_a_position),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

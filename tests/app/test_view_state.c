@@ -119,7 +119,7 @@ static struct view_state watching(void)
 
 static struct view_camera seeing(int64_t number, bool placed, int64_t received_ns)
 {
-    return (struct view_camera){true, true, true, true, received_ns, number, placed, "", 0, -1};
+    return (struct view_camera){true, true, true, true, true, received_ns, number, placed, "", 0, -1};
 }
 
 static void on_camera(struct view_state *s, struct view_camera camera, int64_t now_ns)
@@ -238,6 +238,18 @@ static void test_frozen_or_lost_camera_is_reported(void **state)
     EXPECT_TRUE(s.orbiting);
     on_camera(&s, seeing(3, false, 5 * S), 5 * S);
     EXPECT_TRUE(!view_state_hint(&s)); // an orbit needs no tag
+}
+
+static void test_actor_without_a_position_is_looked_at_from_all_round(void **state)
+{
+    (void)state;
+    struct view_state s = watching();
+    struct view_camera camera = seeing(1, true, S);
+    camera.take_located = false;
+    on_camera(&s, camera, S);
+    EXPECT_TRUE(s.orbiting && strstr(view_state_hint(&s), "recognised nothing"));
+    on_camera(&s, seeing(2, true, S), S); // another take
+    EXPECT_TRUE(!s.orbiting && !view_state_hint(&s));
 }
 
 static struct view_camera seeing_moved(int64_t number, int32_t count, int32_t first)
@@ -468,6 +480,7 @@ int main(void)
         cmocka_unit_test(test_scrubbing_restores_playback),
         cmocka_unit_test(test_actor_fades_when_camera_is_lost),
         cmocka_unit_test(test_frozen_or_lost_camera_is_reported),
+        cmocka_unit_test(test_actor_without_a_position_is_looked_at_from_all_round),
         cmocka_unit_test(test_moved_tag_is_reported_once),
         cmocka_unit_test(test_a_warning_said_again_stays),
         cmocka_unit_test(test_drag_follows_finger_on_floor),
