@@ -35,6 +35,7 @@ struct thing_card {
 struct room_page {
     const struct room_thing *things;
     int count;
+    bool apart; // the picture's actor has no known position in the place: nothing of the place is marked there
     const struct thing_card *card; // of view_state.room.card; NULL: none
 
     // The map, of view_state.room.map.

@@ -147,6 +147,8 @@ static void test_actor_without_a_position(void **state)
     expect_hint(&g, "recognised nothing of the place");
     EXPECT_TRUE(g.viewer.state.orbiting && !g.viewer.image.camera);
     EXPECT_AT_LEAST(g.viewer.image.parts, 1);
+    EXPECT_TRUE(g.viewer.state.room.filmed && !viewer_room_wants_filmed(&g.viewer)); // it would be seen from elsewhere
+    EXPECT_TRUE(g.viewer.room.page.apart && !g.viewer.room.page.actor && !g.viewer.room.page.viewer_known);
     glass_close(&g);
     const struct process_result said =
         PROCESS(PROGRAM_DIR "/reenact", "render", file, "--take", "turn", "--camera", camera, "--out", out);
