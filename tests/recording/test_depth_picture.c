@@ -54,6 +54,34 @@ static void test_planes_have_the_light_of_their_slope(void **state)
         }
 }
 
+// A Kinect's depth at 4.2 m has steps of 5 cm: no pixel stands out because it is a step nearer than its neighbours.
+static void test_steps_of_depth_are_no_edges(void **state)
+{
+    (void)state;
+    const struct lens kinect = {.width = W, .height = H, .fx = 525, .fy = 525, .cx = 79.5, .cy = 59.5};
+    const struct vec3 normal = {0.2, -0.3, -1};
+    struct rng rng = {SAMPLE_SEED};
+    for (int k = 0; k < PIXELS; k++) {
+        const struct vec3 to = v3((k % W - kinect.cx) / kinect.fx, ((double)(k / W) - kinect.cy) / kinect.fy, 1);
+        const double steps = 8 * 575 * 0.075 / (normal.z * 4.2 / v3_dot(normal, to)); // eighths of a pixel of disparity
+        depth[k] = (uint16_t)lround(1000 * 8 * 575 * 0.075 / round(steps + 0.6 * rng_normal(&rng)));
+        mask[k] = 1;
+    }
+    depth_picture_draw(&kinect, depth, mask, rgb);
+    double squares = 0;
+    int specks = 0;
+    for (int k = 0; k < PIXELS; k++) {
+        const int x = k % W, y = k / W;
+        squares += pow(rgb[3 * k] - shade(normal), 2);
+        if (x >= 2 && y >= 2 && x < W - 2 && y < H - 2)
+            specks += abs(4 * rgb[3 * k] - rgb[3 * (k - 2)] - rgb[3 * (k + 2)] - rgb[3 * (k - 2 * W)] -
+                          rgb[3 * (k + 2 * W)]) > 4 * 20;
+    }
+    print_message("off by %.1f, %d specks of %d pixels\n", sqrt(squares / PIXELS), specks, PIXELS);
+    EXPECT_AT_MOST(sqrt(squares / PIXELS), 25);
+    EXPECT_AT_MOST(specks, PIXELS / 100); // where steps count as edges, six times as many as it is
+}
+
 // The person's arm before the trunk: each has its own light up to the edge.
 static void test_no_light_across_edges(void **state)
 {
@@ -195,6 +223,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_planes_have_the_light_of_their_slope),
+        cmocka_unit_test(test_steps_of_depth_are_no_edges),
         cmocka_unit_test(test_no_light_across_edges),
         cmocka_unit_test(test_what_is_no_person_is_grey),
         cmocka_unit_test(test_hard_images),
