@@ -13,7 +13,7 @@ static void read_all(const char *path)
         place_free(&place);
     for (int i = 0; i < recording_take_count(r); i++) {
         struct take *t;
-        if (fuzz_said(take_open(&t, r, recording_take_name(r, i))) != OK)
+        if (fuzz_said(take_open_drawn(&t, r, recording_take_name(r, i))) != OK)
             continue;
         for (int64_t k = 0; k < take_frame_count(t) && k < 100; k++) {
             struct take_images images;
