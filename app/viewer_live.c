@@ -51,8 +51,7 @@ static enum status read_take(struct viewer *v, const char *name)
     if (status != OK)
         return status;
     l->body = *take_body(take);
-    for (int64_t i = 0; i < take_frame_count(take); i++)
-        l->take_located = l->take_located || take_entry(take, i)->located;
+    l->take_located = take_is_located(take);
     for (int64_t i = take_frame_count(take) - 1; i >= 0; i--) {
         const struct take_entry *e = take_entry(take, i);
         if (e->has_skeleton && (e->located || !l->take_located))

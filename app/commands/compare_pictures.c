@@ -35,8 +35,7 @@ static enum status open_take(struct compare_pictures *p, const char *path, const
         return status;
     const int64_t count = take_frame_count(p->take);
     int64_t first = 0;
-    for (int64_t i = 0; i < count; i++)
-        p->located = p->located || take_entry(p->take, i)->located;
+    p->located = take_is_located(p->take);
     while (first < count && !usable(p, first))
         first++;
     if (first == count)
