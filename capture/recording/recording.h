@@ -124,9 +124,9 @@ const char *recording_take_name(const struct recording *r, int index);
 // lists the takes there are. ERR_CORRUPT: its row cannot be read. ERR_IO, ERR_MEMORY. On failure *out is NULL.
 MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
 
-// The same for those who look at the take: where no frame can have colour because the sensor had no colour camera, each
-// one's colour image is drawn from its depth (depth_picture.h), and take_calibration and the entries say so: it has the
-// depth camera's lens.
+// The same for those who look at the take: where the sensor had no colour camera, or one that gave no image and whose
+// axes are the depth camera's, each frame's colour image is drawn from its depth (depth_picture.h), and
+// take_calibration and the entries say so: it has the depth camera's lens.
 MUST_CHECK enum status take_open_drawn(struct take **out, struct recording *r, const char *name);
 
 // Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its

@@ -85,10 +85,21 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     return status;
 }
 
+// No frame has a colour image, although there was a colour camera, and in whose axes makes no difference.
+static bool lacks_color(const struct take_index *index)
+{
+    bool lacks = index->calibration.registered && index->calibration.depth.width;
+    for (int64_t i = 0; i < index->count && lacks; i++)
+        lacks = !index->entries[i].has_color;
+    return lacks;
+}
+
 enum status take_open_drawn(struct take **out, struct recording *r, const char *name)
 {
     enum status status = take_open(out, r, name);
     struct take_index *index = status == OK ? (*out)->index : NULL; // nobody else has it yet
+    if (index && lacks_color(index))
+        index->calibration.color = (struct lens){0};
     if (!index || !depth_picture_replaces_color(&index->calibration))
         return status;
     index->drawn_from_depth = true;

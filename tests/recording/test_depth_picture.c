@@ -138,21 +138,25 @@ static void test_hard_images(void **state)
 
 // ------------------------------------------------------------- takes
 
-static const char *record(bool with_color)
+enum color { COLOR, NO_COLOR_CAMERA, NO_COLOR_IMAGES };
+
+static const char *record(enum color color)
 {
     static struct sample_frame m;
+    static const char *const names[] = {"with-color", "without-camera", "without-images"};
     struct calibration calibration = sample_calibration();
-    if (!with_color) {
+    if (color == NO_COLOR_CAMERA)
         calibration.color = (struct lens){0};
+    if (color != COLOR)
         calibration.color_from_depth = POSE_IDENTITY;
-    }
-    const char *path = sample_path(with_color ? "with-color" : "without-color");
+    calibration.registered = color == NO_COLOR_IMAGES;
+    const char *path = sample_path(names[color]);
     struct recording_writer *w;
     EXPECT_STATUS(recording_create(&w, path), OK);
     EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
     for (int i = 0; i < 3; i++) {
         sample_frame_make(&m, 7 * i);
-        m.frame.jpeg = with_color ? m.jpeg : NULL;
+        m.frame.jpeg = color == COLOR ? m.jpeg : NULL;
         m.frame.depth = i == 2 ? NULL : m.depth;
         m.frame.mask = i == 1 ? NULL : m.frame.mask;
         EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
@@ -162,23 +166,23 @@ static const char *record(bool with_color)
     return path;
 }
 
-static void test_take_without_color_is_drawn(void **state)
+static void expect_drawn(enum color color)
 {
-    (void)state;
     static uint8_t wanted[3 * WIDTH * HEIGHT];
     struct recording *r, *again;
     struct take *take, *shared, *plain;
     struct take_images images, plain_images;
     const uint8_t *jpeg;
     size_t bytes;
-    const char *path = record(false);
+    const char *path = record(color);
     EXPECT_STATUS(recording_open(&r, path), OK);
     EXPECT_STATUS(recording_open(&again, path), OK);
     EXPECT_STATUS(take_open_drawn(&take, r, "a"), OK);
     EXPECT_STATUS(take_open(&plain, r, "a"), OK);
     EXPECT_STATUS(take_open_shared(&shared, again, take), OK);
     EXPECT_TRUE(take_is_drawn_from_depth(shared) && !take_is_drawn_from_depth(plain));
-    EXPECT_TRUE(!take_calibration(plain)->color.width && !take_entry(plain, 0)->has_color);
+    EXPECT_INT(take_calibration(plain)->color.width, color == NO_COLOR_CAMERA ? 0 : COLOR_WIDTH);
+    EXPECT_TRUE(!take_entry(plain, 0)->has_color);
     EXPECT_TRUE(lens_equal(&take_calibration(take)->color, &take_calibration(plain)->depth));
     EXPECT_TRUE(take_calibration(take)->registered);
     for (int i = 0; i < 2; i++) {
@@ -201,6 +205,13 @@ static void test_take_without_color_is_drawn(void **state)
     recording_free(&r);
 }
 
+static void test_take_without_color_is_drawn(void **state)
+{
+    (void)state;
+    expect_drawn(NO_COLOR_CAMERA);
+    expect_drawn(NO_COLOR_IMAGES);
+}
+
 static void test_take_with_color_keeps_it(void **state)
 {
     (void)state;
@@ -208,7 +219,7 @@ static void test_take_with_color_keeps_it(void **state)
     struct take *take;
     const uint8_t *jpeg;
     size_t bytes;
-    EXPECT_STATUS(recording_open(&r, record(true)), OK);
+    EXPECT_STATUS(recording_open(&r, record(COLOR)), OK);
     EXPECT_STATUS(take_open_drawn(&take, r, "a"), OK);
     EXPECT_TRUE(!take_is_drawn_from_depth(take));
     EXPECT_INT(take_calibration(take)->color.width, COLOR_WIDTH);
