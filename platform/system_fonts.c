@@ -21,7 +21,8 @@ struct system_fonts *system_fonts_open(void)
         FcPatternAddString(wanted, FC_FAMILY, (const FcChar8 *)"sans-serif");
         FcConfigSubstitute(f->config, wanted, FcMatchPattern);
         FcDefaultSubstitute(wanted); // adds the user's language, which decides how Han characters are drawn
-        f->fonts = FcFontSort(f->config, wanted, FcTrue, NULL, &result);
+        // Not without those whose letters others before them have: those may be of a kind that is not read here.
+        f->fonts = FcFontSort(f->config, wanted, FcFalse, NULL, &result);
     }
     if (wanted)
         FcPatternDestroy(wanted);
@@ -52,14 +53,15 @@ static bool has_outlines(FcPattern *font)
     return outline && !color && !variable;
 }
 
-// Web fonts are listed, too, and compressed.
-static bool is_plain(const uint8_t *bytes, size_t count)
+// Web fonts are listed, too, and compressed. Of variable fonts only TrueType's outlines are known without variations.
+static bool is_readable(const struct system_font *font, bool variable)
 {
     static const uint8_t kinds[][4] = {{0, 1, 0, 0}, {'t', 'r', 'u', 'e'}, {'O', 'T', 'T', 'O'}, {'t', 't', 'c', 'f'}};
-    bool plain = false;
-    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
-        plain = plain || (count > 12 && !memcmp(bytes, kinds[i], 4));
-    return plain;
+    enum { ALL = sizeof kinds / sizeof *kinds, TRUE_TYPE = 2 };
+    bool readable = false;
+    for (size_t i = 0; i < (variable ? TRUE_TYPE : ALL) && font->count > sizeof kinds[0]; i++)
+        readable = readable || !memcmp(font->bytes, kinds[i], sizeof kinds[0]);
+    return readable;
 }
 
 static bool read_font(FcPattern *font, struct system_font *out)
@@ -69,10 +71,11 @@ static bool read_font(FcPattern *font, struct system_font *out)
     if (FcPatternGetString(font, FC_FILE, 0, &path) != FcResultMatch ||
         FcPatternGetInteger(font, FC_INDEX, 0, &index) != FcResultMatch)
         return false;
-    out->index = index & 0xffff; // above it: the instance of a variable font
+    const int instance = index >> 16; // of a variable font
+    out->index = index & 0xffff;
     if (file_read((const char *)path, &out->bytes, &out->count) != OK)
         return false;
-    if (is_plain(out->bytes, out->count))
+    if (is_readable(out, instance != 0))
         return true;
     free(out->bytes);
     return false;

@@ -85,7 +85,7 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     return status;
 }
 
-// No frame has a colour image, although there was a colour camera, and in whose axes makes no difference.
+// There was a colour camera, whose axes are the depth camera's, and no frame has an image of it.
 static bool lacks_color(const struct take_index *index)
 {
     bool lacks = index->calibration.registered && index->calibration.depth.width;
