@@ -4,12 +4,14 @@
 //     test_studio             the tests
 //     test_studio FOLDER      images of the screens, for the documents
 #include "app/studio/studio.h"
+#include "app/studio/studio_picture.h"
 
 #include "base/clock.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
+#include "platform/source.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
@@ -292,48 +294,70 @@ static void test_a_snapshot_follows_the_sensor(void **state)
     studio_snapshot_free(&to);
 }
 
-// A sensor of that height that sees a wall, one frame of it.
-static void film_wall(const struct scratch *scratch, const char *name, int height)
+enum { WALL_WIDTH = 160, WALL_HEIGHT_MOST = 200, WALL_MM = 2000 };
+
+static void write_calibration(const struct scratch *scratch, const char *name, int height, bool color)
 {
-    enum { WIDTH = 160, MOST = 200, WALL_MM = 2000 };
-    static uint8_t rgb[3 * WIDTH * MOST];
-    static uint16_t depth[WIDTH * MOST];
-    char text[600], path[100];
+    const struct lens lens = {.width = WALL_WIDTH, .height = height, .fx = 140, .fy = 140, .cx = 80, .cy = 60};
+    const struct calibration calibration = {
+        .color = color ? lens : (struct lens){0}, .depth = lens, .registered = true, .color_from_depth = POSE_IDENTITY};
+    char path[300];
+    snprintf(path, sizeof path, "%s/calibration.json", scratch_file(scratch, name));
+    EXPECT_STATUS(calibration_write(path, &calibration), OK);
+}
+
+// A sensor of that height that sees a wall, one frame of it.
+static void film_wall(const struct scratch *scratch, const char *name, int height, bool color)
+{
+    static uint8_t rgb[3 * WALL_WIDTH * WALL_HEIGHT_MOST];
+    static uint16_t depth[WALL_WIDTH * WALL_HEIGHT_MOST];
+    char path[100];
     uint8_t *bytes;
     size_t count;
-    for (int i = 0; i < WIDTH * MOST; i++)
+    for (int i = 0; i < WALL_WIDTH * WALL_HEIGHT_MOST; i++)
         depth[i] = WALL_MM;
-    snprintf(path, sizeof path, "%s/calibration.json", name);
-    snprintf(text, sizeof text,
-             "{\"color\": {\"width\": %d, \"height\": %d, \"fx\": 140, \"fy\": 140, \"cx\": 80, \"cy\": 60}, "
-             "\"depth\": {\"width\": %d, \"height\": %d, \"fx\": 140, \"fy\": 140, \"cx\": 80, \"cy\": 60, "
-             "\"unit_m\": 0.001}, \"registered\": true}",
-             WIDTH, height, WIDTH, height);
-    scratch_text(scratch, path, text);
-    snprintf(path, sizeof path, "%s/rgb.txt", name);
-    scratch_text(scratch, path, "50.0 c.jpg\n");
     snprintf(path, sizeof path, "%s/depth.txt", name);
     scratch_text(scratch, path, "50.0 d.png\n");
-    EXPECT_STATUS(jpeg_encode(rgb, WIDTH, height, 90, &bytes, &count), OK);
-    snprintf(path, sizeof path, "%s/c.jpg", name);
+    EXPECT_STATUS(png_encode(&(struct png_layout){PNG_GRAY16, WALL_WIDTH, height}, depth, 1, &bytes, &count), OK);
+    snprintf(path, sizeof path, "%s/d.png", name);
     scratch_write(scratch, path, bytes, count);
     free(bytes);
-    EXPECT_STATUS(png_encode(&(struct png_layout){PNG_GRAY16, WIDTH, height}, depth, 1, &bytes, &count), OK);
-    snprintf(path, sizeof path, "%s/d.png", name);
+    write_calibration(scratch, name, height, color);
+    if (!color)
+        return;
+    snprintf(path, sizeof path, "%s/rgb.txt", name);
+    scratch_text(scratch, path, "50.0 c.jpg\n");
+    EXPECT_STATUS(jpeg_encode(rgb, WALL_WIDTH, height, 90, &bytes, &count), OK);
+    snprintf(path, sizeof path, "%s/c.jpg", name);
     scratch_write(scratch, path, bytes, count);
     free(bytes);
 }
 
-// One sensor after another, whose pictures are as wide, and higher or lower.
-static void test_sensors_of_different_sizes(void **state)
+// The colour in the middle of the large picture, which is at the top of an upright screen: of the wall black where the
+// sensor has colour, else as its depth is drawn.
+static void expect_large_picture(struct stage *g, bool color)
+{
+    const uint16_t wall = WALL_MM;
+    uint8_t wanted[3] = {0};
+    const uint8_t *got = g->rgba + 4 * ((size_t)g->height * 3 / 10 * (size_t)g->width + (size_t)g->width / 2);
+    if (!color)
+        studio_depth_colors(&wall, 1, 1, wanted);
+    EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK);
+    for (int c = 0; c < 3; c++)
+        EXPECT_NEAR(got[c], wanted[c], 3);
+}
+
+// One sensor after another, whose pictures are as wide, and higher or lower, or depth alone.
+static void test_sensors_of_different_kinds(void **state)
 {
     (void)state;
     static struct stage g;
-    static const char *const names[] = {"low", "high", "low"};
+    static const char *const names[] = {"low", "high", "low", "depth", "high"};
     char uri[300];
     g.scratch = scratch_make();
-    film_wall(&g.scratch, "low", 120);
-    film_wall(&g.scratch, "high", 200);
+    film_wall(&g.scratch, "low", 120, true);
+    film_wall(&g.scratch, "high", 200, true);
+    film_wall(&g.scratch, "depth", 120, false);
     EXPECT_STATUS(gpu_open(&g.gpu), OK);
     stage_size(&g, 800, 1280);
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&g.scratch, "low"));
@@ -341,6 +365,8 @@ static void test_sensors_of_different_sizes(void **state)
     EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
     for (size_t i = 0; i < COUNT_OF(names); i++) {
         struct studio *s = &g.studio;
+        const bool color = strcmp(names[i], "depth") != 0;
+        const int height = strcmp(names[i], "high") ? 120 : 200;
         snprintf(s->devices[0].uri, sizeof s->devices[0].uri, "folder:%s", scratch_file(&g.scratch, names[i]));
         if (i) {
             studio_fail(&s->state, "unplugged", clock_now_ns());
@@ -350,10 +376,13 @@ static void test_sensors_of_different_sizes(void **state)
         const int64_t until = clock_now_ns() + 60 * SECOND;
         do
             stage_draw(&g);
-        while ((s->state.page != STUDIO_LIVE || !s->shown.has_depth || !s->shown.has_color) && clock_now_ns() < until);
-        EXPECT_INT(s->shown.calibration.depth.height, strcmp(names[i], "high") ? 120 : 200);
-        EXPECT_TRUE(s->shown.has_depth && s->shown.has_color);
+        while ((s->state.page != STUDIO_LIVE || !s->shown.has_depth || s->shown.has_color != color ||
+                s->shown.calibration.depth.height != height) &&
+               clock_now_ns() < until);
+        EXPECT_INT(s->shown.calibration.depth.height, height);
+        EXPECT_TRUE(s->shown.has_depth && s->shown.has_color == color);
         stage_draw(&g);
+        expect_large_picture(&g, color);
     }
     studio_close(&g.studio);
     stage_close(&g);
@@ -393,7 +422,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_takes_are_discarded_and_made_again),
         cmocka_unit_test(test_numbers_of_takes),
         cmocka_unit_test(test_a_snapshot_follows_the_sensor),
-        cmocka_unit_test(test_sensors_of_different_sizes),
+        cmocka_unit_test(test_sensors_of_different_kinds),
         cmocka_unit_test(test_a_missing_sensor_is_said),
         cmocka_unit_test(test_takes_of_a_film),
         cmocka_unit_test(test_takes_through_openni),
