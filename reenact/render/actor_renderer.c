@@ -118,14 +118,6 @@ static enum status open_avatar(struct renderer *p, const struct renderer_options
     return status;
 }
 
-static bool has_floor(const struct take *take)
-{
-    bool located = false;
-    for (int64_t i = 0; i < take_frame_count(take) && !located; i++)
-        located = take_entry(take, i)->located;
-    return located;
-}
-
 enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *take, const struct lens *lens,
                           const struct renderer_options *options)
 {
@@ -163,8 +155,8 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
         status = open_avatar(p, options);
     if (status == OK)
         status = open_programs(p);
-    if (status == OK)
-        status = actor_targets_open(p, options->sources, options->shadow && has_floor(take));
+    if (status == OK) // only a place has a floor to cast a shadow on
+        status = actor_targets_open(p, options->sources, options->shadow && take_is_located(take));
     if (status != OK) {
         renderer_close(&p);
         return status;
