@@ -38,7 +38,7 @@ static inline void add(struct plane_sums *s, double dx, double dy, double w)
 // The first multiple of the step from there on that is in the image.
 static int first_multiple(int first, int step) { return first > 0 ? (first + step - 1) / step * step : 0; }
 
-// Of the person's surface about (x, y). False: too few depths, or all in a row.
+// Of the person's surface about (x, y). False: too few depths.
 static bool fit_plane(const struct lens *lens, const uint16_t *depth, const uint8_t *mask, int x, int y,
                       struct plane_sums *s)
 {
