@@ -124,6 +124,11 @@ static void test_points(void **state)
         EXPECT_TRUE(count == 1 && points[0][1] == -5);
         free(points);
     }
+    EXPECT_STATUS(read_points("ascii", "float", "1 2 3 4", 7, &points, &count), OK); // no shorter one holds a point
+    EXPECT_TRUE(count == 1 && points[0][2] == 4);
+    free(points);
+    EXPECT_STATUS(read_points("ascii", "float", "1 2 3 ", 6, &points, &count), ERR_CORRUPT);
+    EXPECT_SAYS("ends before its last point");
     // Whole numbers in bytes would be taken for floats: 1 is 1.4e-45 then.
     for (size_t i = 0; i < COUNT_OF(whole); i++) {
         EXPECT_STATUS(read_points("binary_little_endian", whole[i], body, sizeof body, &points, &count), ERR_CORRUPT);

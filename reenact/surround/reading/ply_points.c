@@ -111,6 +111,16 @@ static bool read_vertex(const struct ply_header *h, const uint8_t **at, const ui
     return true;
 }
 
+// Whether so many vertices can be in the bytes behind the header: memory is taken for them before they are read. A
+// number in ASCII has a digit and, but for the last one, a blank.
+static bool can_hold(const struct ply_header *h, const uint8_t *end)
+{
+    const uint64_t there = (uint64_t)(end - h->body) + h->ascii;
+    return (uint64_t)h->vertices * (uint64_t)(h->ascii ? 2 * h->stride : h->stride) <= there;
+}
+
+static enum status ends_early(const char *path) { return fail(ERR_CORRUPT, "%s ends before its last point", path); }
+
 enum status ply_points_read(const char *path, float (**out)[3], int *count)
 {
     uint8_t *bytes;
@@ -124,13 +134,14 @@ enum status ply_points_read(const char *path, float (**out)[3], int *count)
         return fail(ERR_CORRUPT, "%s is no PLY file with vertices of x, y, z (ASCII or binary little-endian)", path);
     }
     const uint8_t *at = h.body, *end = bytes + size;
+    const bool whole = can_hold(&h, end);
     long kept = 0;
-    float(*points)[3] = malloc((size_t)(h.vertices + 1) * sizeof *points);
+    float(*points)[3] = whole ? malloc((size_t)(h.vertices + 1) * sizeof *points) : NULL;
     if (!points)
-        status = fail(ERR_MEMORY, "out of memory");
+        status = whole ? fail(ERR_MEMORY, "out of memory") : ends_early(path);
     for (long i = 0; status == OK && i < h.vertices; i++) {
         if (!read_vertex(&h, &at, end, points[kept]))
-            status = fail(ERR_CORRUPT, "%s ends before its last point", path);
+            status = ends_early(path);
         else
             kept += isfinite(points[kept][0]) && isfinite(points[kept][1]) && isfinite(points[kept][2]);
     }
