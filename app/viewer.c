@@ -98,6 +98,8 @@ void viewer_close(struct viewer *v)
     *v = (struct viewer){0};
 }
 
+bool viewer_take_is_located(const struct viewer *v) { return v->take_view && take_view_is_located(v->take_view); }
+
 static void open_take(struct viewer *v, int64_t now_ns)
 {
     const char *name = v->takes.cards[v->state.take].name;
@@ -113,7 +115,6 @@ static void open_take(struct viewer *v, int64_t now_ns)
         return;
     }
     struct orbit orbit = take_view_orbit(v->take_view);
-    v->take_located = take_view_is_located(v->take_view);
     view_state_open_take(&v->state, take_view_length_ns(v->take_view), take_view_frames(v->take_view), &orbit, now_ns);
     v->state.placement.mirrored = v->options.mirrored;
 }
@@ -125,7 +126,7 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     struct view_camera camera = {.requested = v->feed,
                                  .has_place = v->has_place,
                                  .has_tags = v->place.tag_count > 0,
-                                 .take_located = !v->take_view || v->take_located,
+                                 .take_located = !v->take_view || viewer_take_is_located(v),
                                  .trouble = ""};
     if (v->feed) {
         const struct camera_frame *frame = v->frame = camera_feed_latest(v->feed);

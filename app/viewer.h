@@ -46,7 +46,6 @@ struct viewer {
     struct take_list takes;
     struct place place;
     bool has_place;
-    bool take_located; // the open take
     struct take_view *take_view;
     struct camera_feed *feed;
     struct camera_texture *camera_texture; // the feed's image
@@ -76,6 +75,9 @@ struct viewer {
 // ERR_DEVICE, ERR_MEMORY: call viewer_close. A file that cannot be read is no error here; the screen says so.
 MUST_CHECK enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_options *options);
 void viewer_close(struct viewer *v); // zeroed is fine
+
+// A take is open, and its actor has a position in the place (take_is_located).
+bool viewer_take_is_located(const struct viewer *v);
 
 // The screen is hidden or shown again. While it is hidden the camera is closed and the playback stands still.
 void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns);

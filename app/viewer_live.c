@@ -51,10 +51,9 @@ static enum status read_take(struct viewer *v, const char *name)
     if (status != OK)
         return status;
     l->body = *take_body(take);
-    l->take_located = take_is_located(take);
     for (int64_t i = take_frame_count(take) - 1; i >= 0; i--) {
         const struct take_entry *e = take_entry(take, i);
-        if (e->has_skeleton && (e->located || !l->take_located))
+        if (e->has_skeleton && (e->located || !take_is_located(take)))
             l->offset_ns = e->time_ns - take_entry(take, 0)->time_ns;
     }
     take_close(&take);
@@ -72,7 +71,6 @@ static void close_take(struct viewer_live *l)
     l->frame = NULL;
     l->anchor = (struct live_anchor){0};
     l->offset_ns = l->uploaded = 0;
-    l->take_located = false;
     l->kept = 0;
 }
 
@@ -132,7 +130,7 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
         const struct live_look *look = &f->look;
         sight.person = look->person;
         sight.second_person = look->second_person;
-        sight.in_place = look->located && l->take_located;
+        sight.in_place = look->located && viewer_take_is_located(v);
         sight.judged = look->judged && f->attempt == v->state.live.attempt;
         sight.reference_ns = take_time_of(l, look->reference);
         sight.away_rad = look->away_rad;
@@ -523,7 +521,7 @@ enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surf
     }
     if (s->screen == LIVE_MIRROR)
         return draw_mirror(v, request);
-    const bool same_world = l->take_located && l->frame && l->frame->look.located;
+    const bool same_world = viewer_take_is_located(v) && l->frame && l->frame->look.located;
     if (s->screen == LIVE_ROOM && same_world) {
         fill_person(v, POSE_IDENTITY);
         fill_overlay(v, surface, request);

@@ -18,11 +18,10 @@ struct live_anchor {
 struct viewer_live {
     struct live_keeper *keeper;
     struct live_sensor *sensor;
-    struct movement reference; // of the take
-    struct movement mirrored;  // its mirror image
-    int64_t offset_ns;         // of its first frame in the take
-    struct body body;          // the actor's
-    bool take_located;
+    struct movement reference;      // of the take
+    struct movement mirrored;       // its mirror image
+    int64_t offset_ns;              // of its first frame in the take
+    struct body body;               // the actor's
     const struct live_frame *frame; // the newest at the last update; NULL: none
     struct live_anchor anchor;
     bool image_mirrored; // viewer.image shows the actor mirrored

@@ -13,7 +13,7 @@ struct system_fonts;
 struct system_fonts *system_fonts_open(void);
 void system_fonts_close(struct system_fonts **f); // NULL is fine; sets *f = NULL
 
-// A font as its file holds it. Has an outline of each letter.
+// A font as its file holds it; its letters are outlines.
 struct system_font {
     uint8_t *bytes; // TrueType or OpenType; malloc'ed, the caller frees it
     size_t count;

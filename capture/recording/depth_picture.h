@@ -4,7 +4,7 @@
 #pragma once
 #include "base/lens.h"
 
-// The lens is the depth image's; its distortion is not regarded. mask NULL: nobody; else one byte a pixel, not 0: the
+// The lens is the depth image's; its distortion is ignored. mask NULL: nobody; else one byte a pixel, not 0: the
 // person. rgb: 3 bytes a pixel. A third of a megapixel with a person takes twice as long as decoding a JPEG of that
 // size.
 void depth_picture_draw(const struct lens *lens, const uint16_t *depth, const uint8_t *mask, uint8_t *rgb);

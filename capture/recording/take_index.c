@@ -266,6 +266,8 @@ enum status take_index_read(struct take_index *t, struct recording *r)
         status = read_entries(t, r);
     if (status == OK)
         status = read_joint_errors(t, r);
+    for (int64_t i = 0; i < t->count && !t->located; i++)
+        t->located = t->entries[i].has_skeleton && t->entries[i].located;
     if (begins && database_in_transaction(db)) {
         struct failure first;
         failure_keep(&first, status);

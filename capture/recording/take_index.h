@@ -13,6 +13,7 @@ struct take_index {
     struct calibration calibration;
     struct body body;
     bool complete;
+    bool located;          // take_is_located
     bool drawn_from_depth; // its colour images: it has none of its own (take_open_drawn)
     int64_t dropped;
     int64_t lost_now;      // frames that this file once had

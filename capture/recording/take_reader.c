@@ -97,7 +97,7 @@ static bool lacks_color(const struct take_index *index)
 enum status take_open_drawn(struct take **out, struct recording *r, const char *name)
 {
     enum status status = take_open(out, r, name);
-    struct take_index *index = status == OK ? (*out)->index : NULL; // nobody else has it yet
+    struct take_index *index = status == OK ? (*out)->index : NULL; // no other handle shares it yet
     if (index && lacks_color(index))
         index->calibration.color = (struct lens){0};
     if (!index || !depth_picture_replaces_color(&index->calibration))
@@ -150,13 +150,7 @@ const struct take_entry *take_entry(const struct take *t, int64_t index)
 
 const struct body *take_body(const struct take *t) { return &t->index->body; }
 
-bool take_is_located(const struct take *t)
-{
-    bool located = false;
-    for (int64_t i = 0; i < t->index->count && !located; i++)
-        located = t->index->entries[i].has_skeleton && t->index->entries[i].located;
-    return located;
-}
+bool take_is_located(const struct take *t) { return t->index->located; }
 
 bool take_is_drawn_from_depth(const struct take *t) { return t->index->drawn_from_depth; }
 
