@@ -98,8 +98,6 @@ void viewer_close(struct viewer *v)
     *v = (struct viewer){0};
 }
 
-bool viewer_take_is_located(const struct viewer *v) { return v->take_view && take_view_is_located(v->take_view); }
-
 static void open_take(struct viewer *v, int64_t now_ns)
 {
     const char *name = v->takes.cards[v->state.take].name;
@@ -126,7 +124,7 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     struct view_camera camera = {.requested = v->feed,
                                  .has_place = v->has_place,
                                  .has_tags = v->place.tag_count > 0,
-                                 .take_located = !v->take_view || viewer_take_is_located(v),
+                                 .take_located = !v->take_view || take_view_is_located(v->take_view),
                                  .trouble = ""};
     if (v->feed) {
         const struct camera_frame *frame = v->frame = camera_feed_latest(v->feed);

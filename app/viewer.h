@@ -76,9 +76,6 @@ struct viewer {
 MUST_CHECK enum status viewer_open(struct viewer *v, struct gpu *gpu, const struct viewer_options *options);
 void viewer_close(struct viewer *v); // zeroed is fine
 
-// A take is open, and its actor has a position in the place (take_is_located).
-bool viewer_take_is_located(const struct viewer *v);
-
 // The screen is hidden or shown again. While it is hidden the camera is closed and the playback stands still.
 void viewer_suspend(struct viewer *v, bool suspend, int64_t now_ns);
 

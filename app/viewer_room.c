@@ -184,7 +184,8 @@ void viewer_room_update(struct viewer *v, int64_t now_ns)
 bool viewer_room_wants_filmed(const struct viewer *v)
 {
     const struct view_state *s = &v->state;
-    return s->page == PAGE_WATCH && s->orbiting && s->room.filmed && s->room.has_views && viewer_take_is_located(v);
+    return s->page == PAGE_WATCH && s->orbiting && s->room.filmed && s->room.has_views &&
+           take_view_is_located(v->take_view);
 }
 
 static bool near(const struct pose *a, const struct pose *b, double m, double rad)
@@ -257,7 +258,7 @@ void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request)
     const int count = r->things.known.count < ROOM_LABELS_MOST ? r->things.known.count : ROOM_LABELS_MOST;
     _Static_assert(OVERLAY_POINTS == 9, "3 x 3");
     _Static_assert((int)ROOM_LABELS_MOST <= (int)OVERLAY_GROUPS_MOST, "each label is asked for");
-    if (!v->state.room.names || !count || request->camera_lost || !viewer_take_is_located(v))
+    if (!v->state.room.names || !count || request->camera_lost || !take_view_is_located(v->take_view))
         return;
     for (int i = 0; i < count; i++)
         put_points(&r->things.shown[i], request->world_from_camera.translation, &r->asked[i]);
@@ -331,7 +332,7 @@ static void fill_viewer(struct viewer *v)
         p->viewer_known = true;
         p->world_from_viewer = f->world_from_camera;
         p->viewer_lens = f->lens;
-    } else if (v->state.orbiting && v->has_image && viewer_take_is_located(v)) {
+    } else if (v->state.orbiting && v->has_image && take_view_is_located(v->take_view)) {
         p->viewer_known = true;
         p->world_from_viewer = v->image.world_from_camera;
         p->viewer_lens = v->image.lens;
@@ -414,8 +415,8 @@ enum status viewer_room_draw(struct viewer *v, const struct viewer_surface *surf
                                  .tag_count = v->place.tag_count};
     if (r->driven)
         r->page.drive = &r->drive;
-    r->page.apart = !viewer_take_is_located(v);
-    if (v->image.has_skeleton && viewer_take_is_located(v))
+    r->page.apart = !take_view_is_located(v->take_view);
+    if (v->image.has_skeleton && take_view_is_located(v->take_view))
         r->page.actor = &v->image.skeleton;
     enum status status = draw_card(v, now_ns);
     if (status == OK && l.map.w > 0) {

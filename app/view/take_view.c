@@ -134,7 +134,7 @@ int64_t take_view_frames_decoded(const struct take_view *s) { return take_frames
 
 int64_t take_view_frames(const struct take_view *s) { return take_frame_count(s->take); }
 
-bool take_view_is_located(const struct take_view *s) { return take_is_located(s->take); }
+bool take_view_is_located(const struct take_view *s) { return s && take_is_located(s->take); }
 
 int64_t take_view_length_ns(const struct take_view *s)
 {

@@ -38,7 +38,7 @@ bool take_view_waiting(const struct take_view *s); // the frame that is shown is
 int64_t take_view_length_ns(const struct take_view *s);
 int64_t take_view_frames_decoded(const struct take_view *s); // so far, on all threads
 int64_t take_view_frames(const struct take_view *s);
-bool take_view_is_located(const struct take_view *s);    // take_is_located
+bool take_view_is_located(const struct take_view *s);    // take_is_located; false for NULL, no take
 struct orbit take_view_orbit(const struct take_view *s); // starts at the sensor's viewpoint
 
 struct take_view_request {
