@@ -190,8 +190,15 @@ static void draw_sweep(const struct brush *b, struct studio_state *s, const stru
     const bool upright = in.h > in.w;
     struct ui_box foot = cut_bottom(&in, 92);
     struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
-    const struct ui_box at = studio_picture_draw(b, v->color, &v->shown->calibration.color, in, false);
-    draw_hint(b, p, (struct ui_box){at.x, in.y, at.w, in.h});
+    const bool color = studio_snapshot_sees_color(v->shown);
+    const struct calibration *c = &v->shown->calibration;
+    const struct ui_box at =
+        studio_picture_draw(b, color ? v->color : v->depth, color ? &c->color : &c->depth, in, false);
+    const struct ui_box hint = {at.x, in.y, at.w, in.h};
+    if (color)
+        draw_hint(b, p, hint);
+    else
+        studio_hint_draw(b, ICON_WARNING, true, coach_fault_text(FAULT_NO_COLOR), hint);
     draw_plan(b, v, plan);
     const bool on = s->page == STUDIO_ROOM;
     struct ui_box button = cut_right(&foot, 200);

@@ -12,12 +12,10 @@ static const double SIDE = 380, FOOT = 92, ROW = 64, NARROW = 900, BUTTONS_W = 4
 
 // ---------------------------------------------------------------- pieces
 
-// Of a sensor without colour the depth image is all there is: it takes the large picture's place.
-static bool sees_color(const struct studio_snapshot *shown) { return shown->calibration.color.width > 0; }
-
+// Without colour images the depth image takes the large picture's place.
 static const struct lens *large_lens(const struct studio_snapshot *shown)
 {
-    return sees_color(shown) ? &shown->calibration.color : &shown->calibration.depth;
+    return studio_snapshot_sees_color(shown) ? &shown->calibration.color : &shown->calibration.depth;
 }
 
 static void draw_skeleton(const struct brush *b, const struct studio_snapshot *shown, struct ui_box at)
@@ -77,7 +75,7 @@ static void draw_place(const struct brush *b, const struct studio_snapshot *show
     const struct sensor_sight *sight = &shown->sight;
     char text[200];
     int used = 0;
-    if (!sees_color(shown)) {
+    if (!studio_snapshot_sees_color(shown)) {
         label(b, FACE_SMALL, box, b->theme->quiet, "Without colour the sensor cannot tell where it stands");
         return;
     }
@@ -110,7 +108,7 @@ static void draw_hint(const struct brush *b, const struct studio_snapshot *shown
 
 static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
 {
-    if (sees_color(v->shown)) {
+    if (studio_snapshot_sees_color(v->shown)) {
         struct ui_box depth = upright ? cut_left(&box, box.w * 0.5) : cut_top(&box, fmin(box.w * 0.75, box.h * 0.45));
         studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
     }
@@ -173,7 +171,8 @@ static void draw_live_foot(const struct brush *b, struct studio_state *s, const 
                         cut_right(&row, 110)))
             studio_do(s, STUDIO_PAUSE, now_ns);
     } else if (s->page == STUDIO_LIVE) {
-        if (sees_color(v->shown) && text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
+        if (studio_snapshot_sees_color(v->shown) &&
+            text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
             studio_do(s, STUDIO_MAP_ROOM, now_ns);
         if (text_button(b, "studio-row", "In a row", s->in_a_row ? BUTTON_ON : BUTTON_RAISED, cut_right(&row, 110)))
             studio_do(s, STUDIO_IN_A_ROW, now_ns);
@@ -202,7 +201,7 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
     const bool upright = in.h > in.w;
     struct ui_box foot = cut_bottom(&in, in.w < NARROW ? FOOT + TARGET + GAP : FOOT);
     struct ui_box side = cut_side(v, &in, upright);
-    const struct gpu_texture *picture = sees_color(v->shown) ? v->color : v->depth;
+    const struct gpu_texture *picture = studio_snapshot_sees_color(v->shown) ? v->color : v->depth;
     const struct ui_box at = studio_picture_draw(b, picture, large_lens(v->shown), in, true);
     if (v->shown->has_skeleton && picture)
         draw_skeleton(b, v->shown, at);

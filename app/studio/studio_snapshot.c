@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { WITHOUT_COLOR = 15 }; // frames, half a second: fewer are images that were lost, not a camera that has failed
+
 void studio_snapshot_free(struct studio_snapshot *s)
 {
     free(s->color);
@@ -38,6 +40,7 @@ static bool same_size(const struct lens *a, const struct lens *b)
 
 void studio_snapshot_calibrate(struct studio_snapshot *s, const struct calibration *c)
 {
+    s->without_color = 0;
     s->has_color = s->has_color && same_size(&s->calibration.color, &c->color);
     s->has_depth = s->has_depth && same_size(&s->calibration.depth, &c->depth);
     s->calibration = *c;
@@ -49,6 +52,7 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
     if (!studio_snapshot_size(s, &s->calibration))
         return;
     s->has_color = color != NULL;
+    s->without_color = color ? 0 : s->without_color + (s->without_color < WITHOUT_COLOR);
     s->has_depth = depth != NULL;
     if (color)
         memcpy(s->color, color, s->color_bytes);
@@ -58,6 +62,11 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
         memcpy(s->mask, mask, s->depth_pixels);
     else
         memset(s->mask, 0, s->depth_pixels);
+}
+
+bool studio_snapshot_sees_color(const struct studio_snapshot *s)
+{
+    return s->calibration.color.width > 0 && (s->without_color < WITHOUT_COLOR || !s->calibration.depth.width);
 }
 
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)

@@ -42,6 +42,7 @@ struct studio_snapshot {
     uint16_t *depth;
     size_t color_bytes, depth_pixels;
     bool has_color, has_depth, has_skeleton;
+    int without_color; // frames in a row that brought no colour image
     struct skeleton skeleton;
     bool has_place, located;
     struct sensor_sight sight;
@@ -73,5 +74,8 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
 
 // Copies everything, if there is anything new. False: there is not, or no memory; *out is unchanged.
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out);
+
+// False: a sensor without a colour camera, or one whose colour camera gives no images any more; depth is all there is.
+bool studio_snapshot_sees_color(const struct studio_snapshot *s);
 
 void studio_snapshot_free(struct studio_snapshot *s);

@@ -16,6 +16,7 @@ static const double DEPTH_WRONG = 0.03; // sensors of this kind are within one t
 
 static const char *const fault_texts[FAULT_COUNT] = {
     [FAULT_FROZEN] = "the sensor repeats its picture: unplug it and plug it in again",
+    [FAULT_NO_COLOR] = "the colour camera gives no pictures: unplug the sensor and plug it in again",
     [FAULT_NO_DEPTH] =
         "there is hardly any depth: no sunlight on the actor, nothing in front of the sensor, 0.8 m away",
     [FAULT_DEPTH_WRONG] =
@@ -119,6 +120,7 @@ static void note_scene(struct coach *c, const struct coach_frame *frame)
     c->slow_frames += late ? c->slow_frames < SLOW_FRAMES : -(c->slow_frames > 0);
     note_fault(c, FAULT_SLOW, c->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
     note_fault(c, FAULT_FROZEN, s.frozen, frame->time_ns, false);
+    note_fault(c, FAULT_NO_COLOR, c->calibration.color.width > 0 && !frame->color, frame->time_ns, false);
     note_fault(c, FAULT_NO_DEPTH, frame->depth && s.no_depth, frame->time_ns, false);
     note_fault(c, FAULT_DEPTH_WRONG, frame->depth_scale > 0 && fabs(frame->depth_scale - 1) > DEPTH_WRONG,
                frame->time_ns, false);

@@ -12,6 +12,7 @@
 
 enum coach_fault {
     FAULT_FROZEN,      // the sensor repeats its picture
+    FAULT_NO_COLOR,    // of a sensor that has a colour camera
     FAULT_NO_DEPTH,    // hardly a pixel has depth
     FAULT_DEPTH_WRONG, // it contradicts the tags' sizes
     FAULT_SLOW,        // fewer than 20 frames a second

@@ -28,6 +28,7 @@ static void say(struct coach_verdict *v, const char *format, ...)
 
 static const char *const past_texts[FAULT_COUNT] = {
     [FAULT_FROZEN] = "the sensor's picture stood still",
+    [FAULT_NO_COLOR] = "the colour camera gave no pictures",
     [FAULT_NO_DEPTH] = "there was hardly any depth",
     [FAULT_DEPTH_WRONG] = "the sensor's depth contradicted the tags",
     [FAULT_SLOW] = "the sensor was slower than 20 pictures a second",

@@ -290,6 +290,14 @@ static void test_a_snapshot_follows_the_sensor(void **state)
     studio_snapshot_pictures(&from, rgb, depth, NULL);
     from.number = 4;
     EXPECT_TRUE(studio_snapshot_copy(&from, &to) && to.has_color && to.color_bytes == 3 * 8 * 2);
+    for (int i = 0; i < 30; i++) { // its colour camera fails; one lost image is nothing
+        EXPECT_TRUE(studio_snapshot_sees_color(&from) == (i < 15));
+        studio_snapshot_pictures(&from, NULL, depth, NULL);
+    }
+    studio_snapshot_pictures(&from, rgb, depth, NULL);
+    EXPECT_TRUE(studio_snapshot_sees_color(&from));
+    studio_snapshot_calibrate(&from, &(struct calibration){.depth = large});
+    EXPECT_TRUE(!studio_snapshot_sees_color(&from));
     studio_snapshot_free(&from);
     studio_snapshot_free(&to);
 }

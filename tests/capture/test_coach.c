@@ -156,14 +156,9 @@ static void test_faults_are_named_within_a_second(void **state)
 {
     (void)state;
     static const struct injected cases[] = {
-        {"pushed", FAULT_SENSOR_PUSHED},
-        {"feet", FAULT_FEET_OUTSIDE},
-        {"dark", FAULT_DARK},
-        {"no depth", FAULT_NO_DEPTH},
-        {"second", FAULT_SECOND_PERSON},
-        {"frozen", FAULT_FROZEN},
-        {"no person", FAULT_NO_PERSON},
-        {"slow", FAULT_SLOW},
+        {"pushed", FAULT_SENSOR_PUSHED}, {"feet", FAULT_FEET_OUTSIDE},   {"dark", FAULT_DARK},
+        {"no colour", FAULT_NO_COLOR},   {"no depth", FAULT_NO_DEPTH},   {"second", FAULT_SECOND_PERSON},
+        {"frozen", FAULT_FROZEN},        {"no person", FAULT_NO_PERSON}, {"slow", FAULT_SLOW},
         {"near", FAULT_TOO_NEAR},
     };
     static struct coach coach;
@@ -176,6 +171,8 @@ static void test_faults_are_named_within_a_second(void **state)
             struct coach_frame frame = frame_of(&s, i);
             if (i >= 30 && cases[k].fault == FAULT_NO_PERSON)
                 frame.skeleton = NULL, frame.mask = NULL;
+            if (i >= 30 && cases[k].fault == FAULT_NO_COLOR)
+                frame.color = NULL;
             if (i >= 30 && cases[k].fault == FAULT_SLOW)
                 frame.time_ns += (int64_t)(i - 30) * 33333333; // half as fast
             coach_next(&coach, &frame);
