@@ -37,7 +37,6 @@ static const struct movement *reference_of(const struct viewer_live *l, bool mir
 
 // ---------------------------------------------------------------- opening
 
-// When the movement's first frame is, as joint_samples.c reads a take.
 static enum status read_take(struct viewer *v, const char *name)
 {
     struct viewer_live *l = &v->live;
@@ -51,11 +50,9 @@ static enum status read_take(struct viewer *v, const char *name)
     if (status != OK)
         return status;
     l->body = *take_body(take);
-    for (int64_t i = take_frame_count(take) - 1; i >= 0; i--) {
-        const struct take_entry *e = take_entry(take, i);
-        if (e->has_skeleton && (e->located || !take_is_located(take)))
-            l->offset_ns = e->time_ns - take_entry(take, 0)->time_ns;
-    }
+    const int64_t first = take_first_sample(take);
+    if (first >= 0)
+        l->offset_ns = take_entry(take, first)->time_ns - take_entry(take, 0)->time_ns;
     take_close(&take);
     return OK;
 }

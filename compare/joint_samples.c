@@ -83,20 +83,32 @@ static struct joint_sample sample_of(const struct take_entry *entry)
     return s;
 }
 
+bool take_frame_is_sample(const struct take *take, int64_t frame)
+{
+    const struct take_entry *entry = take_entry(take, frame);
+    return entry->has_skeleton && (entry->located || !take_is_located(take));
+}
+
+int64_t take_first_sample(const struct take *take)
+{
+    for (int64_t i = 0; i < take_frame_count(take); i++)
+        if (take_frame_is_sample(take, i))
+            return i;
+    return -1;
+}
+
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
 {
     enum status status = OK;
-    const bool located = take_is_located(take);
     for (int64_t i = 0; i < take_frame_count(take) && status == OK; i++) {
-        const struct take_entry *entry = take_entry(take, i);
-        if (!entry->has_skeleton || (located && !entry->located))
+        if (!take_frame_is_sample(take, i))
             continue;
-        const struct joint_sample sample = sample_of(entry);
+        const struct joint_sample sample = sample_of(take_entry(take, i));
         status = joint_samples_add(out, &sample);
     }
     if (status == OK && !out->count)
         status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: no person was tracked in it", name, path);
-    if (status == OK && !located)
+    if (status == OK && !take_is_located(take))
         joint_samples_level(out);
     return status;
 }

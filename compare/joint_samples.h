@@ -41,6 +41,11 @@ void joint_samples_start_at_zero(struct joint_samples *s); // times count from t
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
 bool is_joints_csv(const char *path); // by its first line; and what is named .csv and is no recording
 
+// Whether a take's frame is a sample: a person was tracked in it and, of a take whose sensor was located at all, the
+// sensor had been by then.
+bool take_frame_is_sample(const struct take *take, int64_t frame);
+int64_t take_first_sample(const struct take *take); // the frame at time 0; -1: none
+
 // Reads a take's skeletons. `name` NULL: the file's only take. ERR_INPUT: it has several, or the take has no skeleton.
 // Else as recording_open and take_open. On failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_take(const char *path, const char *name, struct joint_samples *out);

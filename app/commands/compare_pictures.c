@@ -1,5 +1,6 @@
 #include "app/commands/compare_pictures.h"
 
+#include "compare/joint_samples.h"
 #include "platform/png.h"
 #include "reenact/render/actor_renderer.h"
 
@@ -14,17 +15,9 @@ struct compare_pictures {
     struct gpu *gpu;
     struct renderer *renderer;
     struct lens lens;
-    bool located;
-    int64_t first_ns; // of the first skeleton
+    int64_t first_ns; // of the comparison's time 0
     uint8_t *rgba, *ground;
 };
-
-// Frames that a comparison looks at: with a skeleton, and located where any is.
-static bool usable(const struct compare_pictures *p, int64_t i)
-{
-    const struct take_entry *entry = take_entry(p->take, i);
-    return entry->has_skeleton && (entry->located || !p->located);
-}
 
 static enum status open_take(struct compare_pictures *p, const char *path, const char *name)
 {
@@ -33,12 +26,8 @@ static enum status open_take(struct compare_pictures *p, const char *path, const
         status = take_open_drawn(&p->take, p->recording, name ? name : recording_take_name(p->recording, 0));
     if (status != OK)
         return status;
-    const int64_t count = take_frame_count(p->take);
-    int64_t first = 0;
-    p->located = take_is_located(p->take);
-    while (first < count && !usable(p, first))
-        first++;
-    if (first == count)
+    const int64_t first = take_first_sample(p->take);
+    if (first < 0)
         return fail(ERR_INPUT, "no person was tracked in %s", path);
     p->first_ns = take_entry(p->take, first)->time_ns;
     return OK;
@@ -90,7 +79,7 @@ static int64_t nearest(const struct compare_pictures *p, int64_t time_ns)
     int64_t best = -1, least = INT64_MAX;
     for (int64_t i = 0; i < take_frame_count(p->take); i++) {
         const int64_t off = llabs(take_entry(p->take, i)->time_ns - time_ns);
-        if (off < least && usable(p, i)) {
+        if (off < least && take_frame_is_sample(p->take, i)) {
             least = off;
             best = i;
         }
