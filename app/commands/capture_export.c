@@ -144,6 +144,24 @@ static enum status open_take(struct take **out, struct recording *recording, con
     return looked_at ? take_open_drawn(out, recording, given->take) : take_open(out, recording, given->take);
 }
 
+// What was written lacks some of the take's frames.
+static void warn_of_gaps(const struct export_arguments *given, const struct take *take, int64_t damaged)
+{
+    const long long frames = take_frame_count(take);
+    long long colorless = 0;
+    for (int64_t i = 0; i < frames && given->format == EXPORT_MP4; i++)
+        colorless += !take_entry(take, i)->has_color;
+    if (damaged)
+        fprintf(stderr,
+                "reenact-capture export: warning: images of %lld of %lld frames are damaged and left out; "
+                "reenact-capture verify says which\n",
+                (long long)damaged, frames);
+    if (colorless)
+        fprintf(stderr,
+                "reenact-capture export: warning: %lld of %lld frames have no colour image and are not in the film\n",
+                colorless, frames);
+}
+
 static enum status write_out(struct recording *recording, const struct export_arguments *given,
                              const struct progress_watch *watch)
 {
@@ -167,11 +185,8 @@ static enum status write_out(struct recording *recording, const struct export_ar
     }
     if (status == NOTHING && command_stopped())
         status = fail(ERR_IO, "stopped");
-    if (status == OK && damaged)
-        fprintf(stderr,
-                "reenact-capture export: warning: images of %lld of %lld frames are damaged and left out; "
-                "reenact-capture verify says which\n",
-                (long long)damaged, (long long)take_frame_count(take));
+    if (status == OK && take)
+        warn_of_gaps(given, take, damaged);
     take_close(&take);
     return status;
 }

@@ -150,6 +150,24 @@ static void test_empty_room_is_recorded(void **state)
                0);
 }
 
+// A film that is shorter than its take is no surprise.
+static void test_a_film_says_what_it_lacks(void **state)
+{
+    (void)state;
+    const char *file = scratch_file(&scratch, "part.reenact");
+    make_folder("part", WIDTH, HEIGHT);
+    scratch_text(&scratch, "part/rgb.txt", "100.0 rgb/0.png\n100.1 rgb/1.png\n");
+    EXPECT_INT(PROCESS(CAPTURE, "record", "--sensor", uri("part"), "--out", file, "--take", "one").exit_code, 0);
+    record_into(scratch_file(&scratch, "whole.reenact"));
+    for (int whole = 0; whole < 2; whole++) {
+        file = scratch_file(&scratch, whole ? "whole.reenact" : "part.reenact");
+        const struct process_result said = PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "mp4", "--out",
+                                                   scratch_file(&scratch, whole ? "whole.mp4" : "part.mp4"));
+        EXPECT_INT(said.exit_code, 0);
+        EXPECT_TRUE((strstr(said.err, "3 of 5 frames have no colour image") == NULL) == whole);
+    }
+}
+
 // Said before anybody films.
 static void test_what_the_studio_films_into(void **state)
 {
@@ -408,6 +426,7 @@ int main(void)
         cmocka_unit_test(test_help_and_usage),
         cmocka_unit_test(test_empty_room_is_recorded),
         cmocka_unit_test(test_bad_sensors),
+        cmocka_unit_test(test_a_film_says_what_it_lacks),
         cmocka_unit_test(test_what_the_studio_films_into),
         cmocka_unit_test(test_camera_maps_tags),
         cmocka_unit_test(test_bad_places_and_tags),
