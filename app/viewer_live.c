@@ -440,20 +440,17 @@ static enum status upload_front(struct viewer *v)
     if (status != OK)
         return status;
     const struct live_occlusion how = {&f->calibration, f->rgb, f->depth, &actor, &l->body, l->scratch};
-    if (!live_occlusion_make(&how, l->rgba))
-        return OK;
-    status = gpu_texture_put(&l->front, v->gpu, &layout, l->rgba);
-    l->page.front = l->front;
-    return status;
+    l->has_front = live_occlusion_make(&how, l->rgba);
+    return l->has_front ? gpu_texture_put(&l->front, v->gpu, &layout, l->rgba) : OK;
 }
 
 static enum status draw_mirror(struct viewer *v, struct take_view_request *request)
 {
     struct viewer_live *l = &v->live;
     const struct live_frame *f = l->frame;
-    if (!f || !f->rgb)
+    if (!f || (!f->rgb && !l->picture))
         return OK;
-    enum status status = upload_picture(v);
+    enum status status = f->rgb ? upload_picture(v) : OK; // an image that was lost: the one before it stays
     if (status != OK)
         return status;
     const struct pose world_from_live = take_from_live(v, v->state.live.over ? 0 : MIRROR_M);
@@ -465,8 +462,11 @@ static enum status draw_mirror(struct viewer *v, struct take_view_request *reque
     if (status != OK)
         return status;
     l->page.picture = l->picture;
-    if (v->image.has_skeleton && !v->state.live.over)
-        status = upload_front(v);
+    if (v->image.has_skeleton && !v->state.live.over) {
+        if (f->rgb)
+            status = upload_front(v);
+        l->page.front = l->has_front ? l->front : NULL;
+    }
     fill_person(v, world_from_live);
     return status;
 }

@@ -27,6 +27,7 @@ struct viewer_live {
     bool image_mirrored; // viewer.image shows the actor mirrored
 
     struct gpu_texture *picture, *front; // of the sensor's colour image
+    bool has_front;                      // something stands before the actor in it
     int64_t uploaded;                    // number of the frame in `picture`
     uint8_t *rgba;                       // scratch, of `pixels`
     float *scratch;

@@ -41,6 +41,7 @@ struct live_sensor {
     bool collecting;                             // the wish's run, as of the last frame
     bool keeping;                                // the keeper gets the attempt's frames
     int left_out;                                // frames of a film in a row
+    int without_color;                           // frames in a row that brought no colour image
     bool at_start;                               // a film has delivered nothing but its first frame
     int64_t began_ns, first_ns, due_ns, late_ns; // of a film: clock and film time of its start; when a frame is due
 
@@ -110,7 +111,7 @@ static void release(struct live_sensor *s, struct sensor_slot *slot)
     pthread_mutex_unlock(&s->lock);
 }
 
-// drawn: the sensor has no colour; the picture is drawn once the person's mask is there.
+// drawn: there is no colour; the picture is drawn once the person's mask is there.
 static enum status fill(struct sensor_slot *slot, const struct frame *frame, const struct calibration *c, bool drawn)
 {
     const size_t color = lens_pixels(&c->color), depth = lens_pixels(&c->depth);
@@ -259,6 +260,9 @@ static enum status process(struct live_sensor *s, const struct frame *frame, int
     follow_wish(s, &wish);
     exchange_points(s, frame);
     struct calibration calibration = *source_calibration(s->source);
+    s->without_color = frame->color ? 0 : s->without_color + (s->without_color < DEPTH_PICTURE_AFTER);
+    if (s->without_color == DEPTH_PICTURE_AFTER && calibration.registered)
+        calibration.color = (struct lens){0}; // it has failed
     const bool drawn = depth_picture_replaces_color(&calibration);
     enum status status = fill(slot, frame, &calibration, drawn);
     if (status == OK)
@@ -358,6 +362,7 @@ static void wait_at_end(struct live_sensor *s)
 static enum status open_sensor(struct live_sensor *s)
 {
     enum status status = source_open(&s->source, s->uri, SOURCE_SENSOR);
+    s->without_color = 0;
     if (status != OK)
         return status;
     const struct live_tracker_options how = {.calibration = source_calibration(s->source),

@@ -104,7 +104,7 @@ void live_tracker_reset(struct live_tracker *t)
 
 static enum status locate(struct live_tracker *t, const uint8_t *color, const uint16_t *depth, struct live_look *out)
 {
-    if (!t->sensor_pose || !color)
+    if (!t->sensor_pose)
         return OK;
     enum status status = sensor_pose_update(t->sensor_pose, color, depth);
     if (status != OK)

@@ -248,7 +248,7 @@ static enum status preview_frame(struct studio_session *s, const struct frame *f
     struct skeleton skeleton;
     enum status status = NOTHING;
     struct recorder_seen seen = {.time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth};
-    if (s->sensor_pose && frame->color) {
+    if (s->sensor_pose) {
         struct pose pose;
         status = sensor_pose_update(s->sensor_pose, frame->color, frame->depth);
         if (status < 0)

@@ -1,9 +1,9 @@
 #include "app/studio/studio_snapshot.h"
 
+#include "capture/recording/depth_picture.h"
+
 #include <stdlib.h>
 #include <string.h>
-
-enum { WITHOUT_COLOR = 15 }; // frames, half a second: fewer are images that were lost, not a camera that has failed
 
 void studio_snapshot_free(struct studio_snapshot *s)
 {
@@ -52,7 +52,7 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
     if (!studio_snapshot_size(s, &s->calibration))
         return;
     s->has_color = color != NULL;
-    s->without_color = color ? 0 : s->without_color + (s->without_color < WITHOUT_COLOR);
+    s->without_color = color ? 0 : s->without_color + (s->without_color < DEPTH_PICTURE_AFTER);
     s->has_depth = depth != NULL;
     if (color)
         memcpy(s->color, color, s->color_bytes);
@@ -66,7 +66,7 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
 
 bool studio_snapshot_sees_color(const struct studio_snapshot *s)
 {
-    return s->calibration.color.width > 0 && (s->without_color < WITHOUT_COLOR || !s->calibration.depth.width);
+    return s->calibration.color.width > 0 && (s->without_color < DEPTH_PICTURE_AFTER || !s->calibration.depth.width);
 }
 
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)

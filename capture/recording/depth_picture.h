@@ -9,6 +9,10 @@
 // size.
 void depth_picture_draw(const struct lens *lens, const uint16_t *depth, const uint8_t *mask, uint8_t *rgb);
 
+// Frames in a row without a colour image after which a colour camera counts as failed and depth is shown instead: half
+// a second. Fewer are images that were lost.
+enum { DEPTH_PICTURE_AFTER = 15 };
+
 // True: there is no colour camera but a depth camera, whose pictures are drawn instead; *c then says that colour has
 // its lens. False: *c is unchanged.
 bool depth_picture_replaces_color(struct calibration *c);

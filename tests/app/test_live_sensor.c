@@ -4,6 +4,7 @@
 #include "app/live/live_sensor.h"
 
 #include "base/clock.h"
+#include "capture/recording/depth_picture.h"
 #include "platform/source.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
@@ -164,6 +165,49 @@ static void film_without_color(const char *from, const char *to)
     EXPECT_STATUS(calibration_write(path, &calibration), OK);
 }
 
+// The folder `from` as a sensor films it whose colour camera fails after that many images.
+static void film_failing_color(const char *from, const char *to, int images)
+{
+    char command[1600];
+    snprintf(command, sizeof command,
+             "mkdir %s && cd %s && ln -s ../%s/rgb ../%s/depth ../%s/depth.txt ../%s/calibration.json . && "
+             "grep -v '^#' ../%s/rgb.txt | head -n %d > rgb.txt",
+             scratch_file(&scratch, to), scratch_file(&scratch, to), from, from, from, from, from, images);
+    EXPECT_INT(system(command), 0);
+}
+
+// Its last images stay for half a second, then the mirror shows depth.
+static void test_color_camera_fails(void **state)
+{
+    (void)state;
+    enum { IMAGES = 4 };
+    struct live_sensor *sensor;
+    char uri[400];
+    int64_t first_drawn = 0, last = 0;
+    film_failing_color("small", "failing", IMAGES);
+    snprintf(uri, sizeof uri, "folder:%s", folder_of("failing"));
+    const struct live_sensor_options options = {.sensor = uri, .every_frame = true, .no_body_points = true};
+    EXPECT_STATUS(live_sensor_open(&sensor, &options), OK);
+    live_sensor_wish(sensor, &(struct live_wish){.attempt = 1, .run = true});
+    const int64_t until_ns = clock_now_ns() + INT64_C(60000000000);
+    while (!live_sensor_query(sensor).ended && clock_now_ns() < until_ns) {
+        const struct live_frame *f = live_sensor_latest(sensor);
+        if (f && f->number != last) {
+            last = f->number;
+            first_drawn = f->rgb && f->number > IMAGES && !first_drawn ? f->number : first_drawn;
+            if (f->number <= IMAGES || f->number < IMAGES + DEPTH_PICTURE_AFTER)
+                EXPECT_TRUE((f->rgb != NULL) == (f->number <= IMAGES));
+            else
+                EXPECT_TRUE(f->rgb && lens_equal(&f->calibration.color, &f->calibration.depth));
+        }
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    }
+    print_message("colour in %d frames, depth from frame %lld of %lld on\n", IMAGES, (long long)first_drawn,
+                  (long long)last);
+    EXPECT_AT_LEAST((double)first_drawn, IMAGES + DEPTH_PICTURE_AFTER);
+    live_sensor_close(&sensor);
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -174,7 +218,7 @@ static int make(void **state)
     if (world_open(&world, &options) != OK)
         return -1;
     film_sensor(world, &scratch, "large", 0.5, 0.5, 30);
-    film_sensor(world, &scratch, "small", 0.25, 0.5, 12);
+    film_sensor(world, &scratch, "small", 0.25, 0.5, 30);
     film_without_color("small", "colorless");
     world_close(&world);
     return 0;
@@ -191,6 +235,7 @@ int main(void)
 {
     keep_player();
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_another_sensor_in_its_place),
-                                       cmocka_unit_test(test_sensor_without_color)};
+                                       cmocka_unit_test(test_sensor_without_color),
+                                       cmocka_unit_test(test_color_camera_fails)};
     return cmocka_run_group_tests(tests, make, tidy);
 }

@@ -5,6 +5,7 @@
 #include "app/live/live_tracker.h"
 #include "app/live/pose_figure.h"
 #include "tests/support/exercise.h"
+#include "tests/support/film.h"
 #include "tests/world/world.h"
 
 #include <stdlib.h>
@@ -73,6 +74,46 @@ static void test_person_second_person_and_none(void **state)
     free(other);
     world_close(&first);
     world_close(&second);
+}
+
+// Sensors lose a colour image now and then: the person stays where they are in the place.
+static void test_a_lost_colour_image_moves_nobody(void **state)
+{
+    (void)state;
+    const double scale = 0.75; // the smallest at which the sensor is located by the world's tags
+    struct world *w = open_world("exercise", "woman", 0);
+    struct place place = film_true_place(w, scale);
+    const struct calibration c = world_calibration(scale);
+    const size_t pixels = lens_pixels(&c.color);
+    uint16_t *depth = malloc(sizeof *depth * pixels);
+    uint8_t *color = malloc(3 * pixels);
+    const struct live_tracker_options how = {.calibration = &c, .place = &place};
+    struct live_tracker *t;
+    struct vec3 before = {0};
+    double jump_m = 0;
+    int located = 0;
+    EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+    for (int i = 0; i < 12; i++) {
+        struct live_look look;
+        const struct world_shot shot = {c.color, world_sensor_pose(w), i / 30.0, true};
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = depth, .color = color}), OK);
+        const bool lost = i == 5 || i >= 8;
+        EXPECT_STATUS(live_tracker_next(t, (int64_t)i * 33333333, lost ? NULL : color, depth, NULL, &look), OK);
+        EXPECT_TRUE(look.person);
+        located += look.located;
+        if (i)
+            jump_m = fmax(jump_m, v3_distance(before, look.in_world.joint[JOINT_WAIST]));
+        before = look.in_world.joint[JOINT_WAIST];
+    }
+    print_message("located in %d of 12 frames, the waist moved by at most %.3f m from one to the next\n", located,
+                  jump_m);
+    EXPECT_INT(located, 12);
+    EXPECT_AT_MOST(jump_m, 0.08);
+    live_tracker_close(&t);
+    place_free(&place);
+    world_close(&w);
+    free(depth);
+    free(color);
 }
 
 // What cannot work is an error with a sentence, not a crash.
@@ -211,6 +252,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_person_second_person_and_none),
+        cmocka_unit_test(test_a_lost_colour_image_moves_nobody),
         cmocka_unit_test(test_a_sensor_without_depth_is_refused),
         cmocka_unit_test(test_ghost_has_the_pose_on_the_persons_bones),
         cmocka_unit_test(test_only_what_is_nearer_hides_the_actor),
