@@ -28,8 +28,8 @@ struct sensor_pose {
     struct calibration calibration;
     struct vec3 *references; // the tags' centres, world axes; in a place without tags its landmarks
     int32_t reference_count;
-    int64_t frame;
-    int poses; // in the mean; 0 = not located
+    int64_t frame, with_color; // frames so far; those with a colour image
+    int poses;                 // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
     double least_sigma_m; // of the poses in the mean
@@ -165,10 +165,12 @@ static void note_depth_scale(struct sensor_pose *s)
 
 enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
-    int64_t frame = s->frame++;
-    bool soon = s->candidate_checks && s->candidate_is_accurate && frame % CHECK_SOON == 0;
-    bool due = frame < SENSOR_POSE_WARM_UP || frame % CHECK_EVERY == 0 || soon;
-    if (!due || !color)
+    const int64_t frame = s->frame++;
+    if (!color)
+        return OK;
+    const bool warming_up = s->with_color++ < SENSOR_POSE_WARM_UP; // a colour camera may start later than its depth
+    const bool soon = s->candidate_checks && s->candidate_is_accurate && frame % CHECK_SOON == 0;
+    if (!warming_up && frame % CHECK_EVERY && !soon)
         return OK;
     struct location found;
     enum status status = locator_localize(s->locator, color, s->calibration.registered ? depth : NULL, &found);
@@ -189,8 +191,8 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
     } else if (candidate_is_accepted(s, &found)) {
-        s->moves += frame >= SENSOR_POSE_WARM_UP;
-        s->far_moves += frame >= SENSOR_POSE_WARM_UP && is_far(found.world_from_camera, s->mean);
+        s->moves += !warming_up;
+        s->far_moves += !warming_up && is_far(found.world_from_camera, s->mean);
         restart_from(s, &found, weight);
     }
     return OK;

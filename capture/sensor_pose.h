@@ -1,13 +1,13 @@
 // The pose of the recording sensor in the place, frame by frame.
 //
-// A sensor on a stand is located in its first frames, and the poses are averaged, weighted by their variances; later
-// the pose is only checked, twice a second at 30 Hz. When the sensor was moved, the frames from there on get the new
-// pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses. One handle, one
-// thread.
+// A sensor on a stand is located in its first frames with colour, and the poses are averaged, weighted by their
+// variances; later the pose is only checked, twice a second at 30 Hz. When the sensor was moved, the frames from there
+// on get the new pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses.
+// One handle, one thread.
 #pragma once
 #include "locate/locator.h"
 
-enum { SENSOR_POSE_WARM_UP = 10 }; // frames that are averaged before the pose should be used
+enum { SENSOR_POSE_WARM_UP = 10 }; // frames with colour that are averaged before the pose should be used
 
 struct sensor_pose;
 

@@ -104,12 +104,39 @@ static void test_moved_stand(void **state)
     EXPECT_AT_MOST(o.off_m, 0.01);
 }
 
+// A colour camera that starts later than its depth: located with its first image, not half a second after it.
+static void test_color_that_starts_late(void **state)
+{
+    (void)state;
+    enum { STARTS = 17, END = 20 };
+    const struct calibration c = world_calibration(1);
+    uint8_t *color = malloc(3 * lens_pixels(&c.color));
+    uint16_t *depth = malloc(lens_pixels(&c.depth) * sizeof *depth);
+    struct sensor_pose *s;
+    struct pose at;
+    int first = -1;
+    const struct world_shot shot = {c.color, world_sensor_pose(world), 0, true};
+    EXPECT_TRUE(color && depth);
+    EXPECT_STATUS(sensor_pose_open(&s, &place, &c), OK);
+    EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = color, .depth = depth}), OK);
+    for (int i = 0; i < END; i++) {
+        EXPECT_STATUS(sensor_pose_update(s, i < STARTS ? NULL : color, depth), OK);
+        first = first < 0 && sensor_pose_get(s, &at) ? i : first;
+    }
+    EXPECT_INT(first, STARTS);
+    EXPECT_INT(sensor_pose_moves(s), 0);
+    sensor_pose_close(&s);
+    free(color);
+    free(depth);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_undisturbed_stand),
         cmocka_unit_test(test_sagging_stand),
         cmocka_unit_test(test_moved_stand),
+        cmocka_unit_test(test_color_that_starts_late),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }
