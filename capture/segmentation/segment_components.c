@@ -173,3 +173,25 @@ void segmenter_measure_components(struct segmenter *s)
     }
     measure_top_widths(s, across);
 }
+
+double segmenter_continued_share(const struct segmenter *s, int component)
+{
+    const int w = s->width;
+    int edge = 0, continued = 0;
+    for (int n = 0; n < s->candidate_count; n++) {
+        const int i = s->candidate[n], x = i % w, y = i / w;
+        if (s->label[i] != component)
+            continue;
+        const int next[4] = {x ? i - 1 : -1, x + 1 < w ? i + 1 : -1, y ? i - w : -1, y + 1 < s->height ? i + w : -1};
+        for (int k = 0; k < 4; k++) {
+            if (next[k] < 0 || s->label[next[k]] == component)
+                continue;
+            const int there = s->depth[next[k]];
+            edge++;
+            continued +=
+                there && s->label[next[k]] < 0 &&
+                abs(there - s->depth[i]) <= by_depth(s->max_step_mm, there < s->depth[i] ? there : s->depth[i]);
+        }
+    }
+    return edge ? (double)continued / edge : 0;
+}
