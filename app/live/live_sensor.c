@@ -173,8 +173,8 @@ static void collect(struct live_sensor *s, const struct frame *frame, const stru
     if (!s->keeping)
         return;
     const struct keeper_frame kept = {.time_ns = frame->time_ns,
-                                      .located = look->located,
-                                      .world_from_camera = look->world_from_camera,
+                                      .located = look->recognised,
+                                      .world_from_camera = look->place_from_camera,
                                       .color = frame->color,
                                       .jpeg = frame->jpeg,
                                       .jpeg_bytes = frame->jpeg_bytes,
@@ -230,6 +230,7 @@ static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
     if (s->collecting && !wish->run)
         end_keeping(s);
     s->collecting = wish->run;
+    live_tracker_hold_world(s->tracker, wish->run);
     if (wish->shown.end > wish->shown.first)
         live_tracker_show(s->tracker, &wish->shown);
 }

@@ -26,6 +26,8 @@ struct live_tracker {
     struct live_judge *judge;        // NULL: no reference
     uint16_t *background;
     bool background_known;
+    bool holds_world, is_level; // live_tracker_hold_world; the last frame's world was `level`, not the place
+    struct pose level;
     int moves_seen;
     struct live_shown shown;
     int64_t frames, last_ns; // last_ns: of the last judged frame
@@ -91,6 +93,8 @@ void live_tracker_restart_judge(struct live_tracker *t)
     t->has_last = false;
 }
 
+void live_tracker_hold_world(struct live_tracker *t, bool hold) { t->holds_world = hold; }
+
 void live_tracker_reset(struct live_tracker *t)
 {
     tracker_reset(t->tracker);
@@ -109,12 +113,12 @@ static enum status locate(struct live_tracker *t, const uint8_t *color, const ui
     enum status status = sensor_pose_update(t->sensor_pose, color, depth);
     if (status != OK)
         return status;
-    out->located = sensor_pose_get(t->sensor_pose, &out->world_from_camera);
+    out->recognised = sensor_pose_get(t->sensor_pose, &out->place_from_camera);
     const bool moved = sensor_pose_moves(t->sensor_pose) != t->moves_seen;
     t->moves_seen = sensor_pose_moves(t->sensor_pose);
-    if (!out->located || (t->background_known && !moved))
+    if (!out->recognised || (t->background_known && !moved))
         return OK;
-    const struct pose world_from_depth = pose_multiply(out->world_from_camera, t->calibration.color_from_depth);
+    const struct pose world_from_depth = pose_multiply(out->place_from_camera, t->calibration.color_from_depth);
     status = background_depth_render(t->place, &t->calibration.depth, world_from_depth, t->background);
     if (status != OK)
         return status;
@@ -207,7 +211,7 @@ static bool second_person(struct live_tracker *t)
 enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uint8_t *color, const uint16_t *depth,
                               uint8_t *mask, struct live_look *out)
 {
-    *out = (struct live_look){.world_from_camera = POSE_IDENTITY};
+    *out = (struct live_look){.place_from_camera = POSE_IDENTITY};
     for (int p = 0; p < PART_COUNT; p++)
         out->parts[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
     const int64_t begun_ns = clock_cpu_ns();
@@ -224,8 +228,12 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     point_motion_add(&t->motion, time_ns, out->person ? &out->skeleton : NULL);
     out->second_person = out->person && second_person(t);
     t->frames++;
-    if (!out->located)
-        out->world_from_camera = level_pose(t);
+    const bool stays_level = t->holds_world && t->is_level;
+    out->located = out->recognised && !stays_level;
+    t->is_level = !out->located;
+    if (t->is_level && !stays_level)
+        t->level = level_pose(t);
+    out->world_from_camera = out->located ? out->place_from_camera : t->level;
     out->in_world = skeleton_transform(out->world_from_camera, &out->skeleton);
     if (out->person) {
         make_sample(out, time_ns);

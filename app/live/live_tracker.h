@@ -34,7 +34,10 @@ struct live_shown {
 };
 void live_tracker_show(struct live_tracker *t, const struct live_shown *shown);
 void live_tracker_restart_judge(struct live_tracker *t); // an attempt begins
-void live_tracker_reset(struct live_tracker *t);         // and the person and the learned background are forgotten, too
+// While an attempt is made its world stays the one in which it began: a place that is recognised only then is not the
+// world before its end.
+void live_tracker_hold_world(struct live_tracker *t, bool hold);
+void live_tracker_reset(struct live_tracker *t); // and the person and the learned background are forgotten, too
 
 struct body_points;
 // What was found in the colour image of that time, the next frame's or an earlier one's; used by the next
@@ -44,6 +47,8 @@ void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const str
 struct live_look {
     bool located;                  // the world is the place's
     struct pose world_from_camera; // of the colour camera
+    bool recognised;               // the place is, if only during the attempt; then place_from_camera is known
+    struct pose place_from_camera;
     bool person, second_person;
     struct skeleton skeleton;   // colour camera's axes; confidence 0 throughout without a person
     struct skeleton in_world;   // the same, world axes
