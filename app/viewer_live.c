@@ -448,7 +448,7 @@ static enum status draw_mirror(struct viewer *v, struct take_view_request *reque
 {
     struct viewer_live *l = &v->live;
     const struct live_frame *f = l->frame;
-    if (!f || (!f->rgb && !l->picture))
+    if (!f || (!f->rgb && !l->uploaded))
         return OK;
     enum status status = f->rgb ? upload_picture(v) : OK; // an image that was lost: the one before it stays
     if (status != OK)
