@@ -225,12 +225,13 @@ static void publish(struct live_sensor *s, struct sensor_slot *slot)
 
 static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
 {
-    if (wish->run && wish->attempt != s->attempt)
+    const bool begins = wish->run && wish->attempt != s->attempt;
+    if (begins)
         begin_collecting(s, wish);
     if (s->collecting && !wish->run)
         end_keeping(s);
     s->collecting = wish->run;
-    live_tracker_hold_world(s->tracker, wish->run);
+    live_tracker_hold_world(s->tracker, wish->run && !begins); // in a loop one attempt follows the other
     if (wish->shown.end > wish->shown.first)
         live_tracker_show(s->tracker, &wish->shown);
 }
