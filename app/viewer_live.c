@@ -128,6 +128,7 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
         sight.person = look->person;
         sight.second_person = look->second_person;
         sight.in_place = look->located && take_view_is_located(v->take_view);
+        sight.recognised = look->recognised && take_view_is_located(v->take_view);
         sight.judged = look->judged && f->attempt == v->state.live.attempt;
         sight.reference_ns = take_time_of(l, look->reference);
         sight.away_rad = look->away_rad;
