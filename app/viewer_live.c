@@ -127,8 +127,8 @@ static void tell_sight(struct viewer *v, int64_t now_ns)
         const struct live_look *look = &f->look;
         sight.person = look->person;
         sight.second_person = look->second_person;
-        sight.in_place = look->located && take_view_is_located(v->take_view);
-        sight.recognised = look->recognised && take_view_is_located(v->take_view);
+        sight.in_place = look->in_place && take_view_is_located(v->take_view);
+        sight.located = look->located && take_view_is_located(v->take_view);
         sight.judged = look->judged && f->attempt == v->state.live.attempt;
         sight.reference_ns = take_time_of(l, look->reference);
         sight.away_rad = look->away_rad;
@@ -519,7 +519,7 @@ enum status viewer_live_draw(struct viewer *v, const struct viewer_surface *surf
     }
     if (s->screen == LIVE_MIRROR)
         return draw_mirror(v, request);
-    const bool same_world = take_view_is_located(v->take_view) && l->frame && l->frame->look.located;
+    const bool same_world = take_view_is_located(v->take_view) && l->frame && l->frame->look.in_place;
     if (s->screen == LIVE_ROOM && same_world) {
         fill_person(v, POSE_IDENTITY);
         fill_overlay(v, surface, request);

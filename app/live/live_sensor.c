@@ -173,7 +173,7 @@ static void collect(struct live_sensor *s, const struct frame *frame, const stru
     if (!s->keeping)
         return;
     const struct keeper_frame kept = {.time_ns = frame->time_ns,
-                                      .located = look->recognised,
+                                      .located = look->located,
                                       .world_from_camera = look->place_from_camera,
                                       .color = frame->color,
                                       .jpeg = frame->jpeg,
@@ -262,7 +262,7 @@ static enum status process(struct live_sensor *s, const struct frame *frame, int
     follow_wish(s, &wish);
     exchange_points(s, frame);
     struct calibration calibration = *source_calibration(s->source);
-    s->without_color = frame->color ? 0 : s->without_color + (s->without_color < DEPTH_PICTURE_AFTER);
+    s->without_color = frames_without_color(s->without_color, frame->color);
     if (s->without_color == DEPTH_PICTURE_AFTER && calibration.registered)
         calibration.color = (struct lens){0}; // it has failed
     const bool drawn = depth_picture_replaces_color(&calibration);

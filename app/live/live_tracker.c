@@ -113,10 +113,10 @@ static enum status locate(struct live_tracker *t, const uint8_t *color, const ui
     enum status status = sensor_pose_update(t->sensor_pose, color, depth);
     if (status != OK)
         return status;
-    out->recognised = sensor_pose_get(t->sensor_pose, &out->place_from_camera);
+    out->located = sensor_pose_get(t->sensor_pose, &out->place_from_camera);
     const bool moved = sensor_pose_moves(t->sensor_pose) != t->moves_seen;
     t->moves_seen = sensor_pose_moves(t->sensor_pose);
-    if (!out->recognised || (t->background_known && !moved))
+    if (!out->located || (t->background_known && !moved))
         return OK;
     const struct pose world_from_depth = pose_multiply(out->place_from_camera, t->calibration.color_from_depth);
     status = background_depth_render(t->place, &t->calibration.depth, world_from_depth, t->background);
@@ -229,11 +229,11 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     out->second_person = out->person && second_person(t);
     t->frames++;
     const bool stays_level = t->holds_world && t->is_level;
-    out->located = out->recognised && !stays_level;
-    t->is_level = !out->located;
+    out->in_place = out->located && !stays_level;
+    t->is_level = !out->in_place;
     if (t->is_level && !stays_level)
         t->level = level_pose(t);
-    out->world_from_camera = out->located ? out->place_from_camera : t->level;
+    out->world_from_camera = out->in_place ? out->place_from_camera : t->level;
     out->in_world = skeleton_transform(out->world_from_camera, &out->skeleton);
     if (out->person) {
         make_sample(out, time_ns);

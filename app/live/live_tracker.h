@@ -34,8 +34,8 @@ struct live_shown {
 };
 void live_tracker_show(struct live_tracker *t, const struct live_shown *shown);
 void live_tracker_restart_judge(struct live_tracker *t); // an attempt begins
-// While an attempt is made its world stays the one in which it began: a place that is recognised only then is not the
-// world before its end.
+// While an attempt is made its world stays the one in which it began: where the sensor is located only then, the place
+// is not the world before its end.
 void live_tracker_hold_world(struct live_tracker *t, bool hold);
 void live_tracker_reset(struct live_tracker *t); // and the person and the learned background are forgotten, too
 
@@ -45,10 +45,10 @@ struct body_points;
 void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const struct body_points *points);
 
 struct live_look {
-    bool located;                  // the world is the place's
+    bool located;                  // the sensor is, in the place
+    struct pose place_from_camera; // of the colour camera; identity where it is not located
+    bool in_place;                 // the world is the place
     struct pose world_from_camera; // of the colour camera
-    bool recognised;               // the place is, if only during the attempt; then place_from_camera is known
-    struct pose place_from_camera;
     bool person, second_person;
     struct skeleton skeleton;   // colour camera's axes; confidence 0 throughout without a person
     struct skeleton in_world;   // the same, world axes

@@ -333,7 +333,7 @@ const char *live_state_hint(const struct live_state *s)
     if (second_person(s))
         return "A second person is in the picture; only the first is judged";
     if (not_in_room(s))
-        return s->sight.recognised
+        return s->sight.located
                    ? "The sensor recognised the room only now: you are shown in it from the next attempt on"
                    : "The sensor sees nothing of the room that was filmed, so you cannot be shown in it";
     if (s->phase == LIVE_READY)

@@ -43,8 +43,8 @@ enum live_action {
 // What the sensor says at an instant.
 struct live_sight {
     bool seeing;          // frames arrive
-    bool in_place;        // the sensor is located in the place that the take was recorded in ...
-    bool recognised;      // ... or will be when the attempt ends, during which the place was recognised
+    bool located;         // the sensor is, in the place that the take was recorded in
+    bool in_place;        // and the person is shown there: not before the end of an attempt in which it was located
     bool ended;           // the sensor is a film, and it is over
     int64_t frame;        // number of the newest frame; 0: none
     bool person;          // is followed in it

@@ -25,13 +25,15 @@ static void draw_skeleton(const struct brush *b, const struct studio_snapshot *s
                                               {JOINT_LEFT_HIP, JOINT_WAIST},
                                               {JOINT_RIGHT_HIP, JOINT_WAIST}};
     const struct lens *lens = large_lens(shown);
+    const struct pose lens_from_color =
+        studio_snapshot_sees_color(shown) ? POSE_IDENTITY : pose_inverse(shown->calibration.color_from_depth);
     struct ui_point points[JOINT_COUNT];
     bool there[JOINT_COUNT];
     for (int j = 0; j < JOINT_COUNT; j++) {
         there[j] = shown->skeleton.confidence[j] > 0 && shown->skeleton.joint[j].z > 0.1;
         if (!there[j])
             continue;
-        const struct pixel px = lens_project(lens, shown->skeleton.joint[j]);
+        const struct pixel px = lens_project(lens, pose_apply(lens_from_color, shown->skeleton.joint[j]));
         points[j] = (struct ui_point){at.x + at.w * (1 - px.x / lens->width), at.y + at.h * px.y / lens->height};
     }
     ui_clip(b->ui, at);

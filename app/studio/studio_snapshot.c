@@ -52,7 +52,7 @@ void studio_snapshot_pictures(struct studio_snapshot *s, const uint8_t *color, c
     if (!studio_snapshot_size(s, &s->calibration))
         return;
     s->has_color = color != NULL;
-    s->without_color = color ? 0 : s->without_color + (s->without_color < DEPTH_PICTURE_AFTER);
+    s->without_color = frames_without_color(s->without_color, color);
     s->has_depth = depth != NULL;
     if (color)
         memcpy(s->color, color, s->color_bytes);

@@ -13,6 +13,12 @@ void depth_picture_draw(const struct lens *lens, const uint16_t *depth, const ui
 // a second. Fewer are images that were lost.
 enum { DEPTH_PICTURE_AFTER = 15 };
 
+// The count of them after one more frame; goes no further than DEPTH_PICTURE_AFTER.
+static inline int frames_without_color(int before, bool has_color)
+{
+    return has_color ? 0 : before < DEPTH_PICTURE_AFTER ? before + 1 : before;
+}
+
 // True: there is no colour camera but a depth camera, whose pictures are drawn instead; *c then says that colour has
 // its lens. False: *c is unchanged.
 bool depth_picture_replaces_color(struct calibration *c);

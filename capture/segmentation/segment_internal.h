@@ -84,8 +84,8 @@ void segmenter_count_near_body(struct segmenter *s, const struct bounding_sphere
 // Fills every other measure of the components. Without memory the top widths stay 0: every top then counts as narrow.
 void segmenter_measure_components(struct segmenter *s);
 
-// Of the edge of that component, the share along which its surface goes on in what cannot be the person: feet on the
-// floor; all round for a piece of wall that came into sight and is not background yet.
+// Of the outline of that component, the share along which its surface continues, within max_step_mm, in cells that
+// cannot be the person: a person's feet on the floor; disoccluded background nearly all round. Cell sides, 0 to 1.
 double segmenter_continued_share(const struct segmenter *s, int component);
 
 // Upsamples the person's cells to every pixel; mask must be all 0.

@@ -122,9 +122,9 @@ static void test_the_room_says_what_is_missing(void **state)
     EXPECT_TRUE(view_state_hint(s) && strstr(view_state_hint(s), "Point the camera at a tag"));
     EXPECT_TRUE(view_state_hint_warns(s));
     s->live.sight.in_place = false; // a sensor that is not located in the place is said first
-    s->live.sight.recognised = false;
+    s->live.sight.located = false;
     EXPECT_TRUE(strstr(view_state_hint(s), "The sensor sees nothing of the room"));
-    s->live.sight.recognised = true;
+    s->live.sight.located = true;
     EXPECT_TRUE(strstr(view_state_hint(s), "from the next attempt on"));
     s->live.screen = LIVE_MIRROR; // where neither matters
     EXPECT_TRUE(!view_state_hint(s) || !strstr(view_state_hint(s), "room"));

@@ -76,8 +76,8 @@ static void test_person_second_person_and_none(void **state)
     world_close(&second);
 }
 
-// The wall behind someone who moves on has their outline and was never seen before; it is nobody.
-static void test_the_wall_behind_a_dancer_is_nobody(void **state)
+// What a person disoccludes of the background has their outline and was never seen before.
+static void test_disoccluded_background_is_no_person(void **state)
 {
     (void)state;
     enum { FRAMES = 90 };
@@ -108,7 +108,7 @@ static void test_the_wall_behind_a_dancer_is_nobody(void **state)
 }
 
 // Sensors lose a colour image now and then: the person stays where they are in the place.
-static void test_a_lost_colour_image_moves_nobody(void **state)
+static void test_a_lost_color_image_moves_no_person(void **state)
 {
     (void)state;
     const double scale = 0.75; // the smallest at which the sensor is located by the world's tags
@@ -129,10 +129,10 @@ static void test_a_lost_colour_image_moves_nobody(void **state)
     for (int i = 0; i < 12; i++) {
         struct live_look look;
         const bool lost = i == 5 || i >= 8;
-        live_tracker_hold_world(t, i >= 7);
+        live_tracker_hold_world(t, i >= 7); // an attempt, too
         EXPECT_STATUS(live_tracker_next(t, (int64_t)i * 33333333, lost ? NULL : color, depth, NULL, &look), OK);
         EXPECT_TRUE(look.person);
-        located += look.located;
+        located += look.in_place;
         if (i)
             jump_m = fmax(jump_m, v3_distance(before, look.in_world.joint[JOINT_WAIST]));
         before = look.in_world.joint[JOINT_WAIST];
@@ -148,8 +148,8 @@ static void test_a_lost_colour_image_moves_nobody(void **state)
     free(color);
 }
 
-// A place that is recognised while an attempt is made turns and moves nobody before its end; what is kept of the
-// attempt has its pose.
+// A sensor that is located only while an attempt is made: the person neither turns nor moves before its end; what is
+// kept of the attempt has the sensor's pose.
 static void test_an_attempt_stays_in_its_world(void **state)
 {
     (void)state;
@@ -170,10 +170,10 @@ static void test_an_attempt_stays_in_its_world(void **state)
         struct live_look look;
         live_tracker_hold_world(t, i >= BEGINS && i < ENDS);
         EXPECT_STATUS(live_tracker_next(t, (int64_t)i * 33333333, i < SEEN ? NULL : color, depth, NULL, &look), OK);
-        EXPECT_TRUE(look.located == (i >= ENDS) && look.recognised == (i >= SEEN));
+        EXPECT_TRUE(look.in_place == (i >= ENDS) && look.located == (i >= SEEN));
         if (i > BEGINS && i < ENDS)
             EXPECT_AT_MOST(v3_distance(before, look.in_world.joint[JOINT_WAIST]), 0.08);
-        if (look.recognised)
+        if (look.located)
             EXPECT_AT_MOST(v3_distance(look.place_from_camera.translation, world_sensor_pose(w).translation), 0.02);
         before = look.in_world.joint[JOINT_WAIST];
     }
@@ -320,8 +320,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_person_second_person_and_none),
-        cmocka_unit_test(test_the_wall_behind_a_dancer_is_nobody),
-        cmocka_unit_test(test_a_lost_colour_image_moves_nobody),
+        cmocka_unit_test(test_disoccluded_background_is_no_person),
+        cmocka_unit_test(test_a_lost_color_image_moves_no_person),
         cmocka_unit_test(test_an_attempt_stays_in_its_world),
         cmocka_unit_test(test_a_sensor_without_depth_is_refused),
         cmocka_unit_test(test_ghost_has_the_pose_on_the_persons_bones),
