@@ -8,6 +8,9 @@
 // nearest), colour in RGB; the sensor registers depth to colour where it can.
 // Images that the device or the file mirrors are mirrored back here.
 //
+// A file is played in a process of its own (oni_player.h), to which all that is
+// said here of files belongs.
+//
 // A frame is a depth image with the colour image nearest in time, at most half
 // a frame apart. Times are the sensor's own (OpenNI2's recorder lets each stream
 // of a file begin at 0). Frames are counted as dropped where the depth stream's
@@ -21,13 +24,15 @@
 // register is reported as not registered, with both cameras in one position,
 // because OpenNI2 does not give their distance.
 #include "base/clock.h"
-#include "platform/file.h"
+#include "platform/oni_player.h"
 #include "platform/openni_internal.h"
 
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 // OpenNI2's reference count has no lock, and opening changes the working folder
 // temporarily; so only one thread at a time opens or closes.
@@ -212,6 +217,26 @@ static enum status calibrate(struct openni_sensor *s)
     return s->file ? OK : apply_calibration(s);
 }
 
+// Room for the pictures: a file's in the memory that the program maps, depth first.
+static enum status make_pictures(struct openni_sensor *s)
+{
+    const OniVideoMode *d = &s->depth.mode, *c = &s->color.mode;
+    const size_t depth_bytes = (size_t)d->resolutionX * (size_t)d->resolutionY * sizeof *s->mm;
+    const size_t color_bytes = (size_t)c->resolutionX * (size_t)c->resolutionY * 3;
+    s->pictures_bytes = depth_bytes + color_bytes;
+    if (!s->file)
+        s->pictures = malloc(s->pictures_bytes);
+    else if (!ftruncate(PLAYER_MEMORY, (off_t)s->pictures_bytes))
+        s->pictures = mmap(NULL, s->pictures_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, PLAYER_MEMORY, 0);
+    if (!s->pictures || s->pictures == MAP_FAILED) {
+        s->pictures = NULL;
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", s->name);
+    }
+    s->mm = s->pictures;
+    s->rgb = (uint8_t *)s->pictures + depth_bytes;
+    return OK;
+}
+
 static enum status make_streams(struct openni_sensor *s)
 {
     enum status status = make_stream(s, &s->depth, ONI_SENSOR_DEPTH);
@@ -223,12 +248,9 @@ static enum status make_streams(struct openni_sensor *s)
         status = calibrate(s);
     if (status != OK)
         return status;
-    const OniVideoMode *d = &s->depth.mode, *c = &s->color.mode;
-    s->mm = malloc((size_t)d->resolutionX * (size_t)d->resolutionY * sizeof *s->mm);
-    s->rgb = malloc((size_t)c->resolutionX * (size_t)c->resolutionY * 3 + 1);
-    if (!s->mm || !s->rgb)
-        return fail(ERR_MEMORY, "no memory for the pictures of %s", s->name);
-    s->half_frame_ns = 500000000 / (d->fps > 0 ? d->fps : 30);
+    if ((status = make_pictures(s)) != OK)
+        return status;
+    s->half_frame_ns = 500000000 / (s->depth.mode.fps > 0 ? s->depth.mode.fps : 30);
     if (s->file) {
         int count = -1, size = sizeof count;
         if (oniStreamGetProperty(s->depth.handle, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
@@ -296,8 +318,10 @@ static void openni_close(void *self)
     pthread_mutex_unlock(&opening);
     pthread_cond_destroy(&s->gate.changed);
     pthread_mutex_destroy(&s->gate.lock);
-    free(s->mm);
-    free(s->rgb);
+    if (s->file && s->pictures)
+        munmap(s->pictures, s->pictures_bytes);
+    else
+        free(s->pictures);
     free(s->name);
     free(s);
 }
@@ -344,7 +368,10 @@ static enum status open_device(struct openni_sensor *s)
     char why[200];
     if (oniDeviceOpen(s->uri, &s->device) != ONI_STATUS_OK) {
         s->device = NULL;
-        return s->file ? fail(ERR_INPUT, "%s is no recording that OpenNI2 can play", s->name)
+        return s->file ? fail(ERR_INPUT,
+                              "%s is cut short or damaged: OpenNI2 does not play it; was it copied whole, and its "
+                              "recording ended in good order?",
+                              s->name)
                        : fail(ERR_DEVICE, "%s does not open: %s", s->name, last_error(why));
     }
     if (s->file)
@@ -404,25 +431,15 @@ enum status openni_open(void **self, const char *where, enum source_wanted wante
     return s ? finish_open(s, (int)index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
 }
 
-enum status oni_open(void **self, const char *where, enum source_wanted wanted, struct source_facts *facts)
+enum status oni_play(void **self, const char *name, struct source_facts *facts)
 {
-    (void)wanted;
     *self = NULL;
-    if (!file_exists(where))
-        return fail(ERR_MISSING, "there is no file %s", where);
-    char *path = realpath(where, NULL); // OpenNI2 changes the working folder while it opens
-    if (!path)
-        return fail(ERR_IO, "%s cannot be found by its full path", where);
-    if (strlen(path) >= ONI_MAX_STR) {
-        free(path);
-        return fail(ERR_INPUT, "the full path of %s is longer than the %d letters OpenNI2 takes", where,
-                    ONI_MAX_STR - 1);
-    }
-    struct openni_sensor *s = new_sensor(true, where, facts);
-    if (s)
-        snprintf(s->uri, sizeof s->uri, "%s", path);
-    free(path);
-    return s ? finish_open(s, -1, self) : fail(ERR_MEMORY, "no memory to open %s", where);
+    struct openni_sensor *s = new_sensor(true, name, facts);
+    if (!s)
+        return fail(ERR_MEMORY, "no memory to open %s", name);
+    // By its descriptor: OpenNI2 crashes on a path with bytes above 127, and takes none of more than 255.
+    snprintf(s->uri, sizeof s->uri, "/proc/self/fd/%d", PLAYER_FILE);
+    return finish_open(s, -1, self);
 }
 
 const struct source_kind openni_kind = {openni_next, openni_close};

@@ -49,6 +49,8 @@ struct openni_sensor {
     struct image_stream depth, color; // color.handle is NULL where there is none
     bool got_frame;                   // an image was received
     atomic_bool gone, ended;          // set from OpenNI2's threads
+    void *pictures;                   // holds the next two
+    size_t pictures_bytes;
     uint16_t *mm;
     uint8_t *rgb;
     int64_t half_frame_ns;

@@ -23,7 +23,7 @@ struct scheme {
 
 static const struct scheme schemes[] = {
     {"openni", true, false, OPTIONAL_ARGUMENT, "openni:0", openni_open, &openni_kind},
-    {"oni", true, false, NEEDS_ARGUMENT, "oni:FILE", oni_open, &openni_kind},
+    {"oni", true, false, NEEDS_ARGUMENT, "oni:FILE", oni_open, &oni_kind},
     {"mkv", true, false, NEEDS_ARGUMENT, "mkv:FILE", mkv_open, &mkv_kind},
     {"libcamera", false, true, OPTIONAL_ARGUMENT, "libcamera:0", libcamera_open, &libcamera_kind},
     {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},

@@ -27,9 +27,11 @@ typedef enum status source_opener(void **self, const char *where, enum source_wa
 source_opener folder_open; // where: the folder
 extern const struct source_kind folder_kind;
 
-source_opener openni_open;                   // where: "" or the number of the device
-source_opener oni_open;                      // where: the file
-extern const struct source_kind openni_kind; // of both
+source_opener openni_open; // where: "" or the number of the device
+extern const struct source_kind openni_kind;
+
+source_opener oni_open; // where: the file; in oni_file.c
+extern const struct source_kind oni_kind;
 
 source_opener mkv_open; // where: the file; in azure_kinect.c
 extern const struct source_kind mkv_kind;

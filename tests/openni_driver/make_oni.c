@@ -12,6 +12,7 @@
 #include "tests/openni_driver/keep_player.h"
 
 #include <argp.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -91,7 +92,11 @@ static enum status open_streams(struct oni_recording *r)
 // Records until `frames` depth images were sent.
 static enum status record(struct oni_recording *r, const char *path, int frames)
 {
-    if (oniCreateRecorder(path, &r->recorder) != ONI_STATUS_OK)
+    // By its descriptor: OpenNI2 crashes on a path with bytes above 127.
+    char by_descriptor[64];
+    const int file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666); // open until the program ends
+    snprintf(by_descriptor, sizeof by_descriptor, "/proc/self/fd/%d", file);
+    if (file < 0 || oniCreateRecorder(by_descriptor, &r->recorder) != ONI_STATUS_OK)
         return fail(ERR_IO, "OpenNI2 cannot write %s", path);
     for (int i = 0; i < 2; i++)
         if (r->streams[i] && oniRecorderAttachStream(r->recorder, r->streams[i], FALSE) != ONI_STATUS_OK)
