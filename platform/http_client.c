@@ -1,11 +1,13 @@
 #include "platform/http_client.h"
 
+#include "platform/address.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
-struct http_limits http_default_limits(void) { return (struct http_limits){3000, 10000, 4 << 20, 3, NULL}; }
+struct http_limits http_default_limits(void) { return (struct http_limits){3000, 10000, 4 << 20, 3, NULL, NULL}; }
 
 #ifdef HAVE_CURL
 
@@ -68,27 +70,31 @@ static size_t take_header(char *line, size_t size, size_t n, void *user)
     return n;
 }
 
-// The part of an address, "" if there is none.
+// The part of an address, decoded, "" if there is none.
 static void url_part(const char *url, CURLUPart part, char *out, size_t bytes)
 {
+    const unsigned how = part == CURLUPART_PORT ? CURLU_DEFAULT_PORT : CURLU_URLDECODE;
     CURLU *u = curl_url();
     char *text = NULL;
     out[0] = 0;
-    if (u && !curl_url_set(u, CURLUPART_URL, url, 0) && !curl_url_get(u, part, &text, 0) && text)
+    if (u && !curl_url_set(u, CURLUPART_URL, url, 0) && !curl_url_get(u, part, &text, how) && text)
         snprintf(out, bytes, "%s", text);
     curl_free(text);
     curl_url_cleanup(u);
 }
 
-static bool same_host(const char *a, const char *b)
+// Whether both are on one server, as browsers see it: what lies at another port may be this computer's own.
+static bool same_server(const char *a, const char *b)
 {
-    char host[2][256], scheme[2][16];
-    url_part(a, CURLUPART_HOST, host[0], sizeof host[0]);
-    url_part(b, CURLUPART_HOST, host[1], sizeof host[1]);
-    url_part(a, CURLUPART_SCHEME, scheme[0], sizeof scheme[0]);
-    url_part(b, CURLUPART_SCHEME, scheme[1], sizeof scheme[1]);
-    const bool weaker = !strcmp(scheme[0], "https") && strcmp(scheme[1], "https");
-    return host[0][0] && !strcasecmp(host[0], host[1]) && !weaker;
+    static const CURLUPart parts[] = {CURLUPART_HOST, CURLUPART_SCHEME, CURLUPART_PORT};
+    for (size_t i = 0; i < COUNT_OF(parts); i++) {
+        char of_a[256], of_b[256];
+        url_part(a, parts[i], of_a, sizeof of_a);
+        url_part(b, parts[i], of_b, sizeof of_b);
+        if (!of_a[0] || strcasecmp(of_a, of_b) != 0)
+            return false;
+    }
+    return true;
 }
 
 static bool is_web(const char *url)
@@ -102,14 +108,18 @@ static bool is_web(const char *url)
 enum status http_resolve(const char *base, const char *reference, char *out, size_t bytes)
 {
     pthread_once(&once, start_curl);
+    char of[ADDRESS_SHOWN_BYTES], what[ADDRESS_SHOWN_BYTES];
     CURLU *u = curl_url();
     char *text = NULL;
     enum status status = OK;
+    address_shown(base, of);
+    address_shown(reference, what);
     if (!u || curl_url_set(u, CURLUPART_URL, base, 0) || curl_url_set(u, CURLUPART_URL, reference, 0) ||
+        curl_url_set(u, CURLUPART_USER, NULL, 0) || curl_url_set(u, CURLUPART_PASSWORD, NULL, 0) ||
         curl_url_get(u, CURLUPART_URL, &text, 0) || !text || strlen(text) >= bytes)
-        status = fail(ERR_INPUT, "'%.200s' is no address below %.200s", reference, base);
-    else if (!is_web(text) || !same_host(base, text))
-        status = fail(ERR_INPUT, "'%.200s' is not on the host of %.200s", reference, base);
+        status = fail(ERR_INPUT, "'%s' is no address below %s", what, of);
+    else if (!is_web(text) || !same_server(base, text))
+        status = fail(ERR_INPUT, "'%s' is not on the server of %s (scheme, host and port)", what, of);
     else
         strcpy(out, text);
     curl_free(text);
@@ -117,8 +127,10 @@ enum status http_resolve(const char *base, const char *reference, char *out, siz
     return status;
 }
 
-static enum status transfer_error(CURLcode code, const struct transfer *t, const char *url, const char *detail)
+static enum status transfer_error(CURLcode code, const struct transfer *t, const char *address, const char *detail)
 {
+    char url[ADDRESS_SHOWN_BYTES];
+    address_shown(address, url);
     if (t->too_large || code == CURLE_FILESIZE_EXCEEDED)
         return fail(ERR_INPUT, "%s is larger than %zu bytes", url, t->most);
     if (t->no_memory || code == CURLE_OUT_OF_MEMORY)
@@ -171,40 +183,67 @@ static enum status request(CURL *c, const char *url, const struct http_limits *l
     curl_easy_getinfo(c, CURLINFO_RESPONSE_CODE, code);
     curl_easy_getinfo(c, CURLINFO_REDIRECT_URL, &redirect);
     if (redirect && (size_t)snprintf(next, next_bytes, "%s", redirect) >= next_bytes)
-        return fail(ERR_INPUT, "%s redirects to an address that is too long", url);
+        return fail(ERR_INPUT, "%s redirects to an address that is too long", address_shown(url, detail));
     return OK;
+}
+
+static enum status server_error(long code, const char *url)
+{
+    switch (code) {
+    case 401: return fail(ERR_IO, "%s: the server asks for a name and password that are right", url);
+    case 404:
+    case 410: return fail(ERR_MISSING, "%s: the server has nothing there", url);
+    default: return fail(ERR_IO, "%s: the server answers with error %ld", url, code);
+    }
 }
 
 static enum status follow(CURL *c, const char *url, const struct http_limits *limits, struct transfer *t)
 {
-    char at[2048], next[2048];
+    char at[2048], next[2048], shown[ADDRESS_SHOWN_BYTES];
     long code = 0;
-    snprintf(at, sizeof at, "%s", url);
+    address_shown(url, shown);
+    if ((size_t)snprintf(at, sizeof at, "%s", url) >= sizeof at)
+        return fail(ERR_INPUT, "the address %s is too long", shown);
+    address_hide_user(at);
     for (int i = 0; i <= limits->most_redirects; i++) {
         enum status status = request(c, at, limits, t, &code, next, sizeof next);
         if (status != OK)
             return status;
         if (!next[0])
             break;
-        if (!is_web(next) || !same_host(at, next))
-            return fail(ERR_INPUT, "%s redirects to another host", url);
+        address_hide_user(next);
+        if (!is_web(next) || !same_server(at, next))
+            return fail(ERR_INPUT, "%s redirects to another server (scheme, host or port)", shown);
         if (i == limits->most_redirects)
-            return fail(ERR_INPUT, "%s redirects more than %d times", url, limits->most_redirects);
+            return fail(ERR_INPUT, "%s redirects more than %d times", shown, limits->most_redirects);
         snprintf(at, sizeof at, "%s", next);
     }
     t->answer->unchanged = code == 304;
-    if (code == 200 || code == 304)
-        return OK;
-    return code == 404 || code == 410 ? fail(ERR_MISSING, "%s: the server has nothing there", url)
-                                      : fail(ERR_IO, "%s: the server answers with error %ld", url, code);
+    return code == 200 || code == 304 ? OK : server_error(code, shown);
+}
+
+// Name and password of an address on the same server.
+static void log_in(CURL *c, const char *url, const char *login)
+{
+    char user[256], password[256];
+    if (!same_server(url, login))
+        return;
+    url_part(login, CURLUPART_USER, user, sizeof user);
+    url_part(login, CURLUPART_PASSWORD, password, sizeof password);
+    if (user[0] || password[0]) {
+        curl_easy_setopt(c, CURLOPT_USERNAME, user);
+        curl_easy_setopt(c, CURLOPT_PASSWORD, password);
+    }
 }
 
 enum status http_get(const char *url, const char *etag, const struct http_limits *limits, struct http_answer *out)
 {
     pthread_once(&once, start_curl);
     *out = (struct http_answer){0};
+    char shown[ADDRESS_SHOWN_BYTES];
+    address_shown(url, shown);
     if (!is_web(url))
-        return fail(ERR_INPUT, "'%.200s' is no http or https address", url);
+        return fail(ERR_INPUT, "'%s' is no http or https address", shown);
     struct transfer t = {.answer = out, .most = limits->most_bytes};
     CURL *c = curl_easy_init();
     struct curl_slist *headers =
@@ -215,8 +254,9 @@ enum status http_get(const char *url, const char *etag, const struct http_limits
         struct curl_slist *more = curl_slist_append(headers, line);
         headers = more ? more : headers;
     }
-    enum status status = c && headers ? OK : fail(ERR_MEMORY, "no memory to read %s", url);
+    enum status status = c && headers ? OK : fail(ERR_MEMORY, "no memory to read %s", shown);
     if (status == OK) {
+        log_in(c, url, limits->login ? limits->login : url);
         curl_easy_setopt(c, CURLOPT_HTTPHEADER, headers);
         status = follow(c, url, limits, &t);
     }
@@ -238,15 +278,18 @@ enum status http_get(const char *url, const char *etag, const struct http_limits
 {
     (void)etag;
     (void)limits;
+    char shown[ADDRESS_SHOWN_BYTES];
     *out = (struct http_answer){0};
-    return fail(ERR_IO, "%s: this program was built without libcurl", url);
+    return fail(ERR_IO, "%s: this program was built without libcurl", address_shown(url, shown));
 }
 
 enum status http_resolve(const char *base, const char *reference, char *out, size_t bytes)
 {
     (void)out;
     (void)bytes;
-    return fail(ERR_INPUT, "'%.200s' below %.200s: this program was built without libcurl", reference, base);
+    char of[ADDRESS_SHOWN_BYTES], what[ADDRESS_SHOWN_BYTES];
+    return fail(ERR_INPUT, "'%s' below %s: this program was built without libcurl", address_shown(reference, what),
+                address_shown(base, of));
 }
 
 #endif

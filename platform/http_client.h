@@ -1,13 +1,15 @@
 // Reading one resource over HTTP or HTTPS (libcurl), from servers that are not trusted: limits on time and size, no
-// redirect to another host, no compressed answers. Blocks; call it from a thread of its own. Any thread may call.
+// redirect to another server (scheme, host or port), no compressed answers. Blocks; call it from a thread of its own.
+// Any thread may call.
 #pragma once
 #include "base/status.h"
 
 struct http_limits {
     int connect_ms, total_ms; // 3000, 10000
     size_t most_bytes;        // of the answer's body: 4 MiB
-    int most_redirects;       // within the host: 3
-    const char *authorities;  // file of certificates to trust instead of the system's; NULL: the system's
+    int most_redirects;       // within the server: 3
+    const char *login; // an address on this server whose user and password go with the request; NULL: the url's own
+    const char *authorities; // file of certificates to trust instead of the system's; NULL: the system's
 };
 struct http_limits http_default_limits(void);
 
@@ -23,11 +25,11 @@ bool http_available(void);
 
 // etag: of what is known already, or NULL. ERR_MISSING: the server says there is nothing (404, 410). ERR_IO: no
 // connection, too slow, another error of the server, a certificate that is not trusted. ERR_INPUT: not an http(s)
-// address, too large, or redirected elsewhere. ERR_MEMORY. Each with a sentence that names the address. On error *out
-// is all 0.
+// address, too large, or redirected elsewhere. ERR_MEMORY. Each with a sentence that names the address, as
+// address_shown() does. On error *out is all 0.
 MUST_CHECK enum status http_get(const char *url, const char *etag, const struct http_limits *limits,
                                 struct http_answer *out);
 
-// `reference` (absolute or relative) seen from `base`. ERR_INPUT: no valid address, another scheme than http or https,
-// or another host than base's; with a sentence.
+// `reference` (absolute or relative) seen from `base`, without user and password. ERR_INPUT: no valid address, another
+// scheme than http or https, or another server than base's (scheme, host and port); with a sentence.
 MUST_CHECK enum status http_resolve(const char *base, const char *reference, char *out, size_t bytes);

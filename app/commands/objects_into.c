@@ -35,8 +35,9 @@ static enum status make_thing(struct recorded_thing *out, const struct recorded_
 
 static void ask_knowledge(const struct objects_arguments *a, const char *reference, struct recorded_thing *out)
 {
-    const struct http_limits limits = http_default_limits();
+    struct http_limits limits = http_default_limits();
     struct thing_update update;
+    limits.login = a->knowledge;
     thing_update_ask(out, a->knowledge, reference, &limits, &update);
     if (update.trouble[0])
         fprintf(stderr, "warning: nothing new is known of '%s': %s\n", out->name, update.trouble);

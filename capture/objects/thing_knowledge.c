@@ -1,6 +1,7 @@
 #include "capture/objects/thing_knowledge.h"
 
 #include "base/text.h"
+#include "platform/address.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -135,7 +136,7 @@ static void take_weight(const struct json *thing, char *out, size_t bytes)
     plain_text(text, out, bytes);
 }
 
-// An address given as text or as an object with contentUrl or url; only on the host of `base`.
+// An address given as text or as an object with contentUrl or url; only on the server of `base`.
 static void take_address(const struct json *value, const char *base, char *out, size_t bytes)
 {
     const char *text = NULL;
@@ -165,11 +166,12 @@ static bool ends_in_glb(const char *url)
 enum status thing_knowledge_parse(const char *text, size_t count, const char *url, struct thing_knowledge *out)
 {
     struct json *root;
+    char shown[ADDRESS_SHOWN_BYTES];
     *out = (struct thing_knowledge){0};
-    enum status status = json_parse(text, count, url, &root);
+    enum status status = json_parse(text, count, address_shown(url, shown), &root);
     const struct json *thing = status == OK ? find_thing(root, 0) : NULL;
     if (status == OK && !thing)
-        status = fail(ERR_INPUT, "%s describes no Product and no Thing of schema.org", url);
+        status = fail(ERR_INPUT, "%s describes no Product and no Thing of schema.org", shown);
     if (status == OK) {
         take_text(thing, "name", out->name, sizeof out->name);
         take_text(thing, "description", out->description, sizeof out->description);
@@ -183,7 +185,7 @@ enum status thing_knowledge_parse(const char *text, size_t count, const char *ur
         if (!ends_in_glb(out->model))
             out->model[0] = 0;
         if (!out->name[0])
-            status = fail(ERR_INPUT, "%s gives the thing no name", url);
+            status = fail(ERR_INPUT, "%s gives the thing no name", shown);
     }
     json_free(&root);
     return status;
@@ -201,10 +203,12 @@ static enum status ask(const char *base, const char *reference, const struct htt
     status = http_get(url, same ? k->etag : NULL, limits, &answer);
     if (status != OK)
         return status;
+    char shown[ADDRESS_SHOWN_BYTES];
+    address_shown(url, shown);
     if (answer.unchanged)
-        return same ? NOTHING : fail(ERR_IO, "%s: the server says nothing has changed, but nothing was known", url);
+        return same ? NOTHING : fail(ERR_IO, "%s: the server says nothing has changed, but nothing was known", shown);
     status = answer.body ? thing_knowledge_parse((const char *)answer.body, answer.count, url, &fresh)
-                         : fail(ERR_INPUT, "%s is empty", url);
+                         : fail(ERR_INPUT, "%s is empty", shown);
     if (status != OK) {
         free(answer.body);
         return status;

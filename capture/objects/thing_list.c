@@ -1,6 +1,7 @@
 #include "capture/objects/thing.h"
 
 #include "base/text.h"
+#include "platform/address.h"
 #include "platform/json.h"
 
 #include <stdio.h>
@@ -36,6 +37,7 @@ static enum status read_thing(const struct json *object, const char *path, struc
         return fail(ERR_INPUT, "%s: '%s' needs \"width_m\" and \"height_m\", in metres", path, name);
     strcpy(out->name, name);
     strcpy(out->url, url);
+    address_hide_user(out->url); // it is kept and shown
     beside(path, picture, file, sizeof file);
     enum status status = image_read(file, &out->picture);
     if (status == OK && (out->picture.width < 24 || out->picture.height < 24))

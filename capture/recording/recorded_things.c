@@ -4,6 +4,7 @@
 #include "capture/recording/little_endian.h"
 #include "capture/recording/recording_change.h"
 #include "capture/recording/recording_reader.h"
+#include "platform/address.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -69,6 +70,7 @@ static void make_printable(struct recorded_thing *t)
     char *const texts[] = {t->name, t->url, t->etag, t->note};
     for (size_t i = 0; i < COUNT_OF(texts); i++)
         text_make_printable(texts[i]);
+    address_hide_user(t->url);
 }
 
 static enum status thing_from_row(struct statement *s, struct recorded_thing *out)

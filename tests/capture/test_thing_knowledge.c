@@ -2,6 +2,7 @@
 // huge, redirecting, or has a certificate that no authority signed. Without nginx that half is skipped.
 #include "capture/objects/thing_knowledge.h"
 #include "base/clock.h"
+#include "platform/address.h"
 #include "platform/file.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
@@ -134,7 +135,7 @@ static void test_what_is_printed_is_read(void **state)
 
 struct server {
     struct scratch scratch;
-    int port, tls; // tls 0: none
+    int port, other, tls; // tls 0: none
     pid_t pid;
     char base[64], secure[64];
 };
@@ -174,6 +175,8 @@ static void write_pages(const struct scratch *s)
     assert_int_equal(folder_make(scratch_file(s, "www/things")), OK);
     scratch_text(s, "www/things/mug", mug);
     scratch_text(s, "www/slow", mug);
+    scratch_text(s, "www/closed", mug);
+    scratch_text(s, "users", "me:{PLAIN}p@5ecret\n");
     char *huge = malloc(8 << 20);
     memset(huge, ' ', 8 << 20);
     scratch_write(s, "www/huge", huge, 8 << 20);
@@ -200,6 +203,7 @@ static void start(struct server *s)
     char config[8192], number[16], tls[1024] = "";
     s->scratch = scratch_make();
     s->port = free_port();
+    s->other = free_port();
     write_pages(&s->scratch);
     if (make_certificate(&s->scratch)) {
         s->tls = free_port();
@@ -212,6 +216,8 @@ static void start(struct server *s)
     assert_int_equal(file_read(SOURCE_DIR "/tests/knowledge/nginx.conf.in", &text, &count), OK);
     snprintf(config, sizeof config, "%s", (char *)text);
     free(text);
+    snprintf(number, sizeof number, "%d", s->other);
+    replace(config, sizeof config, "@OTHER@", number);
     snprintf(number, sizeof number, "%d", s->port);
     replace(config, sizeof config, "@TLS_SERVER@", tls);
     replace(config, sizeof config, "@ROOT@", s->scratch.path);
@@ -245,6 +251,69 @@ static void expect_kept(const struct server *s, const char *page, enum status wa
     assert_string_equal(k->knowledge.name, "Mug"); // nothing was lost
 }
 
+// A password in the address opens the server and is nowhere afterwards.
+static void test_passwords_are_not_kept(void **state)
+{
+    (void)state;
+    struct server s = {0};
+    struct known k = {0};
+    struct http_limits limits = http_default_limits();
+    char base[128], other[128];
+    if (!file_exists("/usr/sbin/nginx") || !http_available())
+        skip();
+    start(&s);
+    snprintf(base, sizeof base, "http://me:p%%405ecret@127.0.0.1:%d/", s.port);
+    snprintf(other, sizeof other, "http://me:p%%405ecret@127.0.0.1:%d/", s.other);
+    EXPECT_STATUS(thing_knowledge_fetch(base, "closed", &limits, &k), ERR_IO); // it went with the base's address
+    EXPECT_TRUE(strstr(k.trouble, "name and password") && !strstr(k.trouble, "5ecret"));
+    limits.login = other; // another server's is not told
+    EXPECT_STATUS(thing_knowledge_fetch(base, "closed", &limits, &k), ERR_IO);
+    limits.login = base;
+    EXPECT_STATUS(thing_knowledge_fetch(base, "closed", &limits, &k), OK);
+    print_message("%s\n", k.url);
+    EXPECT_TRUE(strstr(k.url, "http://127.0.0.1") && !strstr(k.url, "me:"));
+    static const char *const pages[] = {"nothing-here?key=hidden", "error", "wrong", "empty", "huge", "circle"};
+    for (size_t i = 0; i < COUNT_OF(pages); i++) {
+        EXPECT_TRUE(thing_knowledge_fetch(base, pages[i], &limits, &k) < OK);
+        if (strstr(k.trouble, "5ecret") || strstr(k.trouble, "hidden") || !strstr(k.trouble, "127.0.0.1"))
+            print_error("%s\n", k.trouble);
+        EXPECT_TRUE(!strstr(k.trouble, "5ecret") && !strstr(k.trouble, "hidden") && strstr(k.trouble, "127.0.0.1"));
+    }
+    stop(&s);
+    EXPECT_STATUS(thing_knowledge_fetch(base, "closed", &limits, &k), ERR_IO);
+    EXPECT_TRUE(strstr(k.trouble, "127.0.0.1") && !strstr(k.trouble, "5ecret"));
+    free(k.text);
+}
+
+static void test_addresses_as_they_are_shown(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *address, *kept, *shown;
+    } cases[] = {
+        {"http://host/a", "http://host/a", "http://host/a"},
+        {"http://u:s@host:8/a@b?k=v#f", "http://host:8/a@b?k=v#f", "http://host:8/a@b?…"},
+        {"https://u:s@t@host", "https://host", "https://host"},
+        {"http:/u:s@host/x", "http:/host/x", "http:/host/x"},
+        {"//u:s@host/x", "//host/x", "//host/x"},
+        {"things//a@b", "things//a@b", "things//a@b"},
+        {"mug", "mug", "mug"},
+        {"mailto:u@host", "mailto:u@host", "mailto:u@host"},
+        {"", "", ""},
+    };
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        char kept[256], shown[ADDRESS_SHOWN_BYTES];
+        snprintf(kept, sizeof kept, "%s", cases[i].address);
+        address_hide_user(kept);
+        assert_string_equal(kept, cases[i].kept);
+        assert_string_equal(address_shown(cases[i].address, shown), cases[i].shown);
+    }
+    char address[2000] = "http://u:", shown[ADDRESS_SHOWN_BYTES]; // an @ beyond what is shown
+    memset(address + 9, 's', 1000);
+    strcpy(address + 1009, "@host/");
+    assert_string_equal(address_shown(address, shown), "http://host/");
+}
+
 static void test_a_server_good_and_bad(void **state)
 {
     (void)state;
@@ -264,11 +333,14 @@ static void test_a_server_good_and_bad(void **state)
     expect_kept(&s, "wrong", ERR_INPUT, "not valid JSON", &k);
     expect_kept(&s, "empty", ERR_INPUT, "empty", &k);
     expect_kept(&s, "huge", ERR_INPUT, "larger than", &k);
-    expect_kept(&s, "elsewhere", ERR_INPUT, "another host", &k);
+    expect_kept(&s, "elsewhere", ERR_INPUT, "another server", &k);
+    expect_kept(&s, "port", ERR_INPUT, "another server", &k);
+    expect_kept(&s, "secret", ERR_INPUT, "another server", &k);
+    EXPECT_TRUE(!strstr(k.trouble, "hidden"));
     expect_kept(&s, "circle", ERR_INPUT, "redirects more than", &k);
-    expect_kept(&s, "file", ERR_INPUT, "another host", &k);
-    expect_kept(&s, "http://evil.example/x", ERR_INPUT, "not on the host", &k);
-    expect_kept(&s, "file:///etc/passwd", ERR_INPUT, "not on the host", &k);
+    expect_kept(&s, "file", ERR_INPUT, "another server", &k);
+    expect_kept(&s, "http://evil.example/x", ERR_INPUT, "not on the server", &k);
+    expect_kept(&s, "file:///etc/passwd", ERR_INPUT, "not on the server", &k);
     const int64_t begin = clock_now_ns();
     expect_kept(&s, "slow", ERR_IO, "in time", &k);
     EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin), 10 * PROCESS_PATIENCE);
@@ -295,6 +367,8 @@ int main(void)
         cmocka_unit_test(test_malice),
         cmocka_unit_test(test_long_lists_are_not_searched_to_the_end),
         cmocka_unit_test(test_what_is_printed_is_read),
+        cmocka_unit_test(test_addresses_as_they_are_shown),
+        cmocka_unit_test(test_passwords_are_not_kept),
         cmocka_unit_test(test_a_server_good_and_bad),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
