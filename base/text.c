@@ -5,6 +5,7 @@
 #include <locale.h>
 #include <pthread.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <wctype.h>
 
@@ -140,4 +141,29 @@ const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BY
     if (decimals)
         snprintf(out + used, SECONDS_TEXT_BYTES - (size_t)used, ".%0*" PRIu64, decimals, fraction);
     return out;
+}
+
+bool text_number(const char *text, double *out)
+{
+    const char *at = text + (*text == '-');
+    size_t whole = strspn(at, "0123456789"), decimals = 0;
+    at += whole;
+    if (*at == '.') {
+        decimals = strspn(at + 1, "0123456789");
+        at += 1 + decimals;
+    }
+    if (!whole && !decimals)
+        return false;
+    if (*at == 'e' || *at == 'E') {
+        at++;
+        at += *at == '-' || *at == '+';
+        const size_t digits = strspn(at, "0123456789");
+        if (!digits)
+            return false;
+        at += digits;
+    }
+    if (*at)
+        return false;
+    *out = strtod(text, NULL);
+    return true;
 }

@@ -39,3 +39,7 @@ const char *text_shown(const char *text, char out[TEXT_SHOWN_BYTES]);
 // "-1.500000000": nanoseconds as seconds with `decimals` digits, 0 to 9, the rest cut off towards zero.
 enum { SECONDS_TEXT_BYTES = 32 };
 const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BYTES]);
+
+// A whole text as a decimal number: -12, 0.5, 1e-3; infinite where it is too large for a double. False: it is none, as
+// are hexadecimal numbers, a leading blank or plus, and nan.
+bool text_number(const char *text, double *out);

@@ -16,8 +16,8 @@ enum export_axes {
     EXPORT_ROOM,   // the place's: z up from the floor
 };
 
-// CSV: timestamp,joint,x_m,y_m,z_m,confidence,sigma_m; seconds; sigma_m: standard deviation per axis, empty where not
-// known. Frames without a person are left out, in the room's axes also those whose sensor pose was not measured.
+// joints-csv (recording/joints_csv.h), whose first line says the axes. Frames without a person are left out, in the
+// room's axes also those whose sensor pose was not measured.
 // ERR_INPUT: the room's axes, and no frame has a measured sensor pose.
 MUST_CHECK enum status export_joints_csv(const struct take *take, enum export_axes axes, FILE *out);
 

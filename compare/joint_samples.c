@@ -2,8 +2,20 @@
 
 #include "base/portable_math.h"
 
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+void joint_note(struct joint_notes *n, const char *format, ...)
+{
+    va_list arguments;
+    if (n->count == JOINT_NOTES_MOST)
+        return;
+    va_start(arguments, format);
+    vsnprintf(n->line[n->count++], JOINT_NOTE_BYTES, format, arguments);
+    va_end(arguments);
+}
 
 void joint_samples_free(struct joint_samples *s)
 {
@@ -144,6 +156,9 @@ enum status joint_samples_read_take(const char *path, const char *name, struct j
 
 // ------------------------------------------------------------- gravity from standing
 
+// Longer ones are gaps.
+static const double MOST_STEP_S = 0.2;
+
 static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
 
 static double cosine(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
@@ -171,20 +186,29 @@ static bool standing_axis(const struct skeleton *s, struct vec3 *axis)
     return true;
 }
 
-void joint_samples_level(struct joint_samples *s)
+bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean)
 {
     struct vec3 sum = {0, 0, 0}, axis;
     double seconds = 0;
     for (int64_t i = 0; i + 1 < s->count; i++) {
         const double step = (double)(s->at[i + 1].time_ns - s->at[i].time_ns) * 1e-9;
-        if (step > 0.2 || !standing_axis(&s->at[i].skeleton, &axis))
+        if (step > MOST_STEP_S || !standing_axis(&s->at[i].skeleton, &axis))
             continue;
         sum = v3_add(sum, v3_scale(axis, step));
         seconds += step;
     }
-    const struct vec3 up = v3(0, -1, 0), mean = v3_unit(sum);
+    *mean = v3_unit(sum);
+    return seconds >= 1 && v3_length(*mean) > 0;
+}
+
+void joint_samples_level(struct joint_samples *s)
+{
+    const struct vec3 up = v3(0, -1, 0);
+    struct vec3 mean;
+    if (!joint_samples_standing(s, &mean))
+        return;
     const double tilt = portable_acos(fmin(1, fmax(-1, v3_dot(mean, up))));
-    if (seconds < 1 || tilt < 0.0524 || tilt > 0.611)
+    if (tilt < 0.0524 || tilt > 0.611)
         return;
     const struct quat level = quat_between(mean, up);
     for (int64_t i = 0; i < s->count; i++)

@@ -2,7 +2,7 @@
 //
 // Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
 // place is rotated so from the place's z; of another take the camera counts as held level unless the person says
-// otherwise: samples_level() below. A joints-csv file has y down by its definition and is taken at its word.
+// otherwise: samples_level() below. A joints-csv file says its axes, or they are found out (joint_axes.h).
 #pragma once
 #include "capture/recording/recording.h"
 
@@ -12,6 +12,14 @@ struct joint_sample {
     float sigma_m[JOINT_COUNT]; // standard deviation of a joint's error, per axis
 };
 
+// What was found out of a file that does not say it, as sentences without the file's name.
+enum { JOINT_NOTES_MOST = 6, JOINT_NOTE_BYTES = 256 };
+struct joint_notes {
+    int count;
+    char line[JOINT_NOTES_MOST][JOINT_NOTE_BYTES];
+};
+void joint_note(struct joint_notes *n, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
 struct joint_samples {
     struct joint_sample *at; // malloc'ed; times rise strictly, the first is 0
     int64_t count, capacity;
@@ -20,6 +28,7 @@ struct joint_samples {
     int64_t offset_ns; // added to the clock so far, because of them
     bool sigma_given;  // false: sigma_m is default_sigma_m()
     double tilt_rad;   // by how much samples_level() turned them
+    struct joint_notes notes;
 };
 void joint_samples_free(struct joint_samples *s); // zeroed is fine; leaves it zeroed
 
@@ -34,10 +43,13 @@ float sample_sigma_m(const struct skeleton *s, enum joint j);
 MUST_CHECK enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample);
 void joint_samples_start_at_zero(struct joint_samples *s); // times count from the first sample
 
-// Reads a joints-csv file: timestamp,joint,x_m,y_m,z_m,confidence[,sigma_m], a header, any line ends. Rows of one time
-// are one sample; rows that hold no finite number or an unknown joint's name are left out; a joint that is missing is
-// unknown. ERR_INPUT: not such a file, or no usable row; the sentence names file and line. ERR_MISSING, ERR_IO,
-// ERR_MEMORY. On failure *out is zeroed.
+// Reads a joints-csv file (capture/recording/joints_csv.h), any line ends. Rows of one time are one sample; rows that
+// hold no finite number or an unknown joint's name are left out; a joint that is missing, empty or at 0, 0, 0 is
+// unknown, and an empty sigma_m is default_sigma_m(). Axes are the file's word or, without it, found out by the body
+// (joint_axes.h); units that are none of the format's, and rows in another order, are found out, too (joint_rows.h).
+// What was found out is in the notes. ERR_INPUT: not such a file, no usable row, or what cannot be found out; the
+// sentence names the file, the line where it is one's, and the likely cause. ERR_MISSING, ERR_IO, ERR_MEMORY. On
+// failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
 bool is_joints_csv(const char *path); // by its first line; and what is named .csv and is no recording
 
@@ -54,6 +66,10 @@ MUST_CHECK enum status joint_samples_read_take(const char *path, const char *nam
 // joints to the next frame is much shorter under exchanged names, the names changed there; those that more frames had
 // stay. Where neither is in the clear majority nothing is changed. Returns how many frames were changed.
 int64_t joint_samples_mend_sides(struct joint_samples *s);
+
+// The mean direction from the feet to the neck over the samples in which legs and trunk are straight, unit length.
+// False: there is less than a second of them.
+bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean);
 
 // Rotates all samples about the level axes so that the person stands upright, on average over the frames in which legs
 // and trunk are straight; only where there is a second of them and the tilt is between 3 and 35 degrees.

@@ -339,6 +339,7 @@ enum status movement_read(const char *path, const char *take, struct movement *o
         source->clock_jumps = samples.jumps;
         source->tilt_rad = samples.tilt_rad;
         source->sigma_given = samples.sigma_given;
+        source->notes = samples.notes;
         status = movement_from_samples(&samples, out);
     }
     if (status == ERR_INPUT && samples.count)

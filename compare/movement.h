@@ -44,6 +44,7 @@ struct movement_source {
     int64_t frames_dropped, frames_side_mended, clock_jumps;
     double tilt_rad; // the camera's, found by the person's standing; 0: not tilted, or gravity is known
     bool sigma_given;
+    struct joint_notes notes;
 };
 MUST_CHECK enum status movement_read(const char *path, const char *take, struct movement *out,
                                      struct movement_source *source);

@@ -115,6 +115,8 @@ static void warn(const char *program, const char *of, const struct movement_sour
 {
     char path[TEXT_SHOWN_BYTES];
     text_shown(of, path);
+    for (int k = 0; k < s->notes.count; k++)
+        fprintf(stderr, "%s: %s: %s\n", program, path, s->notes.line[k]);
     if (s->tilt_rad > 0)
         fprintf(stderr, "%s: %s: the camera was tilted by %.0f degrees, as the person's standing says; corrected\n",
                 program, path, s->tilt_rad * 180 / 3.14159265358979323846);

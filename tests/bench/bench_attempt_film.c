@@ -2,6 +2,7 @@
 #include "tests/bench/bench_attempts.h"
 #include "tests/bench/bench.h"
 
+#include "capture/recording/joints_csv.h"
 #include "compare/findings.h"
 #include "platform/file.h"
 #include "tests/support/smoothed_film.h"
@@ -223,14 +224,10 @@ static enum status write_joints(const struct take *t, const char *folder, int in
     FILE *file = status == OK ? fopen(path, "w") : NULL;
     if (!file)
         return status == OK ? fail(ERR_IO, "%s cannot be written", path) : status;
-    fputs("timestamp,joint,x_m,y_m,z_m,confidence,sigma_m\n", file);
+    joints_csv_begin(file, JOINTS_CSV_CAMERA);
     for (int k = 0; k < t->film.count; k++)
-        for (int j = 0; j < JOINT_COUNT && t->film.found[k]; j++) {
-            const struct skeleton *s = &t->film.smoothed[k];
-            fprintf(file, "%.6f,%s,%.5f,%.5f,%.5f,%.2f,%.5f\n", (double)t->film.time_ns[k] * 1e-9,
-                    joint_name((enum joint)j), s->joint[j].x, s->joint[j].y, s->joint[j].z, (double)s->confidence[j],
-                    joint_sigma_m(s, (enum joint)j));
-        }
+        if (t->film.found[k])
+            joints_csv_add(file, t->film.time_ns[k], &t->film.smoothed[k]);
     return fclose(file) ? fail(ERR_IO, "%s could not be written", path) : OK;
 }
 

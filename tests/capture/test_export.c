@@ -59,6 +59,8 @@ static void check_csv(enum export_axes axes)
 {
     struct written w = written_csv(axes);
     char *line = strtok(w.text, "\n");
+    assert_string_equal(line, axes == EXPORT_ROOM ? "# axes: room" : "# axes: camera");
+    line = strtok(NULL, "\n");
     assert_string_equal(line, "timestamp,joint,x_m,y_m,z_m,confidence,sigma_m");
     int rows = 0;
     while ((line = strtok(NULL, "\n"))) {
@@ -263,7 +265,7 @@ static void test_times_before_zero(void **state)
     FILE *out = begin(&w);
     EXPECT_STATUS(export_joints_csv(t.take, EXPORT_SENSOR, out), OK);
     fclose(out);
-    const char *line = strchr(w.text, '\n') + 1;
+    const char *line = strstr(w.text, "sigma_m\n") + 8;
     for (size_t i = 0; i < COUNT_OF(times_ns) * JOINT_COUNT; i++, line = strchr(line, '\n') + 1) {
         char *end;
         EXPECT_NEAR(strtod(line, &end), (double)times_ns[i / JOINT_COUNT] * 1e-9, 1e-9);

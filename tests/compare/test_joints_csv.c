@@ -8,6 +8,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define HEADER_LINE "timestamp,joint,x_m,y_m,z_m,confidence"
 #define HEADER      HEADER_LINE "\n"
@@ -75,6 +76,17 @@ static void test_other_programs_files(void **state)
     EXPECT_TRUE(!is_joints_csv(path));
 }
 
+static void test_an_empty_sigma_is_the_usual_one(void **state)
+{
+    (void)state;
+    struct joint_samples s;
+    EXPECT_STATUS(read("# axes: camera\n" HEADER_LINE ",sigma_m\n1,head,0,0,3,1,\n1,neck,0,0,3,0.5,0.02\n", &s), OK);
+    EXPECT_NEAR(s.at[0].sigma_m[JOINT_HEAD], default_sigma_m(1), 0);
+    EXPECT_NEAR(s.at[0].sigma_m[JOINT_NECK], 0.02, 1e-6);
+    EXPECT_INT(s.dropped, 0);
+    joint_samples_free(&s);
+}
+
 static void test_bad_files_are_refused_in_a_sentence(void **state)
 {
     (void)state;
@@ -89,6 +101,10 @@ static void test_bad_files_are_refused_in_a_sentence(void **state)
         {HEADER "1,head,0,0,3,1,7,8,9,10\n", "line 2"},
         {HEADER "soon,head,0,0,3,1\n", "no time"},
         {HEADER "1,head,left,0,3,1\n", "no number"},
+        {HEADER "1,head,0x10,0,3,1\n", "'0x10' is no number"},
+        {HEADER "0x1,head,0,0,3,1\n", "'0x1' is no time"},
+        {HEADER "1,LeftWrist,0,0,3,1\n", "'LeftWrist' is no joint's name; known are head, neck, left_shoulder"},
+        {HEADER "1,head,0,0,0,1\n1,neck,0,0,0,1\n", "no joint"},
     };
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
         struct joint_samples s;
@@ -98,6 +114,147 @@ static void test_bad_files_are_refused_in_a_sentence(void **state)
     }
     struct joint_samples s;
     EXPECT_STATUS(joint_samples_read_csv(scratch_file(&scratch, "none.csv"), &s), ERR_MISSING);
+}
+
+// How a file is spoilt before it is read again.
+struct dialect {
+    double metres, seconds; // the file's units
+    double step_s;          // between its frames; 0: as the exercise has them
+    bool numbered;          // frames' numbers for times
+    int zero_every;         // of so many joints one is written as 0, 0, 0
+    bool without_waist;     // places are relative to the waist
+    enum { IN_TIME, BY_JOINT, BACKWARDS } order;
+    const char *(*name)(enum joint j);
+};
+
+static void write_row(char **to, const struct dialect *d, int i, enum joint j)
+{
+    const struct exercise e = exercise_default();
+    const double time_s = i * (d->step_s > 0 ? d->step_s : 1 / e.rate_hz);
+    const struct skeleton s = exercise_at(&e, time_s, NULL);
+    const struct vec3 p =
+        v3_scale(d->without_waist ? v3_sub(s.joint[j], s.joint[JOINT_WAIST]) : s.joint[j], 1 / d->metres);
+    const bool zero = d->zero_every && (i * JOINT_COUNT + (int)j) % d->zero_every == 0;
+    *to += sprintf(*to, "%.12g,%s,%.6f,%.6f,%.6f,1\n", d->numbered ? i : time_s / d->seconds,
+                   d->name ? d->name(j) : joint_name(j), zero ? 0 : p.x, zero ? 0 : p.y, zero ? 0 : p.z);
+}
+
+static const char *write_dialect(const char *name, const struct dialect *d)
+{
+    enum { FRAMES = 120 };
+    static char text[FRAMES * JOINT_COUNT * 100 + sizeof HEADER];
+    char *to = text + sprintf(text, HEADER);
+    const int frames = d->step_s > 0 ? (int)(4 / d->step_s) : FRAMES;
+    for (int n = 0; n < frames * JOINT_COUNT; n++) {
+        const int k = d->order == BACKWARDS ? frames * JOINT_COUNT - 1 - n : n;
+        if (d->order == BY_JOINT)
+            write_row(&to, d, k % frames, (enum joint)(k / frames));
+        else
+            write_row(&to, d, k / JOINT_COUNT, (enum joint)(k % JOINT_COUNT));
+    }
+    scratch_text(&scratch, name, text);
+    return scratch_file(&scratch, name);
+}
+
+static double score_against_plain(const char *path)
+{
+    struct movement a, b;
+    struct movement_source source;
+    struct comparison c;
+    static const struct dialect plain = {.metres = 1, .seconds = 1};
+    EXPECT_STATUS(movement_read(write_dialect("plain.csv", &plain), NULL, &a, &source), OK);
+    EXPECT_STATUS(movement_read(path, NULL, &b, &source), OK);
+    EXPECT_STATUS(comparison_make(&a, &b, &c), OK);
+    const double score = c.score;
+    EXPECT_INT(c.finding_count, 0);
+    comparison_free(&c);
+    return score;
+}
+
+static const char *spoken_name(enum joint j)
+{
+    static char name[32];
+    snprintf(name, sizeof name, "%s", joint_name(j));
+    for (char *at = name; *at; at++)
+        *at = *at == '_' ? ' ' : at == name || at[-1] == ' ' ? (char)(*at - 'a' + 'A') : *at;
+    return name;
+}
+
+// Everything that can be found out is read as what it is, with a word where it had to be found out.
+static void test_dialects(void **state)
+{
+    (void)state;
+    const struct {
+        struct dialect dialect;
+        const char *word; // of the note; NULL: there is none
+    } good[] = {
+        {{.metres = 0.001, .seconds = 1}, "millimetres"},
+        {{.metres = 0.01, .seconds = 1}, "centimetres"},
+        {{.metres = 0.0254, .seconds = 1}, "inches"},
+        {{.metres = 0.3048, .seconds = 1}, "feet"},
+        {{.metres = 37, .seconds = 1}, "no usual unit"},
+        {{.metres = 2, .seconds = 1}, NULL}, // a child's size
+        {{.metres = 1, .seconds = 1e-3}, "milliseconds"},
+        {{.metres = 1, .seconds = 1e-6}, "microseconds"},
+        {{.metres = 1, .seconds = 1e-9}, "nanoseconds"},
+        {{.metres = 0.001, .seconds = 1e-3}, "millimetres"},
+        {{.metres = 1, .seconds = 1, .zero_every = 37}, "0, 0, 0"},
+        {{.metres = 1, .seconds = 1, .without_waist = true}, NULL},
+        {{.metres = 1, .seconds = 1, .order = BY_JOINT}, "sorted"},
+        {{.metres = 1, .seconds = 1, .order = BACKWARDS}, "sorted"},
+        {{.metres = 1, .seconds = 1, .name = spoken_name}, NULL},
+    };
+    for (size_t i = 0; i < COUNT_OF(good); i++) {
+        const char *path = write_dialect("dialect.csv", &good[i].dialect);
+        struct joint_samples s;
+        EXPECT_STATUS(joint_samples_read_csv(path, &s), OK);
+        bool said = !good[i].word;
+        for (int k = 0; k < s.notes.count; k++)
+            said = said || (good[i].word && strstr(s.notes.line[k], good[i].word));
+        if (!said)
+            print_error("dialect %zu: '%s' without '%s'\n", i, s.notes.line[0], good[i].word);
+        EXPECT_TRUE(said);
+        EXPECT_TRUE(good[i].word || !s.notes.count);
+        joint_samples_free(&s);
+        EXPECT_AT_LEAST(score_against_plain(path), 99);
+    }
+}
+
+static void test_times_that_cannot_be_compared(void **state)
+{
+    (void)state;
+    const struct {
+        struct dialect dialect;
+        const char *word;
+    } bad[] = {
+        {{.metres = 1, .seconds = 1, .numbered = true}, "number the frames"},
+        {{.metres = 1, .seconds = 1, .step_s = 1}, "at least 4 a second"},
+        {{.metres = 1, .seconds = 1, .step_s = 0.3}, "at least 4 a second"},
+        {{.metres = 1, .seconds = 3600}, "no seconds"},
+        {{.metres = 1, .seconds = 86400}, "no seconds"},
+    };
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        struct joint_samples s;
+        EXPECT_STATUS(joint_samples_read_csv(write_dialect("dialect.csv", &bad[i].dialect), &s), ERR_INPUT);
+        EXPECT_SAYS(bad[i].word);
+    }
+}
+
+// Two films, one after the other, with clocks of their own: none is sorted into the other.
+static void test_a_second_clock_is_no_disorder(void **state)
+{
+    (void)state;
+    struct joint_samples s;
+    char text[4000], *to = text + sprintf(text, HEADER);
+    for (int film = 0; film < 2; film++)
+        for (int i = 0; i < 20; i++)
+            to += sprintf(to, "%.3f,head,%.2f,0,3,1\n", 100 - 50 * film + i / 30.0, 0.1 * i);
+    EXPECT_STATUS(read(text, &s), OK);
+    EXPECT_INT(s.count, 40);
+    EXPECT_INT(s.jumps, 1);
+    for (int64_t i = 0; i < s.count; i++)
+        EXPECT_NEAR(s.at[i].skeleton.joint[JOINT_HEAD].x, 0.1 * (double)(i % 20), 1e-9);
+    joint_samples_free(&s);
 }
 
 static void test_a_take_name_is_refused(void **state)
@@ -159,6 +316,10 @@ int main(void)
         cmocka_unit_test(test_numbers_that_are_none_are_left_out),
         cmocka_unit_test(test_other_programs_files),
         cmocka_unit_test(test_bad_files_are_refused_in_a_sentence),
+        cmocka_unit_test(test_an_empty_sigma_is_the_usual_one),
+        cmocka_unit_test(test_dialects),
+        cmocka_unit_test(test_times_that_cannot_be_compared),
+        cmocka_unit_test(test_a_second_clock_is_no_disorder),
         cmocka_unit_test(test_a_take_name_is_refused),
         cmocka_unit_test(test_a_file_with_nan_is_compared),
     };
