@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/take_summary.h"
+#include "capture/take_verdict.h"
 #include "base/text.h"
 #include "capture/recording/recorded_things.h"
 #include "platform/json.h"
@@ -56,8 +57,9 @@ static void print_sizes(const struct take_sizes *sizes, double duration_s)
     putchar('\n');
 }
 
-static void print_take(const struct take_summary *s, const struct take_sizes *sizes)
+static void print_take(const struct take_summary *s, const struct take_sizes *sizes, const struct take_verdict *verdict)
 {
+    char text[VERDICT_TEXT_BYTES];
     printf("take '%s': %lld frames, %.1f s", s->name, (long long)s->frames, s->duration_s);
     if (s->fps > 0)
         printf(" at %.1f Hz", s->fps);
@@ -78,6 +80,7 @@ static void print_take(const struct take_summary *s, const struct take_sizes *si
         printf("%lld lost to damage, ", (long long)s->lost);
     puts(s->complete ? "complete" : "interrupted");
     print_sizes(sizes, s->duration_s);
+    printf("  verdict: %s\n", verdict_text(verdict, text));
     if (*s->alias)
         printf("  performed by %s\n", s->alias);
     if (*s->note)
@@ -128,7 +131,8 @@ static void add_thing(struct json *things, const struct recorded_thing *t)
     json_add_bool(thing, "gone", t->gone);
 }
 
-static void add_take(struct json *takes, const struct take_summary *s, const struct take_sizes *sizes)
+static void add_take(struct json *takes, const struct take_summary *s, const struct take_sizes *sizes,
+                     const struct take_verdict *verdict)
 {
     struct json *take = json_add_object(takes, NULL);
     json_add_string(take, "name", s->name);
@@ -154,6 +158,7 @@ static void add_take(struct json *takes, const struct take_summary *s, const str
     json_add_number(bytes, "joints", (double)sizes->joints);
     json_add_string(take, "alias", s->alias);
     json_add_string(take, "note", s->note);
+    verdict_add_json(take, verdict);
 }
 
 // ------------------------------------------------------------- the command
@@ -163,9 +168,12 @@ static enum status report_take(struct recording *r, const char *name, struct jso
 {
     struct take *take;
     struct take_sizes sizes;
+    struct take_verdict verdict;
     enum status status = take_open(&take, r, name);
     if (status == OK)
         status = take_read_sizes(take, &sizes);
+    if (status == OK)
+        status = take_verdict_get(r, name, &verdict);
     if (status == ERR_CORRUPT) {
         fprintf(stderr, "reenact-capture info: warning: take '%s': %s\n", name, status_message());
         take_close(&take);
@@ -174,9 +182,9 @@ static enum status report_take(struct recording *r, const char *name, struct jso
     if (status == OK) {
         const struct take_summary summary = take_summarize(take, name);
         if (takes)
-            add_take(takes, &summary, &sizes);
+            add_take(takes, &summary, &sizes, &verdict);
         else
-            print_take(&summary, &sizes);
+            print_take(&summary, &sizes, &verdict);
     }
     take_close(&take);
     return status;

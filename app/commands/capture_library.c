@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/take_summary.h"
+#include "capture/take_verdict.h"
 #include "base/html.h"
 #include "base/text.h"
 #include "platform/file.h"
@@ -79,8 +80,9 @@ static enum status find_files(const char *folder)
 // ------------------------------------------------------------- output
 
 static enum status put_row(FILE *html, struct take *take, const char *file, const struct take_summary *s,
-                           const char *quality)
+                           const struct take_verdict *verdict)
 {
+    char text[VERDICT_TEXT_BYTES];
     uint8_t *jpeg = NULL;
     size_t bytes = 0;
     enum status status = take_thumbnail(take, THUMBNAIL_HEIGHT, &jpeg, &bytes);
@@ -98,7 +100,7 @@ static enum status put_row(FILE *html, struct take *take, const char *file, cons
     fputs("</b><br>", html);
     html_put_text(html, file);
     fprintf(html, "<td>%.1f s<br>%lld frames<td>", s->duration_s, (long long)s->frames);
-    html_put_text(html, quality);
+    html_put_text(html, verdict_text(verdict, text));
     fputs("<td>", html);
     html_put_text(html, s->alias);
     if (*s->alias && *s->note)
@@ -108,11 +110,13 @@ static enum status put_row(FILE *html, struct take *take, const char *file, cons
     return OK;
 }
 
-static void print_take(const struct take_summary *s, const char *quality)
+static void print_take(const struct take_summary *s, const struct take_verdict *verdict)
 {
     enum { NAME = 24 };
+    char text[VERDICT_TEXT_BYTES];
     const int length = text_length(s->name);
-    printf("  %s%*s %7.1f s  %s", s->name, length < NAME ? NAME - length : 0, "", s->duration_s, quality);
+    printf("  %s%*s %7.1f s  %s", s->name, length < NAME ? NAME - length : 0, "", s->duration_s,
+           verdict_text(verdict, text));
     if (*s->alias)
         printf("  [%s]", s->alias);
     if (*s->note)
@@ -120,14 +124,17 @@ static void print_take(const struct take_summary *s, const char *quality)
     putchar('\n');
 }
 
-static void add_take(struct json *list, const char *file, const struct take_summary *s, const char *quality)
+static void add_take(struct json *list, const char *file, const struct take_summary *s,
+                     const struct take_verdict *verdict)
 {
+    char text[VERDICT_TEXT_BYTES];
     struct json *take = json_add_object(list, NULL);
     json_add_string(take, "file", file);
     json_add_string(take, "take", s->name);
     json_add_number(take, "duration_s", s->duration_s);
     json_add_number(take, "frames", (double)s->frames);
-    json_add_string(take, "quality", quality);
+    json_add_string(take, "quality", verdict_text(verdict, text));
+    verdict_add_json(take, verdict);
     json_add_string(take, "alias", s->alias);
     json_add_string(take, "note", s->note);
 }
@@ -135,22 +142,22 @@ static void add_take(struct json *list, const char *file, const struct take_summ
 // ------------------------------------------------------------- the command
 
 // shown: its path, as a terminal can show it.
-static enum status list_take(struct recording *r, const char *shown, int index, bool has_place, struct json *list,
-                             FILE *html)
+static enum status list_take(struct recording *r, const char *shown, int index, struct json *list, FILE *html)
 {
     struct take *take;
-    char quality[QUALITY_BYTES];
-    enum status status = take_open_drawn(&take, r, recording_take_name(r, index));
+    struct take_verdict verdict;
+    enum status status = take_verdict_get(r, recording_take_name(r, index), &verdict);
+    if (status == OK)
+        status = take_open_drawn(&take, r, recording_take_name(r, index));
     if (status != OK)
         return status;
     struct take_summary s = take_summarize(take, recording_take_name(r, index));
-    take_quality(&s, has_place, quality);
     if (list)
-        add_take(list, shown, &s, quality);
+        add_take(list, shown, &s, &verdict);
     else
-        print_take(&s, quality);
+        print_take(&s, &verdict);
     if (html)
-        status = put_row(html, take, shown, &s, quality);
+        status = put_row(html, take, shown, &s, &verdict);
     take_close(&take);
     return status;
 }
@@ -158,19 +165,16 @@ static enum status list_take(struct recording *r, const char *shown, int index, 
 static enum status list_file(const char *program, const char *path, struct json *list, FILE *html)
 {
     struct recording *r;
-    struct place place = {0};
     char *shown = strdup(path);
     if (!shown)
         return fail(ERR_MEMORY, "no memory to list %s", path);
     text_make_printable(shown);
     enum status status = recording_open(&r, path);
     if (status == OK) {
-        const bool has_place = recording_read_place(r, &place) == OK;
-        place_free(&place);
         if (!list)
             printf("%s%s\n", shown, recording_take_count(r) ? "" : ": no take");
         for (int i = 0; i < recording_take_count(r) && status != ERR_MEMORY; i++) {
-            status = list_take(r, shown, i, has_place, list, html);
+            status = list_take(r, shown, i, list, html);
             if (status < 0)
                 fprintf(stderr, "%s: warning: %s\n", program, status_message());
         }

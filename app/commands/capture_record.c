@@ -3,7 +3,9 @@
 
 #include "app/commands/coaching_line.h"
 #include "app/commands/place_input.h"
+#include "app/commands/take_summary.h"
 #include "capture/recorder.h"
+#include "capture/take_verdict.h"
 #include "platform/file.h"
 #include "platform/json.h"
 
@@ -11,8 +13,11 @@
 
 struct record_arguments {
     const char *sensor, *into, *out, *take;
+    enum verdict_purpose purpose;
     bool json, no_body_points;
 };
+
+enum { KEY_FOR = COMMAND_KEY + 6 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
@@ -24,6 +29,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case COMMAND_KEY + 3: given->take = value; return 0;
     case COMMAND_KEY + 4: given->json = true; return 0;
     case COMMAND_KEY + 5: given->no_body_points = true; return 0;
+    case KEY_FOR:
+        if (!verdict_purpose_named(value, &given->purpose))
+            argp_error(state, "--for is compare, watch or both, not '%s'", value);
+        return 0;
     case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
         command_require(state, given->sensor, "--sensor URI");
@@ -77,23 +86,16 @@ static void start_smoothing(void *context, int64_t frames)
     progress_bar_start(&w->progress, "smoothing", frames);
 }
 
-static void report_verdict(const struct coach_verdict *v)
+static void report_verdict(const struct take_verdict *v)
 {
+    printf("verdict: %s\n", verdict_headline(v));
     for (int i = 0; i < v->count; i++)
-        printf("%s%s\n", i ? "         " : "verdict: ", v->line[i]);
-}
-
-static void add_verdict(struct json *root, const struct coach_verdict *v)
-{
-    struct json *verdict = json_add_object(root, "verdict");
-    json_add_bool(verdict, "good", v->good);
-    struct json *lines = json_add_array(verdict, "lines");
-    for (int i = 0; i < v->count; i++)
-        json_add_string(lines, NULL, v->line[i]);
+        if (verdict_shows_line(v, i))
+            printf("         %s\n", v->line[i].text);
 }
 
 static enum status report(const struct record_arguments *given, const struct recorder_result *r,
-                          const struct coach_verdict *verdict)
+                          const struct take_verdict *verdict)
 {
     if (given->json) {
         struct json *root = json_new_object();
@@ -112,19 +114,14 @@ static enum status report(const struct record_arguments *given, const struct rec
         json_add_number(root, "waiting_most", r->waiting_most);
         json_add_number(root, "handover_ms", r->handover_ms);
         json_add_number(root, "mb_per_s", r->mb_per_s);
-        add_verdict(root, verdict);
+        verdict_add_json(root, verdict);
         return command_print_json(&root);
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
-    printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
-    printf("at most %d frames waited to be written", r->waiting_most);
     if (r->mb_per_s > 0)
-        printf("; %.1f MB a second of film", r->mb_per_s);
-    putchar('\n');
-    if (r->smoothing_ms > 0)
-        printf("smoothing took %.1f ms a frame\n", r->smoothing_ms);
-    else if (r->tracked)
+        printf("%.1f MB a second of film\n", r->mb_per_s);
+    if (r->smoothing_ms <= 0 && r->tracked)
         printf("the joints were not smoothed: they are the online estimates\n");
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
@@ -133,7 +130,8 @@ static enum status report(const struct record_arguments *given, const struct rec
 }
 
 // What did not go well but is no reason to fail.
-static void warn(const char *program, bool has_place, const struct recorder_result *r)
+static void warn(const char *program, bool has_place, const struct recorder_result *r,
+                 const struct take_verdict *verdict)
 {
     if (r->damaged)
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
@@ -145,12 +143,13 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
         fprintf(stderr, "%s: the sensor recognised nothing of the place, so it is unknown where the actor stood\n",
                 program);
     command_warn_moved_tags(program, r->tags_moved, r->first_moved);
-    if (r->frames && !r->tracked)
-        fprintf(stderr, "%s: no person was found in any frame\n", program);
+    if (r->frames && !r->tracked) // the verdict's first line says why, where that can be told
+        fprintf(stderr, "%s: no person was found in any frame%s%s\n", program, verdict->count ? ": " : "",
+                verdict->count ? verdict->line[0].text : "");
 }
 
 static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result,
-                          struct coach_verdict *verdict)
+                          struct take_verdict *verdict)
 {
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
@@ -177,11 +176,10 @@ static enum status record(const struct record_arguments *given, struct place *pl
                                            .body_points = !given->no_body_points};
         command_catch_signals();
         progress_bar_start(&work.progress, "filming", source_remaining(source));
-        coaching_line_start(&work.coaching, source_calibration(source));
+        coaching_line_start(&work.coaching, source_calibration(source), given->purpose);
         work.filming = true;
         status = recorder_run(source, writer, given->take, place, &options, result);
         progress_bar_end(&work.progress);
-        coach_verdict(&work.coaching.coach, verdict);
         coaching_line_end(&work.coaching);
     }
     const bool made = writer && given->out;
@@ -196,6 +194,15 @@ static enum status record(const struct record_arguments *given, struct place *pl
         recording_discard(given->out);
         status = failure_restore(&first);
     }
+    if (result->frames) {
+        const struct take_filming filming = {given->purpose, &work.coaching.coach};
+        struct failure first;
+        failure_keep(&first, status);
+        struct take_judgement judgement = {0};
+        status = take_verdict_keep(given->into ? given->into : given->out, given->take, &filming, &judgement);
+        *verdict = judgement.verdict;
+        status = first.status != OK ? failure_restore(&first) : status;
+    }
     return status;
 }
 
@@ -206,6 +213,10 @@ int capture_record(int argc, char **argv)
         {"into", COMMAND_KEY + 1, "FILE", 0, "add the take to this recording, whose place the sensor is located in", 0},
         {"out", COMMAND_KEY + 2, "FILE", 0, "make a new recording without a place", 0},
         {"take", COMMAND_KEY + 3, "NAME", 0, "the take's name", 0},
+        {"for", KEY_FOR, "PURPOSE", 0,
+         "what the take is for: compare (and to be done alongside; turning round is not asked for), watch (from all "
+         "sides) or both, which is the default",
+         0},
         {"no-body-points", COMMAND_KEY + 5, NULL, 0,
          "track from depth alone, even where the networks that find body points in colour images are there", 0},
         COMMAND_OPTION_JSON(COMMAND_KEY + 4),
@@ -218,7 +229,7 @@ int capture_record(int argc, char **argv)
     command_parse(&argp, argc, argv, &given);
     struct place place = {0};
     struct recorder_result result = {0};
-    struct coach_verdict verdict = {0};
+    struct take_verdict verdict = {0};
     enum status status = record(&given, &place, &result, &verdict);
     bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
@@ -234,6 +245,6 @@ int capture_record(int argc, char **argv)
     if (status == OK && result.smoothing_out_of_memory)
         status = fail(ERR_MEMORY, "no memory to smooth the joints of take '%s', which is whole otherwise", given.take);
     if (status == OK)
-        warn(argv[0], has_place, &result);
+        warn(argv[0], has_place, &result, &verdict);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -11,6 +11,7 @@
 
 struct studio_arguments {
     const char *file, *sensor, *tags;
+    enum verdict_purpose purpose;
     bool fullscreen, light, say_in_window;
     int size[2]; // of the window, pixels
     double dpi, seconds;
@@ -24,7 +25,8 @@ enum {
     KEY_DPI,
     KEY_SECONDS,
     KEY_TAGS,
-    KEY_SAY_IN_WINDOW
+    KEY_SAY_IN_WINDOW,
+    KEY_FOR
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
@@ -37,6 +39,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_SAY_IN_WINDOW: a->say_in_window = true; return 0;
+    case KEY_FOR:
+        if (!verdict_purpose_named(value, &a->purpose))
+            argp_error(state, "--for is compare, watch or both, not '%s'", value);
+        return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->file, value); return 0;
@@ -107,6 +113,8 @@ int capture_studio(int argc, char **argv)
         {"sensor", KEY_SENSOR, "URI", 0,
          "openni, openni:N, oni:FILE, mkv:FILE or folder:DIR (default: choose in the window)", 0},
         {"tags", KEY_TAGS, "TAGS.json", 0, "the room's tags, for mapping it (default: tags.json beside FILE)", 0},
+        {"for", KEY_FOR, "PURPOSE", 0,
+         "what takes are for: compare (turning round is not asked for), watch or both (the default)", 0},
         {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
         {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
         {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
@@ -116,20 +124,21 @@ int capture_studio(int argc, char **argv)
          "say in a window, too, why it cannot begin: who starts this from a desktop sees no terminal", 0},
         {0},
     };
-    static const struct argp argp = {options,
-                                     parse,
-                                     "[FILE]",
-                                     "Films in a window, alone: what the sensor sees, what of you has been seen, what "
-                                     "to do next, and after each take how "
-                                     "it went.\vTakes go into FILE (default: film.reenact), whose place, if any, the "
-                                     "sensor is located in. A hand held "
-                                     "above the head starts and stops.\n\nKeys: space start and stop, M map the "
-                                     "room, P pause and play, R takes in a row, K keep, X discard, A once more, N "
-                                     "rename; while a take plays , and . its new ends, S trim; D dark or light, "
-                                     "Escape back, Q leave.",
-                                     NULL,
-                                     NULL,
-                                     NULL};
+    static const struct argp argp = {
+        options,
+        parse,
+        "[FILE]",
+        "Films in a window, alone: what the sensor sees, what of you has been seen, what "
+        "to do next, and after each take how "
+        "it went.\vTakes go into FILE (default: film.reenact), whose place, if any, the "
+        "sensor is located in. A hand held "
+        "above the head starts and stops.\n\nKeys: space start and stop, M map the "
+        "room, P pause and play, R takes in a row, F what they are for, K keep, X discard, A once more, N "
+        "rename; while a take plays , and . its new ends, S trim; D dark or light, "
+        "Escape back, Q leave.",
+        NULL,
+        NULL,
+        NULL};
     static struct studio_run run; // snapshots are too large for the stack
     struct studio_arguments given = {.size = {1280, 800}};
     command_parse(&argp, argc, argv, &given);
@@ -145,6 +154,7 @@ int capture_studio(int argc, char **argv)
                                            .sensor = given.sensor,
                                            .tags = given.tags,
                                            .light = given.light,
+                                           .purpose = given.purpose,
                                            .body_points = true,
                                            .refresh_hz = window_refresh_hz(run.window),
                                            .wake = wake,

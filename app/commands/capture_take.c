@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "capture/recording/recording.h"
+#include "capture/take_verdict.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -65,6 +66,17 @@ static enum status delete_take(const struct take_arguments *a)
     return status;
 }
 
+// The take is changed already: what it is worth now is a matter of its own.
+static enum status judge_anew(const char *file, const char *take, const struct take_filming *filming)
+{
+    char text[VERDICT_TEXT_BYTES];
+    struct take_judgement judgement;
+    const enum status status = take_verdict_keep(file, take, filming, &judgement);
+    if (status == OK)
+        printf("verdict: %s\n", verdict_text(&judgement.verdict, text));
+    return status;
+}
+
 static enum status trim_take(const struct take_arguments *a)
 {
     int64_t freed;
@@ -73,7 +85,7 @@ static enum status trim_take(const struct take_arguments *a)
     if (status == OK)
         printf("take '%s' is trimmed, the other frames' bytes are overwritten; %.1f MB are free again\n", a->take,
                (double)freed / 1e6);
-    return status;
+    return status == OK ? judge_anew(a->file, a->take, NULL) : status;
 }
 
 // Damage is no reason not to copy the rest, but one to say what it cost.

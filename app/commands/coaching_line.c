@@ -2,10 +2,10 @@
 
 #include <stdio.h>
 
-void coaching_line_start(struct coaching_line *l, const struct calibration *calibration)
+void coaching_line_start(struct coaching_line *l, const struct calibration *calibration, enum verdict_purpose purpose)
 {
     pthread_mutex_init(&l->lock, NULL);
-    coach_start(&l->coach, calibration);
+    coach_start(&l->coach, calibration, purpose);
     l->text[0] = 0;
 }
 

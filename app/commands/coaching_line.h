@@ -11,7 +11,7 @@ struct coaching_line {
     char text[96];      // guarded by lock
 };
 
-void coaching_line_start(struct coaching_line *l, const struct calibration *calibration);
+void coaching_line_start(struct coaching_line *l, const struct calibration *calibration, enum verdict_purpose purpose);
 void coaching_line_end(struct coaching_line *l);
 
 // For recorder_options.on_seen; context: the line.

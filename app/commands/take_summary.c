@@ -2,12 +2,9 @@
 
 #include "base/image_shrink.h"
 #include "platform/jpeg.h"
+#include "platform/json.h"
 
-#include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 // Converted first: the difference of times in a malformed file may overflow an int64.
 static double seconds_between(const struct take *t, int64_t a, int64_t b)
@@ -28,19 +25,12 @@ struct take_summary take_summarize(const struct take *t, const char *name)
         .calibration = take_calibration(t),
         .complete = take_is_complete(t),
     };
-    int64_t seen = -1; // the last frame with a person
     for (int64_t i = 0; i < s.frames; i++) {
         const struct take_entry *e = take_entry(t, i);
         s.with_skeleton += e->has_skeleton;
         s.with_color += e->has_color && !take_is_drawn_from_depth(t);
         s.with_depth += e->has_depth;
         s.located += e->located;
-        if (i)
-            s.longest_gap_s = fmax(s.longest_gap_s, seconds_between(t, i - 1, i));
-        if (!e->has_skeleton)
-            s.longest_unseen_s = fmax(s.longest_unseen_s, seconds_between(t, seen < 0 ? 0 : seen, i));
-        else
-            seen = i;
     }
     if (s.frames > 1) {
         s.duration_s = seconds_between(t, 0, s.frames - 1);
@@ -49,52 +39,19 @@ struct take_summary take_summarize(const struct take *t, const char *name)
     return s;
 }
 
-static void add(char out[QUALITY_BYTES], const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void add(char out[QUALITY_BYTES], const char *format, ...)
+void verdict_add_json(struct json *object, const struct take_verdict *v)
 {
-    const size_t used = strlen(out);
-    va_list arguments;
-    va_start(arguments, format);
-    if (used)
-        snprintf(out + used, QUALITY_BYTES - used, "; ");
-    vsnprintf(out + strlen(out), QUALITY_BYTES - strlen(out), format, arguments);
-    va_end(arguments);
-}
-
-// Thresholds chosen by hand: what is seen when the take is watched.
-const char *take_quality(const struct take_summary *s, bool has_place, char out[QUALITY_BYTES])
-{
-    const double frames = s->frames ? (double)s->frames : 1;
-    *out = 0;
-    if (!s->frames)
-        add(out, "empty");
-    if (s->lost)
-        add(out, "%lld frames lost to damage", (long long)s->lost);
-    if (!s->complete)
-        add(out, "interrupted");
-    if (s->frames && !s->with_skeleton)
-        add(out, "no person");
-    else if ((double)s->with_skeleton < 0.9 * frames)
-        add(out, "a person in %.0f %% of the frames", 100 * (double)s->with_skeleton / frames);
-    else if (s->longest_unseen_s > 1)
-        add(out, "the person out of sight for %.1f s", s->longest_unseen_s);
-    if (s->frames && !s->with_color)
-        add(out, "no colour");
-    else if ((double)s->with_color < 0.9 * frames)
-        add(out, "colour in %.0f %% of the frames", 100 * (double)s->with_color / frames);
-    if (s->frames && !s->with_depth)
-        add(out, "no depth");
-    if ((double)s->dropped > 0.02 * frames)
-        add(out, "%.0f %% of the frames dropped", 100 * (double)s->dropped / (frames + (double)s->dropped));
-    if (s->longest_gap_s > 0.5 && s->fps > 5)
-        add(out, "a gap of %.1f s", s->longest_gap_s);
-    if (has_place && s->frames && !s->located)
-        add(out, "where the actor stood is not known");
-    if (s->duration_s < 1 && s->frames)
-        add(out, "shorter than a second");
-    if (!*out)
-        add(out, "good");
-    return out;
+    struct json *verdict = json_add_object(object, "verdict");
+    json_add_bool(verdict, "good", verdict_is_good(v));
+    json_add_string(verdict, "headline", verdict_headline(v));
+    json_add_string(verdict, "for", verdict_purpose_name(v->purpose));
+    struct json *good_for = json_add_object(verdict, "good_for");
+    json_add_bool(good_for, "compare", verdict_is_good_for(v, USE_COMPARE));
+    json_add_bool(good_for, "watch", verdict_is_good_for(v, USE_WATCH));
+    struct json *lines = json_add_array(verdict, "lines");
+    for (int i = 0; i < v->count; i++)
+        if (verdict_shows_line(v, i))
+            json_push_string(lines, v->line[i].text);
 }
 
 enum status take_thumbnail(struct take *take, int height, uint8_t **jpeg, size_t *bytes)

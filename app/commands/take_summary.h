@@ -1,22 +1,20 @@
-// What the commands say of a take: numbers, and its quality in words.
+// What the commands say of a take in numbers.
 #pragma once
-#include "capture/recording/recording.h"
+#include "capture/recording/recorded_verdict.h"
+
+struct json;
 
 struct take_summary {
     const char *name, *note, *alias; // as long as the take is open
     int64_t frames, dropped, lost, with_skeleton, with_color, with_depth, located, representative;
     double duration_s, fps;
-    double longest_gap_s;    // between two frames
-    double longest_unseen_s; // without a person
     const struct calibration *calibration;
     bool complete;
 };
 struct take_summary take_summarize(const struct take *take, const char *name);
 
-// "good", or what is wrong with it, the worst first: "a person in 40 % of the frames; the sensor was not located".
-// has_place: the recording holds a place.
-enum { QUALITY_BYTES = 300 };
-const char *take_quality(const struct take_summary *s, bool has_place, char out[QUALITY_BYTES]);
+// Adds "verdict": {"good", "headline", "for", "good_for": {"compare", "watch"}, "lines"} to an object.
+void verdict_add_json(struct json *object, const struct take_verdict *v);
 
 // The representative frame's colour, or the nearest there is, as a JPEG `height` pixels high. NOTHING: no frame has
 // colour that can be read. ERR_MEMORY, ERR_IO. The caller frees *jpeg.

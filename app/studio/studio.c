@@ -51,6 +51,7 @@ enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_o
     const int64_t now_ns = clock_now_ns();
     s->state = studio_start(!options->light);
     s->state.number = next_number(options->file);
+    s->state.purpose = (int)options->purpose;
     enum status status = open_ui(s);
     if (status == OK && sound_open(&s->sound) < 0)
         status = ERR_MEMORY;
@@ -93,7 +94,8 @@ static void open_sensor(struct studio *s, int64_t now_ns)
                                                .tags = s->options.tags,
                                                .wake = s->options.wake,
                                                .wake_self = s->options.wake_self,
-                                               .body_points = s->options.body_points};
+                                               .body_points = s->options.body_points,
+                                               .purpose = (enum verdict_purpose)s->state.purpose};
     studio_session_close(&s->session);
     studio_snapshot_free(&s->shown);
     s->gestures = s->takes_ready = s->rooms_ready = s->rooms_not_kept = 0;
@@ -154,6 +156,8 @@ static void trim_take(struct studio *s, int64_t now_ns)
     else
         snprintf(text, sizeof text, "The take is %.1f s long now", (double)(to_ns - from_ns) * 1e-9);
     studio_say(&s->state, text, now_ns);
+    if (s->session)
+        studio_session_judge(s->session, s->state.take);
 }
 
 static enum status run_command(struct studio *s, enum studio_command command, int64_t now_ns)
@@ -169,6 +173,10 @@ static enum status run_command(struct studio *s, enum studio_command command, in
     case STUDIO_DELETE_TAKE: delete_take(s, now_ns); break;
     case STUDIO_RENAME_TAKE: rename_take(s, now_ns); break;
     case STUDIO_TRIM_TAKE: trim_take(s, now_ns); break;
+    case STUDIO_CHOOSE_PURPOSE:
+        if (s->session)
+            studio_session_choose(s->session, (enum verdict_purpose)s->state.purpose);
+        break;
     case STUDIO_PAUSE_TAKE: studio_session_pause(s->session, true); break;
     case STUDIO_RESUME_TAKE: studio_session_pause(s->session, false); break;
     case STUDIO_BEGIN_SWEEP: studio_session_sweep(s->session); break;
@@ -191,8 +199,7 @@ static enum status run_command(struct studio *s, enum studio_command command, in
 static void say_kept(struct studio *s, int64_t now_ns)
 {
     char text[160];
-    const struct coach_verdict *v = &s->shown.verdict;
-    snprintf(text, sizeof text, "%.40s is kept: %.100s", s->state.take, v->count ? v->line[0] : "good");
+    snprintf(text, sizeof text, "%.40s is kept: %.100s", s->state.take, verdict_headline(&s->shown.judgement.verdict));
     studio_say(&s->state, text, now_ns);
 }
 
@@ -213,8 +220,8 @@ static void take_news(struct studio *s, int64_t now_ns)
         studio_take_finishing(state, now_ns);
     if (s->shown.takes_ready != s->takes_ready) {
         s->takes_ready = s->shown.takes_ready;
-        studio_take_ready(state, s->shown.take_frames, now_ns);
-        if (state->page == STUDIO_LIVE && s->shown.take_frames > 0)
+        studio_take_ready(state, s->shown.judgement.frames, now_ns);
+        if (state->page == STUDIO_LIVE && s->shown.judgement.frames > 0)
             say_kept(s, now_ns);
     }
     if (s->shown.doing == STUDIO_DOING_MAP)
@@ -310,6 +317,7 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     case 'p': studio_do(state, state->page == STUDIO_RECORDING ? STUDIO_PAUSE : STUDIO_PLAY, now_ns); break;
     case 'm': studio_do(state, STUDIO_MAP_ROOM, now_ns); break;
     case 'r': studio_do(state, STUDIO_IN_A_ROW, now_ns); break;
+    case 'f': studio_do(state, STUDIO_PURPOSE, now_ns); break;
     case 'n': studio_do(state, STUDIO_EDIT_NAME, now_ns); break;
     case 'd': studio_do(state, STUDIO_THEME, now_ns); break;
     case 'q': studio_do(state, STUDIO_QUIT, now_ns); break;

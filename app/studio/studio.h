@@ -9,8 +9,9 @@ enum { STUDIO_DEVICES = 16 };
 
 struct studio_options {
     const char *file;
-    const char *sensor; // URI; NULL: the user chooses
-    const char *tags;   // tags.json for sweeps of the room; NULL: the one beside the file, if there is one
+    const char *sensor;           // URI; NULL: the user chooses
+    const char *tags;             // tags.json for sweeps of the room; NULL: the one beside the file, if there is one
+    enum verdict_purpose purpose; // what takes are for, until the user chooses another one
     bool light;
     bool body_points;
     double refresh_hz;

@@ -3,6 +3,7 @@
 #include "app/studio/coverage_figure.h"
 #include "app/studio/room_screen.h"
 #include "app/studio/studio_picture.h"
+#include "app/studio/studio_verdict.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -247,25 +248,6 @@ static void draw_sensors(const struct brush *b, struct studio_state *s, const st
         studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
 }
 
-static void draw_verdict(const struct brush *b, const struct studio_view *v, struct ui_box box)
-{
-    const struct coach_verdict *verdict = &v->shown->verdict;
-    const bool good = verdict->good && !*v->shown->failure;
-    panel(b, box, false);
-    struct ui_box in = inner(box, 20), head = cut_top(&in, 44);
-    icon_draw(b->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
-              good ? b->theme->accent : b->theme->warn);
-    label(b, FACE_HEAD, head, b->theme->text, good ? "A good take" : "Better once more");
-    double y = in.y + 6;
-    const char *failure = v->shown->failure;
-    for (int i = *failure ? -1 : 0; i < verdict->count && y < in.y + in.h - 26; i++) {
-        const char *line = i < 0 ? failure : verdict->line[i];
-        ui_disc(b->ui, (struct ui_point){in.x + 8, y + 13}, 3, b->theme->quiet);
-        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x + 24, y}, in.w - 24, b->theme->text, line);
-        y += ui_text_height(b->ui, FACE_BODY, line, in.w - 24) + 8;
-    }
-}
-
 static void draw_name(const struct brush *b, const struct studio_state *s, struct ui_box box)
 {
     char text[STUDIO_NAME + 40];
@@ -304,14 +286,14 @@ static void draw_review(const struct brush *b, struct studio_state *s, const str
     struct ui_box name = cut_top(&in, 52), buttons = cut_bottom(&in, upright ? 2 * (TARGET + GAP) + TARGET : TARGET);
     draw_name(b, s, (struct ui_box){name.x, name.y, fmin(name.w, 520), name.h});
     struct ui_box figure = upright ? cut_bottom(&in, fmin(in.h * 0.45, 380)) : cut_right(&in, in.w * 0.45);
-    draw_verdict(b, v, in);
+    studio_verdict_draw(b, &v->shown->judgement.verdict, v->shown->failure, in);
     panel(b, figure, false);
     figure = inner(figure, 18);
     struct ui_box dial = cut_top(&figure, fmin(170, figure.h * 0.4));
-    coverage_dial_draw(b, coverage_share(&v->shown->verdict_coverage), ADVICE_ENOUGH, dial);
-    snprintf(text, sizeof text, "%lld pictures", (long long)v->shown->take_frames);
+    coverage_dial_draw(b, coverage_share(&v->shown->judgement.seen), ADVICE_ENOUGH, dial);
+    snprintf(text, sizeof text, "%lld pictures", (long long)v->shown->judgement.frames);
     label(b, FACE_SMALL, cut_bottom(&figure, 24), b->theme->quiet, text);
-    coverage_figure_draw(b, &v->shown->verdict_coverage, figure);
+    coverage_figure_draw(b, &v->shown->judgement.seen, figure);
     if (s->page == STUDIO_RENAME) {
         draw_rename_buttons(b, s, buttons, now_ns);
         return;
@@ -321,7 +303,8 @@ static void draw_review(const struct brush *b, struct studio_state *s, const str
     for (int i = 0; i < (int)COUNT_OF(choices); i++) {
         const struct ui_box at = {buttons.x + i % columns * (w + GAP), buttons.y + i / columns * (TARGET + GAP), w,
                                   TARGET};
-        if (text_button(b, choices[i].text, choices[i].text, i ? BUTTON_RAISED : BUTTON_MAIN, at))
+        const bool main = choices[i].action == (v->shown->judgement.verdict.seen ? STUDIO_KEEP : STUDIO_RETAKE);
+        if (text_button(b, choices[i].text, choices[i].text, main ? BUTTON_MAIN : BUTTON_RAISED, at))
             studio_do(s, choices[i].action, now_ns);
     }
 }
@@ -360,6 +343,10 @@ void studio_screen_draw(const struct brush *b, struct studio_state *s, const str
         studio_do(s, STUDIO_QUIT, now_ns);
     if (icon_button(b, "studio-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
         studio_do(s, STUDIO_THEME, now_ns);
+    static const char *const purposes[STUDIO_PURPOSES] = {"For both", "To compare", "To watch"};
+    if (s->page == STUDIO_LIVE &&
+        text_button(b, "studio-purpose", purposes[s->purpose], BUTTON_RAISED, cut_right(&head, 130)))
+        studio_do(s, STUDIO_PURPOSE, now_ns);
     label(b, FACE_HEAD, (struct ui_box){head.x, head.y, head.w, 30}, b->theme->text, title(s));
     if (*s->notice)
         snprintf(text, sizeof text, "%s", s->notice);

@@ -4,6 +4,8 @@
 #include "capture/coaching/raised_hand.h"
 #include "app/studio/studio_rate.h"
 #include "app/studio/studio_sweep.h"
+#include "app/studio/studio_verdict.h"
+#include "app/studio/studio_wish.h"
 #include "capture/recorder.h"
 #include "capture/tracking/tracker.h"
 #include "platform/file.h"
@@ -21,12 +23,13 @@ struct studio_session {
     char sensor[512], file[1024], tags[1024];
     pthread_t thread;
     atomic_bool stop, end_take, paused, wants_sweep;
-    atomic_int end_sweep;     // enum studio_sweep_end
-    atomic_int room_decision; // enum room_decision
+    atomic_int end_sweep;                     // enum studio_sweep_end
+    atomic_int room_decision;                 // enum room_decision
+    struct studio_wish wanted, wanted_judged; // takes to be filmed, to be judged anew
+    atomic_int purpose;                       // enum verdict_purpose, of the takes from here on
 
     pthread_mutex_t lock;
     struct studio_snapshot shown; // guarded by lock
-    char wanted_take[256];        // guarded by lock; "": none
     int64_t newest_ns;            // guarded by lock: of the frame that a take's reader has got last
 
     // of the session's thread
@@ -96,6 +99,11 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
     c->take_s = (double)(seen->time_ns - s->take_first_ns) * 1e-9;
 }
 
+static void start_coach(struct studio_session *s)
+{
+    coach_start(&s->coach, source_calibration(s->source), (enum verdict_purpose)atomic_load(&s->purpose));
+}
+
 // One frame, as the preview or the recorder saw it: coach, gesture, snapshot.
 static void show(struct studio_session *s, const struct recorder_seen *seen)
 {
@@ -107,6 +115,7 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
                                       .sensor_moves = seen->sensor_moves,
                                       .depth_scale = seen->sight.depth_scale};
     struct studio_counters counters;
+    s->coach.purpose = (enum verdict_purpose)atomic_load(&s->purpose); // may be chosen while the preview runs
     coach_next(&s->coach, &frame);
     const bool gesture = raised_hand_next(&s->hand, seen->time_ns, seen->skeleton);
     count_frame(s, seen, &counters);
@@ -194,19 +203,6 @@ static void on_paused(void *context, const struct frame *frame)
 
 // ---------------------------------------------------------------- the sensor
 
-static enum status read_place(struct studio_session *s)
-{
-    struct recording *recording = NULL;
-    if (!file_exists(s->file))
-        return OK;
-    enum status status = recording_open(&recording, s->file);
-    if (status == OK)
-        status = recording_read_place(recording, &s->place);
-    recording_free(&recording);
-    s->has_place = status == OK && s->place.tag_count + s->place.point_count > 0;
-    return status == NOTHING ? OK : status;
-}
-
 static enum status open_sensor_pose(struct studio_session *s)
 {
     const struct calibration *c = source_calibration(s->source);
@@ -227,7 +223,7 @@ static enum status open_sensor(struct studio_session *s)
     pthread_mutex_lock(&s->lock);
     studio_snapshot_calibrate(&s->shown, c);
     pthread_mutex_unlock(&s->lock);
-    coach_start(&s->coach, c);
+    start_coach(s);
     status = tracker_open(&s->tracker, c, NULL);
     if (status == OK)
         status = open_sensor_pose(s);
@@ -272,11 +268,8 @@ static enum status preview_frame(struct studio_session *s, const struct frame *f
 
 static bool something_is_wanted(struct studio_session *s)
 {
-    pthread_mutex_lock(&s->lock);
-    const bool wanted = *s->wanted_take != 0;
-    pthread_mutex_unlock(&s->lock);
-    return wanted || atomic_load(&s->wants_sweep) || atomic_load(&s->room_decision) != ROOM_UNDECIDED ||
-           atomic_load(&s->stop);
+    return studio_wish_waits(&s->wanted) || studio_wish_waits(&s->wanted_judged) || atomic_load(&s->wants_sweep) ||
+           atomic_load(&s->room_decision) != ROOM_UNDECIDED || atomic_load(&s->stop);
 }
 
 // Until a take or a sweep is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
@@ -355,16 +348,12 @@ static enum status run_take(struct studio_session *s)
     enum status status = source_is_live(s->source) ? OK : rewind_source(s);
     if (status != OK)
         return status;
-    pthread_mutex_lock(&s->lock);
-    snprintf(name, sizeof name, "%s", s->wanted_take);
-    s->wanted_take[0] = 0;
-    pthread_mutex_unlock(&s->lock);
-    if (!*name)
+    if (!studio_wish_take(&s->wanted, name))
         return OK;
     the_session = s;
     s->taking = true;
     s->take_frames = 0;
-    coach_start(&s->coach, source_calibration(s->source));
+    start_coach(s);
     pthread_mutex_lock(&s->lock);
     s->shown.counters.frames = 0; // the last take's
     s->shown.counters.take_s = 0;
@@ -372,14 +361,16 @@ static enum status run_take(struct studio_session *s)
     set_doing(s, STUDIO_DOING_TAKE, NULL);
     status = record(s, name, &result);
     s->taking = false;
+    struct take_judgement judgement = {.frames = result.frames};
+    set_doing(s, STUDIO_DOING_SMOOTH, NULL);
+    if (result.frames)
+        status = studio_judge(s->file, name, &s->coach, status, &judgement);
     pthread_mutex_lock(&s->lock);
-    coach_verdict(&s->coach, &s->shown.verdict);
-    s->shown.verdict_coverage = s->coach.coverage;
-    s->shown.take_frames = result.frames;
+    s->shown.judgement = judgement;
     s->shown.takes_ready++;
     snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());
     pthread_mutex_unlock(&s->lock);
-    coach_start(&s->coach, source_calibration(s->source));
+    start_coach(s);
     tracker_reset(s->tracker);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     return status;
@@ -430,7 +421,7 @@ static enum status decide_room(struct studio_session *s)
     if (!keeps)
         return OK;
     place_free(&s->place);
-    enum status status = read_place(s);
+    enum status status = studio_read_place(s->file, &s->place, &s->has_place);
     return status == OK ? open_sensor_pose(s) : status;
 }
 
@@ -476,14 +467,29 @@ static enum status run_sweep(struct studio_session *s)
     room->ready += status != NOTHING;
     pthread_mutex_unlock(&s->lock);
     tracker_reset(s->tracker);
-    coach_start(&s->coach, source_calibration(s->source));
+    start_coach(s);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     return s->room.cut ? after_cut(s) : OK;
+}
+
+// A take that cannot be judged keeps the verdict that is shown.
+static void judge_anew(struct studio_session *s)
+{
+    char name[256];
+    struct take_judgement judgement;
+    if (!studio_wish_take(&s->wanted_judged, name) || take_verdict_keep(s->file, name, NULL, &judgement) != OK)
+        return;
+    pthread_mutex_lock(&s->lock);
+    s->shown.judgement = judgement;
+    s->shown.judged++;
+    pthread_mutex_unlock(&s->lock);
+    wake(s);
 }
 
 // What was asked for while the preview ran.
 static enum status serve(struct studio_session *s)
 {
+    judge_anew(s);
     enum status status = decide_room(s);
     if (status != OK || atomic_load(&s->stop))
         return status;
@@ -493,7 +499,7 @@ static enum status serve(struct studio_session *s)
 static void *run(void *context)
 {
     struct studio_session *s = context;
-    enum status status = read_place(s);
+    enum status status = studio_read_place(s->file, &s->place, &s->has_place);
     if (status == OK)
         status = open_sensor(s);
     while (status == OK && !atomic_load(&s->stop)) {
@@ -509,7 +515,6 @@ static void *run(void *context)
     if (status < 0)
         set_doing(s, STUDIO_DOING_FAILED, status_message());
     close_sensor(s);
-    // What was to be kept just before the end.
     if (atomic_load(&s->room_decision) == ROOM_KEEP && room_waits(s) && studio_room_keep(&s->room, s->file) != OK)
         fprintf(stderr, "reenact-capture studio: the room is not kept: %s\n", status_message());
     return NULL;
@@ -527,9 +532,14 @@ enum status studio_session_open(struct studio_session **out, const struct studio
     snprintf(s->sensor, sizeof s->sensor, "%s", options->sensor);
     snprintf(s->file, sizeof s->file, "%s", options->file);
     snprintf(s->tags, sizeof s->tags, "%s", options->tags ? options->tags : "");
+    atomic_init(&s->purpose, options->purpose);
+    studio_wish_open(&s->wanted);
+    studio_wish_open(&s->wanted_judged);
     pthread_mutex_init(&s->lock, NULL);
     if (pthread_create(&s->thread, NULL, run, s)) {
         pthread_mutex_destroy(&s->lock);
+        studio_wish_close(&s->wanted);
+        studio_wish_close(&s->wanted_judged);
         free(s);
         return fail(ERR_MEMORY, "no thread for the sensor");
     }
@@ -542,10 +552,12 @@ void studio_session_begin(struct studio_session *s, const char *take)
 {
     atomic_store(&s->end_take, false);
     atomic_store(&s->paused, false);
-    pthread_mutex_lock(&s->lock);
-    snprintf(s->wanted_take, sizeof s->wanted_take, "%s", take);
-    pthread_mutex_unlock(&s->lock);
+    studio_wish_put(&s->wanted, take);
 }
+
+void studio_session_judge(struct studio_session *s, const char *take) { studio_wish_put(&s->wanted_judged, take); }
+
+void studio_session_choose(struct studio_session *s, enum verdict_purpose to) { atomic_store(&s->purpose, to); }
 
 void studio_session_end(struct studio_session *s) { atomic_store(&s->end_take, true); }
 
@@ -576,6 +588,8 @@ void studio_session_close(struct studio_session **out)
     atomic_store(&s->end_sweep, STUDIO_SWEEP_DROP);
     pthread_join(s->thread, NULL);
     pthread_mutex_destroy(&s->lock);
+    studio_wish_close(&s->wanted);
+    studio_wish_close(&s->wanted_judged);
     studio_snapshot_free(&s->shown);
     place_free(&s->place);
     studio_room_free(&s->room);

@@ -17,6 +17,7 @@ struct studio_session_options {
     void (*wake)(void *self); // from the session's threads: there is something new; may be NULL
     void *wake_self;
     bool body_points;
+    enum verdict_purpose purpose; // what takes are for, until another one is chosen
 };
 
 // ERR_MEMORY. Opens the sensor on its own thread: errors are in the snapshot.
@@ -26,6 +27,9 @@ void studio_session_close(struct studio_session **s);
 
 void studio_session_begin(struct studio_session *s, const char *take);
 void studio_session_end(struct studio_session *s);
+// The take's frames have changed: its verdict is made anew.
+void studio_session_judge(struct studio_session *s, const char *take);
+void studio_session_choose(struct studio_session *s, enum verdict_purpose purpose);
 
 // While a take pauses its frames are thrown away (recorder.h).
 void studio_session_pause(struct studio_session *s, bool pause);

@@ -72,8 +72,8 @@ bool studio_snapshot_sees_color(const struct studio_snapshot *s)
 bool studio_snapshot_copy(const struct studio_snapshot *from, struct studio_snapshot *out)
 {
     const bool fresh = from->number != out->number || from->doing != out->doing ||
-                       from->takes_ready != out->takes_ready || from->room.ready != out->room.ready ||
-                       from->room.not_kept != out->room.not_kept;
+                       from->takes_ready != out->takes_ready || from->judged != out->judged ||
+                       from->room.ready != out->room.ready || from->room.not_kept != out->room.not_kept;
     if (!fresh || !studio_snapshot_size(out, &from->calibration))
         return false;
     const struct studio_snapshot kept = *out;

@@ -3,6 +3,7 @@
 #include "capture/coaching/coach.h"
 #include "capture/mapping/map_advice.h"
 #include "capture/sensor_pose.h"
+#include "capture/take_verdict.h"
 
 enum studio_doing {
     STUDIO_DOING_OPEN,
@@ -55,9 +56,8 @@ struct studio_snapshot {
     enum pose_advice advice;
     struct coverage coverage;
     double distance_m;
-    struct coach_verdict verdict; // of the last take, and what it has seen
-    struct coverage verdict_coverage;
-    int64_t take_frames; // written of the last take
+    struct take_judgement judgement; // of the last take
+    int judged;                      // how often one was judged anew
     struct studio_room_view room;
     char failure[512]; // of the sensor, or of the last take; "": none
 };

@@ -181,6 +181,10 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     case STUDIO_START: start_or_stop(s, now_ns); return;
     case STUDIO_PAUSE: pause_or_go_on(s); return;
     case STUDIO_IN_A_ROW: s->in_a_row = !s->in_a_row; return;
+    case STUDIO_PURPOSE:
+        s->purpose = (s->purpose + 1) % STUDIO_PURPOSES;
+        command(s, STUDIO_CHOOSE_PURPOSE);
+        return;
     case STUDIO_MAP_ROOM: begin_sweep(s, now_ns); return;
     case STUDIO_TRIM:
         if (s->page == STUDIO_PLAYBACK) {

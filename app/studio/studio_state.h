@@ -34,6 +34,7 @@ enum studio_action {
     STUDIO_EDIT_NAME,
     STUDIO_PAUSE,    // in a take: pause, or go on
     STUDIO_IN_A_ROW, // takes are kept without a review, or no longer
+    STUDIO_PURPOSE,  // what takes are for: the next of the three
     STUDIO_MAP_ROOM, // sweep the room
     STUDIO_TRIM,     // cut off the take's ends, at `trim_from_ns` and `trim_to_ns`
     STUDIO_BACK,
@@ -49,8 +50,9 @@ enum studio_command {
     STUDIO_BEGIN_TAKE, // named `take`
     STUDIO_END_TAKE,
     STUDIO_DELETE_TAKE,
-    STUDIO_RENAME_TAKE, // from `take` to `name`
-    STUDIO_TRIM_TAKE,   // to trim_from_ns .. trim_to_ns
+    STUDIO_RENAME_TAKE,    // from `take` to `name`
+    STUDIO_TRIM_TAKE,      // to trim_from_ns .. trim_to_ns
+    STUDIO_CHOOSE_PURPOSE, // `purpose`
     STUDIO_PAUSE_TAKE,
     STUDIO_RESUME_TAKE,
     STUDIO_BEGIN_SWEEP,
@@ -65,12 +67,13 @@ enum studio_command {
     STUDIO_TONE_END,
 };
 
-enum { STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5 };
+enum { STUDIO_PURPOSES = 3, STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5 };
 
 struct studio_state {
     enum studio_page page;
     bool dark, quit, changed;
     bool paused, in_a_row;
+    int purpose; // what takes are for: 0 both, 1 to compare, 2 to watch
     int64_t trim_from_ns, trim_to_ns;
     int sensor_count, sensor; // chosen
     int number;               // of the next take

@@ -99,3 +99,16 @@ enum status studio_room_keep(const struct studio_room *room, const char *file)
         recording_discard(file);
     return status != OK ? failure_restore(&first) : closed;
 }
+
+enum status studio_read_place(const char *file, struct place *out, bool *has_place)
+{
+    struct recording *recording = NULL;
+    if (!file_exists(file))
+        return OK;
+    enum status status = recording_open(&recording, file);
+    if (status == OK)
+        status = recording_read_place(recording, out);
+    recording_free(&recording);
+    *has_place = status == OK && out->tag_count + out->point_count > 0;
+    return status == NOTHING ? OK : status;
+}

@@ -32,5 +32,8 @@ MUST_CHECK enum status studio_sweep_run(const struct studio_sweep_wish *wish, st
 // Into the file, which is made where it does not exist; its takes stay.
 MUST_CHECK enum status studio_room_keep(const struct studio_room *room, const char *file);
 
+// The place in the file; nothing where there is no file. ERR_CORRUPT, ERR_IO, ERR_MEMORY, ERR_FORMAT.
+MUST_CHECK enum status studio_read_place(const char *file, struct place *out, bool *has_place);
+
 // The list of tags beside the file, if there is one: out gets the path. False: none.
 bool studio_find_tags(const char *file, char *out, size_t capacity);

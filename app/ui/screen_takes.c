@@ -6,11 +6,26 @@
 
 static const double CARD = 320, WIDEST = 520, WORDS = 84, BORDER = 28, HEAD = 148;
 
+// How long it is and what it is worth, as its verdict says everywhere.
+static void draw_words(const struct brush *b, const struct take_card *card, struct ui_box at)
+{
+    char text[200];
+    const char *about = card->trouble    ? card->trouble
+                        : card->judged   ? card->verdict
+                        : card->complete ? ""
+                                         : "interrupted";
+    if (card->judged && !card->trouble)
+        icon_draw(b->ui, card->good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&at, 22)), 18,
+                  card->good ? b->theme->accent : b->theme->warn);
+    snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
+    label(b, FACE_SMALL, at, b->theme->quiet, text);
+}
+
 static void take_card(const struct brush *b, struct view_state *s, struct screens *screens,
                       const struct take_card *card, int number, struct ui_box box)
 {
     const struct theme *t = b->theme;
-    char name[32], text[64] = "";
+    char name[32];
     snprintf(name, sizeof name, "take-%d", number);
     struct ui_touch touch = ui_area(b->ui, name, box);
     if (touch.went_down) {
@@ -42,10 +57,8 @@ static void take_card(const struct brush *b, struct view_state *s, struct screen
     ui_border(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
     label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
-    const char *about = card->trouble ? card->trouble : card->complete ? "" : "interrupted";
     if (card->loaded)
-        snprintf(text, sizeof text, "%.1f s%s%s", (double)card->length_ns * 1e-9, *about ? " · " : "", about);
-    label(b, FACE_SMALL, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24}, t->quiet, text);
+        draw_words(b, card, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24});
     if (touch.held && !screens->scrolling)
         ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));
 }

@@ -23,6 +23,8 @@ struct take_card {
     int64_t length_ns;
     bool complete;
     const char *trouble;             // why it cannot be watched; NULL: it can
+    bool judged, good;               // a verdict is kept in the file, and what it says; else verdict is ""
+    char verdict[160];               // its headline and first sentence
     const struct gpu_texture *image; // NULL: none
     double image_aspect;             // width over height
 };

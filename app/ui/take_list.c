@@ -1,6 +1,7 @@
 #include "app/ui/take_list.h"
 
 #include "base/image_shrink.h"
+#include "capture/recording/recorded_verdict.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -57,6 +58,29 @@ static enum status upload_cover(struct take_list *l, struct gpu *gpu, int number
     return status;
 }
 
+// What is kept: to judge an older file's take would hold up the screen for seconds.
+static enum status read_verdict(struct take_card *card, struct recording *recording)
+{
+    struct take *take;
+    struct take_verdict v;
+    bool fits = false;
+    enum status status = take_open(&take, recording, card->name);
+    if (status == OK)
+        status = recorded_verdict_read(take, &v, &fits);
+    take_close(&take);
+    card->judged = status == OK && fits;
+    if (card->judged) {
+        card->good = verdict_is_good(&v);
+        int used = snprintf(card->verdict, sizeof card->verdict, "%s", verdict_headline(&v));
+        for (int i = 0; i < v.count; i++)
+            if (verdict_shows_line(&v, i)) {
+                snprintf(card->verdict + used, sizeof card->verdict - (size_t)used, "; %s", v.line[i].text);
+                break;
+            }
+    }
+    return status == ERR_MEMORY ? status : OK;
+}
+
 static enum status make_card(struct take_list *l, struct gpu *gpu, struct recording *recording, int number)
 {
     struct take_card *card = &l->cards[number];
@@ -79,7 +103,7 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     if (read_cover(take, &images))
         status = upload_cover(l, gpu, number, images.color, lens);
     take_close(&take);
-    return status;
+    return status == OK ? read_verdict(card, recording) : status;
 }
 
 enum status take_list_open(struct take_list *l, struct recording *recording, const char *path)

@@ -43,9 +43,10 @@ static const char *const advice_texts[] = {
 
 const char *coach_fault_text(enum coach_fault fault) { return fault_texts[fault]; }
 
-void coach_start(struct coach *c, const struct calibration *calibration)
+void coach_start(struct coach *c, const struct calibration *calibration, enum verdict_purpose purpose)
 {
     memset(c, 0, sizeof *c);
+    c->purpose = purpose;
     c->calibration = *calibration;
     scene_watch_reset(&c->scene);
     coverage_reset(&c->coverage);
@@ -116,7 +117,8 @@ static void note_scene(struct coach *c, const struct coach_frame *frame)
     const bool moved = frame->sensor_moves > c->sensor_moves;
     c->sensor_moves = frame->sensor_moves;
     c->luma = s.luma;
-    const bool late = c->frames > 0 && (double)(frame->time_ns - c->last_ns) * 1e-9 > SLOW_S;
+    const double step_s = frame->step_s > 0 ? frame->step_s : (double)(frame->time_ns - c->last_ns) * 1e-9;
+    const bool late = c->frames > 0 && step_s > SLOW_S;
     c->slow_frames += late ? c->slow_frames < SLOW_FRAMES : -(c->slow_frames > 0);
     note_fault(c, FAULT_SLOW, c->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
     note_fault(c, FAULT_FROZEN, s.frozen, frame->time_ns, false);
@@ -154,7 +156,8 @@ static void note_person(struct coach *c, const struct coach_frame *frame)
     c->last_skeleton = *frame->skeleton;
     const struct coverage_view view = {&c->calibration, frame->depth, frame->mask, frame->skeleton, c->blur_px};
     if (coverage_add(&c->coverage, &view) && c->coverage.frames % ADVICE_EVERY == 1) {
-        c->advice = advisor_next(&c->advisor, &c->coverage, frame->skeleton, frame->time_ns);
+        if (c->purpose != PURPOSE_COMPARE)
+            c->advice = advisor_next(&c->advisor, &c->coverage, frame->skeleton, frame->time_ns);
         c->share = coverage_share(&c->coverage);
     }
 }
@@ -168,6 +171,8 @@ void coach_next(struct coach *c, const struct coach_frame *frame)
     c->last_ns = frame->time_ns;
     c->frames++;
     const char *said = c->coverage.frames ? advice_texts[c->advice] : "looking for a person";
+    if (c->coverage.frames && c->purpose == PURPOSE_COMPARE)
+        said = "nothing is in the way";
     for (int f = FAULT_COUNT - 1; f >= 0; f--)
         if (c->fault[f].raised)
             said = fault_texts[f];

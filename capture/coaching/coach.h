@@ -9,6 +9,7 @@
 #pragma once
 #include "capture/coaching/pose_advice.h"
 #include "capture/coaching/scene_watch.h"
+#include "capture/recording/recorded_verdict.h"
 
 enum coach_fault {
     FAULT_FROZEN,      // the sensor repeats its picture
@@ -46,6 +47,7 @@ struct coach {
     struct advisor advisor;
     struct coach_fault_record fault[FAULT_COUNT];
     enum pose_advice advice;
+    enum verdict_purpose purpose; // for comparing no turns and poses are asked for
     int64_t first_ns, last_ns;
     int frames, slow_frames, sensor_moves;
     struct skeleton last_skeleton;
@@ -61,21 +63,21 @@ struct coach_frame {
     const uint8_t *mask;             // not 0: the actor; NULL: no person
     const struct skeleton *skeleton; // colour camera's axes; NULL: no person
     int sensor_moves;                // as the recorder counts them
+    double step_s;                   // since the frame before it, given or left out; 0: since the last one given
     double depth_scale;              // measured depth over the one that the tags say; 0: not known
 };
 
-void coach_start(struct coach *c, const struct calibration *calibration);
+void coach_start(struct coach *c, const struct calibration *calibration, enum verdict_purpose purpose);
 void coach_next(struct coach *c, const struct coach_frame *frame);
 
 // The sentence for the frame before: the worst fault, else what to do next, else that all is seen. Never empty.
 const char *coach_text(const struct coach *c);
 bool coach_any_fault(const struct coach *c); // one is raised now
 
-enum { VERDICT_LINES = 8 };
-struct coach_verdict {
-    bool good;
-    double grade; // the outline (intersection over union) that its picture is expected to have all round; 0: no person
-    int count;
-    char line[VERDICT_LINES][160]; // "your back was never seen: turn all the way round"; worst first
-};
-void coach_verdict(const struct coach *c, struct coach_verdict *out);
+// What the coach saw, in sentences; for the purpose that it was started with.
+void coach_verdict(const struct coach *c, struct take_verdict *out);
+
+// The outline (intersection over union) that the take's picture is expected to have all round; 0: no person.
+double coach_grade(const struct coach *c);
+// The person's stature by the lengths of the body's parts, whatever the posture, metres; 0: not known.
+double coach_stature_m(const struct coach *c);

@@ -1,7 +1,6 @@
 // The verdict in words after a take: what was wrong, from when on, and what to do about it.
 #include "capture/coaching/coach.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 
 // All chosen by hand. A side of the trunk is called unseen below a quarter of it; a joint is guessed too often when
@@ -10,21 +9,10 @@ static const double UNSEEN = 0.25, GOOD_SHARE = 0.85, FAIR_SHARE = 0.7, GUESSED 
 // The outline (intersection over union) that the picture is expected to have all round, from the share of the body that
 // was seen and the share of joints that were guessed: least squares over the twenty films of the tests' world in
 // tests/system/test_verdict.c. With each film left out of its own fit the rank correlation with the outline is 0.82,
-// the best of the seven forms that were compared by it, and so somewhat optimistic. A good take is expected above
-// GOOD_GRADE.
+// the best of the seven forms that were compared by it, and so somewhat optimistic. A take that is good from all sides
+// is expected above GOOD_GRADE.
 static const double GRADE_NONE = 0.835, GRADE_SEEN = 0.105, GRADE_GUESSED = 0.136, GOOD_GRADE = 0.91;
 static const double SHORT_S = 0.5; // a fault that lasted less is not worth a repeat
-
-static void say(struct coach_verdict *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void say(struct coach_verdict *v, const char *format, ...)
-{
-    va_list list;
-    if (v->count >= VERDICT_LINES)
-        return;
-    va_start(list, format);
-    vsnprintf(v->line[v->count++], sizeof v->line[0], format, list);
-    va_end(list);
-}
 
 static const char *const past_texts[FAULT_COUNT] = {
     [FAULT_FROZEN] = "the sensor's picture stood still",
@@ -45,19 +33,31 @@ static const char *const past_texts[FAULT_COUNT] = {
     [FAULT_BLUR] = "blurred by fast movement",
 };
 
-static void say_faults(const struct coach *c, struct coach_verdict *v)
+// Light and colour matter to those who look at the take.
+static unsigned spoils(enum coach_fault fault)
+{
+    switch (fault) {
+    case FAULT_BLUR: return 0;
+    case FAULT_NO_COLOR:
+    case FAULT_DARK:
+    case FAULT_BRIGHT: return USE_WATCH;
+    default: return USE_ANY;
+    }
+}
+
+static void say_faults(const struct coach *c, struct take_verdict *v)
 {
     for (int f = 0; f < FAULT_COUNT; f++) {
         const struct coach_fault_record *r = &c->fault[f];
         if (r->first_s < 0)
             continue;
-        if (f == FAULT_SENSOR_PUSHED) {
-            say(v, "%s at %.1f s: film again and leave it still", past_texts[f], r->first_s);
-            v->good = false;
-        } else if (r->total_s >= SHORT_S) {
-            say(v, "%s from %.1f s to %.1f s", past_texts[f], r->longest_from_s, r->longest_from_s + r->longest_s);
-            v->good = v->good && f == FAULT_BLUR;
-        }
+        if (f == FAULT_SENSOR_PUSHED)
+            verdict_say(v, USE_ANY, "%s at %.1f s: film again and leave it still", past_texts[f], r->first_s);
+        else if (r->total_s >= SHORT_S)
+            verdict_say(v, spoils((enum coach_fault)f), "%s from %.1f s to %.1f s", past_texts[f], r->longest_from_s,
+                        r->longest_from_s + r->longest_s);
+        if (f == FAULT_DEPTH_WRONG && v->count && r->total_s >= SHORT_S)
+            v->line[v->count - 1].filming = true; // the frames do not say which tags were seen
     }
 }
 
@@ -71,23 +71,47 @@ static double side_share(const struct coverage *c, enum coverage_side side)
     return sum / COUNT_OF(parts);
 }
 
-static void say_coverage(const struct coach *c, struct coach_verdict *v)
+// The sides that were never seen, in words: "from behind and from your left". Their number.
+static int unseen_sides(const struct coverage *k, char *out, size_t capacity)
 {
-    static const char *const sides[] = {"front", "left side", "back", "right side"};
+    static const struct {
+        enum coverage_side side;
+        const char *from;
+    } sides[] = {{COVERAGE_BACK, "from behind"},
+                 {COVERAGE_FRONT, "from the front"},
+                 {COVERAGE_LEFT, "from your left"},
+                 {COVERAGE_RIGHT, "from your right"}};
+    const char *unseen[COUNT_OF(sides)];
+    int count = 0, used = 0;
+    for (size_t i = 0; i < COUNT_OF(sides); i++)
+        if (side_share(k, sides[i].side) < UNSEEN)
+            unseen[count++] = sides[i].from;
+    *out = 0;
+    for (int i = 0; i < count; i++)
+        used += snprintf(out + used, capacity - (size_t)used, "%s%s",
+                         !i              ? ""
+                         : i < count - 1 ? ", "
+                                         : " and ",
+                         unseen[i]);
+    return count;
+}
+
+static void say_coverage(const struct coach *c, struct take_verdict *v)
+{
     const struct coverage *k = &c->coverage;
     const double share = coverage_share(k);
-    bool any = false;
-    for (int side = 0; side < 4; side++)
-        if (side_share(k, (enum coverage_side)side) < UNSEEN) {
-            say(v, "your %s was never seen: turn all the way round", sides[side]);
-            any = true;
-        }
-    for (int part = 0; part < SURFACE_PARTS && !any; part++)
+    char sides[120];
+    const int unseen = unseen_sides(k, sides, sizeof sides);
+    if (unseen)
+        verdict_say(v, USE_WATCH, "%s it is guessed: turn round once to be seen from all sides", sides);
+    for (int part = 0; part < SURFACE_PARTS && !unseen; part++)
         if (k->lengths[part] && coverage_part_share(k, part, COVERAGE_ALL_SIDES) < 0.5)
-            say(v, "your %s was seen from few sides", surface_part_name(part));
-    v->good = v->good && share >= GOOD_SHARE && !any;
-    if (share < FAIR_SHARE || any)
-        say(v, "%.0f %% of the body was seen", share * 100);
+            verdict_say(v, share < GOOD_SHARE ? USE_WATCH : 0, "your %s was seen from few sides",
+                        surface_part_name(part));
+    if (share < FAIR_SHARE || unseen)
+        verdict_say(v, USE_WATCH, "%.0f %% of the body was seen", share * 100);
+    else if (share < GOOD_SHARE)
+        v->spoilt |= USE_WATCH;
 }
 
 // Of all joints in all frames, how many were guessed.
@@ -99,12 +123,13 @@ static double guessed_share(const struct coverage *k)
     return sum / ((double)k->frames * JOINT_COUNT);
 }
 
-static double grade_of(const struct coverage *k)
+double coach_grade(const struct coach *c)
 {
-    return GRADE_NONE + GRADE_SEEN * coverage_share(k) - GRADE_GUESSED * guessed_share(k);
+    const struct coverage *k = &c->coverage;
+    return k->frames ? GRADE_NONE + GRADE_SEEN * coverage_share(k) - GRADE_GUESSED * guessed_share(k) : 0;
 }
 
-static void say_guessed(const struct coach *c, struct coach_verdict *v)
+static void say_guessed(const struct coach *c, struct take_verdict *v)
 {
     const struct coverage *k = &c->coverage;
     int worst = -1;
@@ -117,29 +142,46 @@ static void say_guessed(const struct coach *c, struct coach_verdict *v)
     snprintf(name, sizeof name, "%s", joint_name((enum joint)worst));
     for (char *at = name; *at; at++)
         *at = *at == '_' ? ' ' : *at;
-    say(v, "your %s was guessed in %.0f %% of the frames: keep it in sight of the sensor", name,
-        100.0 * k->guessed[worst] / k->frames);
-    v->good = false;
+    verdict_say(v, USE_ANY, "your %s was guessed in %.0f %% of the frames: keep it in sight of the sensor", name,
+                100.0 * k->guessed[worst] / k->frames);
 }
 
-void coach_verdict(const struct coach *c, struct coach_verdict *out)
+void coach_verdict(const struct coach *c, struct take_verdict *out)
 {
-    *out = (struct coach_verdict){.good = true};
-    if (!c->coverage.frames) {
-        out->good = false;
-        say(out, "no person was seen: there is nothing to watch");
+    *out = (struct take_verdict){.purpose = c->purpose, .seen = c->coverage.frames > 0};
+    if (!out->seen) {
+        out->spoilt = USE_ANY;
         return;
     }
-    out->grade = grade_of(&c->coverage);
     say_faults(c, out);
-    say_coverage(c, out);
     say_guessed(c, out);
-    if (out->good && out->grade < GOOD_GRADE) {
-        out->good = false;
-        if (!out->count)
-            say(out, "%.0f %% of the joints were guessed: move more slowly, come nearer, keep hands and feet in sight",
-                100 * guessed_share(&c->coverage));
+    say_coverage(c, out);
+    if (verdict_is_good_for(out, USE_WATCH) && coach_grade(c) < GOOD_GRADE)
+        verdict_say(out, USE_WATCH,
+                    "%.0f %% of the joints were guessed: move more slowly, come nearer, keep hands and feet in sight",
+                    100 * guessed_share(&c->coverage));
+    if (!out->count)
+        verdict_say(out, 0, "%.0f %% of the body was seen, nothing was in the way", coverage_share(&c->coverage) * 100);
+}
+
+double coach_stature_m(const struct coach *c)
+{
+    static const int either[][2] = {{PART_HEAD, PART_HEAD},
+                                    {PART_UPPER_TORSO, PART_UPPER_TORSO},
+                                    {PART_LOWER_TORSO, PART_LOWER_TORSO},
+                                    {PART_LEFT_THIGH, PART_RIGHT_THIGH},
+                                    {PART_LEFT_SHIN, PART_RIGHT_SHIN}};
+    const struct coverage *k = &c->coverage;
+    double sum = 0;
+    for (size_t i = 0; i < COUNT_OF(either); i++) {
+        double length = 0, count = 0;
+        for (int side = 0; side < 2; side++) {
+            length += k->length_m[either[i][side]];
+            count += k->lengths[either[i][side]];
+        }
+        if (count <= 0)
+            return 0;
+        sum += length / count;
     }
-    if (out->good && !out->count)
-        say(out, "good: %.0f %% of the body was seen, nothing was in the way", coverage_share(&c->coverage) * 100);
+    return sum;
 }

@@ -8,8 +8,7 @@
 
 enum { LEVEL = 1, BYTES_MAX = 1 << 30 };
 
-// Of everything in the take's index that what is prepared depends on.
-static uint32_t index_crc(const struct take *take)
+uint32_t take_index_crc(const struct take *take)
 {
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES], pose[POSE_BYTES], skeleton[SKELETON_BYTES];
     put_calibration(calibration, take_calibration(take));
@@ -81,7 +80,7 @@ enum status prepared_read(const struct take *take, enum prepared_kind kind, int 
     if (status == OK) {
         size_t packed_count;
         const uint8_t *packed = statement_blob(s, 2, &packed_count);
-        if (statement_number(s, 0) != version || statement_number(s, 1) != index_crc(take) ||
+        if (statement_number(s, 0) != version || statement_number(s, 1) != take_index_crc(take) ||
             statement_number(s, 3) != crc32_of(0, packed, packed_count))
             status = NOTHING;
         else
@@ -137,7 +136,7 @@ static enum status insert(struct database *db, const struct take *take, int64_t 
     if (status == OK) {
         statement_bind_number(s, 1, id);
         statement_bind_number(s, 2, version);
-        statement_bind_number(s, 3, index_crc(take));
+        statement_bind_number(s, 3, take_index_crc(take));
         statement_bind_blob(s, 4, packed, packed_count);
         statement_bind_number(s, 5, crc32_of(0, packed, packed_count));
         status = statement_run(s);

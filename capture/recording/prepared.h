@@ -6,6 +6,9 @@
 
 enum prepared_kind { PREPARED_AVATAR = 0 };
 
+// CRC-32 of everything in the take's index that depends on its frames; of a take that is not drawn from depth.
+uint32_t take_index_crc(const struct take *take);
+
 // Reads what is kept of the take. The caller frees *bytes. NOTHING: there is none of this version that was made from
 // these frames. ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status prepared_read(const struct take *take, enum prepared_kind kind, int version, uint8_t **bytes,

@@ -18,6 +18,11 @@ enum status recording_damaged(const struct recording *r, const char *what);
 // A column as a blob of exactly `bytes`; NULL when it is not. Borrowed as statement_blob.
 const uint8_t *recording_blob(struct statement *s, int column, size_t bytes);
 
+// How many takes' verdicts are not as they were written. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status recorded_verdict_check(struct recording *r, int64_t *damaged);
+// Gives a copy of the take the same verdict; one that cannot be read is left out. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status recorded_verdict_copy(struct database *from, int64_t take, struct database *to, int64_t copy);
+
 // Decodes one row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number; *out is then undefined.
 MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
 // The same, as if its id were `key`.

@@ -46,8 +46,7 @@ uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count)
     return ~crc;
 }
 
-// Continues the crc with the number's 8 bytes, little-endian.
-static uint32_t crc32_of_number(uint32_t crc, int64_t value)
+uint32_t crc32_of_number(uint32_t crc, int64_t value)
 {
     uint8_t bytes[8];
     put_u64(bytes, (uint64_t)value);

@@ -46,6 +46,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
 #define PREPARED_TABLE                                                                                                 \
     "CREATE TABLE IF NOT EXISTS prepared(id INTEGER PRIMARY KEY, version INTEGER, index_crc INTEGER, data BLOB,"       \
     " crc INTEGER);"
+// What is said of each take (recorded_verdict.h); made with the first.
+#define VERDICT_TABLE                                                                                                  \
+    "CREATE TABLE IF NOT EXISTS verdict(id INTEGER PRIMARY KEY, purpose INTEGER, seen INTEGER, spoilt INTEGER,"        \
+    " index_crc INTEGER, lines TEXT, crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
@@ -117,6 +121,8 @@ MUST_CHECK enum status take_name_check(const char *name);
 
 // CRC-32 as in PNG and zip, continued from `crc`; begin with 0.
 uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
+// The same of the number's 8 bytes, little-endian.
+uint32_t crc32_of_number(uint32_t crc, int64_t value);
 
 // The crc column of a row, over the columns between key and crc, in order.
 uint32_t view_crc(const uint8_t *pose, const uint8_t *depth, size_t depth_bytes, const uint8_t *color,

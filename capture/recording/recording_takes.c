@@ -197,6 +197,23 @@ static enum status delete_frames(struct database *db, int64_t first, int64_t las
     return status;
 }
 
+// A take's verdict goes with it.
+static enum status delete_verdict(struct database *db, int64_t take)
+{
+    int64_t tables = 0;
+    enum status status = database_number(db, COUNT_TABLES("'verdict'"), &tables); // older files lack it
+    if (status != OK || !tables)
+        return status;
+    struct statement *s;
+    status = statement_open(&s, db, "DELETE FROM verdict WHERE rowid = ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, take);
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
 // Deletes what programs keep beside a take that is deleted or changed: it shows the person, too.
 static enum status delete_prepared(struct database *db, int64_t take)
 {
@@ -230,6 +247,8 @@ enum status recording_delete_take(const char *path, const char *name, int64_t *f
         status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
         status = delete_prepared(db, take.id);
+    if (status == OK)
+        status = delete_verdict(db, take.id);
     if (status == OK)
         status = statement_open(&s, db, "DELETE FROM take WHERE rowid = ?");
     if (status == OK) {
@@ -400,6 +419,8 @@ static enum status copy_rows(struct database *from, struct database *to, struct 
     failure_keep(&first, status);
     frame_copier_close(&copier);
     enum status written = async_writer_close(&writer);
+    if (first.status == OK && written == OK)
+        written = recorded_verdict_copy(from, take->id, to, copy.id);
     return first.status == OK ? written : failure_restore(&first);
 }
 

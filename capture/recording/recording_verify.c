@@ -1,6 +1,7 @@
 // Verifies a recording: its structure, counts, checksums, images, order of times and ranges.
 #include "capture/recording/recorded_drive.h"
 #include "capture/recording/recorded_things.h"
+#include "capture/recording/recorded_verdict.h"
 #include "capture/recording/recording_reader.h"
 
 #include "base/text.h"
@@ -181,6 +182,14 @@ static void check_drive(struct verification *v)
     note(v, recording_read_drive(v->r, &drive));
 }
 
+static void check_verdicts(struct verification *v)
+{
+    int64_t damaged;
+    note(v, recorded_verdict_check(v->r, &damaged));
+    if (damaged)
+        note(v, fail(ERR_CORRUPT, "%s: the verdicts on %lld takes are damaged", path_of(v), (long long)damaged));
+}
+
 static enum status verify(struct recording *r, struct recording_report *out)
 {
     struct verification v = {.r = r, .report = out};
@@ -191,6 +200,7 @@ static enum status verify(struct recording *r, struct recording_report *out)
     if (may_go_on(&v))
         check_things(&v);
     check_drive(&v);
+    check_verdicts(&v);
     for (int i = 0; i < recording_take_count(r) && may_go_on(&v); i++)
         check_take(&v, i);
     if (may_go_on(&v))

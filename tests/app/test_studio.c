@@ -178,9 +178,10 @@ static void film_takes(struct stage *g, const char *uri)
     stage_save_all(g, "live");
     record_a_take(g);
     stage_wait_for(g, STUDIO_REVIEW, 1); // the film ends by itself
-    EXPECT_TRUE(g->studio.shown.take_frames > 20 && !*g->studio.shown.failure);
-    printf("take of %lld frames: %s\n", (long long)g->studio.shown.take_frames, g->studio.shown.verdict.line[0]);
-    EXPECT_TRUE(!g->studio.shown.verdict.good); // nothing of the back was shown
+    EXPECT_TRUE(g->studio.shown.judgement.frames > 20 && !*g->studio.shown.failure);
+    printf("take of %lld frames: %s\n", (long long)g->studio.shown.judgement.frames,
+           g->studio.shown.judgement.verdict.line[0].text);
+    EXPECT_TRUE(!verdict_is_good_for(&g->studio.shown.judgement.verdict, USE_WATCH)); // nothing of the back was shown
     stage_save_all(g, "review");
     stage_press(g, 'p');
     EXPECT_TRUE(g->studio.playing);

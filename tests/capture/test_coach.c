@@ -93,7 +93,7 @@ static void test_good_films_raise_nothing(void **state)
         double ms = 0;
         stage_open(&s, figures[m], motions[m], 0);
         const int frames = (int)(world_seconds(s.world) * 30);
-        coach_start(&coach, &s.calibration);
+        coach_start(&coach, &s.calibration, PURPOSE_BOTH);
         for (int i = 0; i < frames; i++) {
             shoot(&s, world_sensor_pose(s.world), i / 30.0, (uint64_t)i + 1, true);
             const struct coach_frame frame = frame_of(&s, i);
@@ -101,13 +101,14 @@ static void test_good_films_raise_nothing(void **state)
             coach_next(&coach, &frame);
             ms += (double)(clock_cpu_ns() - begun) * 1e-6;
         }
-        struct coach_verdict verdict;
+        struct take_verdict verdict;
         coach_verdict(&coach, &verdict);
         printf("%s %s: %d frames, %.2f ms each, dial %.0f %%, '%s', %s\n", figures[m], motions[m], frames, ms / frames,
-               coach.share * 100, coach_text(&coach), verdict.good ? "good" : verdict.line[0]);
+               coach.share * 100, coach_text(&coach), verdict_headline(&verdict));
         print_raised(&coach);
         EXPECT_INT(faults_raised(&coach), 0);
-        EXPECT_TRUE(verdict.good == (m == 1)); // the others never show their back
+        EXPECT_TRUE(verdict_is_good_for(&verdict, USE_WATCH) == (m == 1)); // the others never show their back
+        EXPECT_TRUE(verdict_is_good_for(&verdict, USE_COMPARE));
         stage_close(&s);
     }
 }
@@ -144,11 +145,11 @@ static void inject(struct stage *s, const struct injected *in, int i)
     }
 }
 
-static bool says(const struct coach_verdict *v, const char *words)
+static bool says(const struct take_verdict *v, const char *words)
 {
     bool any = false;
     for (int i = 0; i < v->count; i++)
-        any |= !strncmp(v->line[i], words, strlen(words));
+        any |= !strncmp(v->line[i].text, words, strlen(words));
     return any;
 }
 
@@ -165,7 +166,7 @@ static void test_faults_are_named_within_a_second(void **state)
     for (size_t k = 0; k < COUNT_OF(cases); k++) {
         struct stage s;
         stage_open(&s, "man", "still", 0);
-        coach_start(&coach, &s.calibration);
+        coach_start(&coach, &s.calibration, PURPOSE_BOTH);
         for (int i = 0; i < 60; i++) {
             inject(&s, &cases[k], i);
             struct coach_frame frame = frame_of(&s, i);
@@ -182,9 +183,9 @@ static void test_faults_are_named_within_a_second(void **state)
             }
         }
         printf("%s: raised at %.2f s, '%s'\n", cases[k].what, coach.fault[cases[k].fault].first_s, coach_text(&coach));
-        struct coach_verdict verdict;
+        struct take_verdict verdict;
         coach_verdict(&coach, &verdict);
-        EXPECT_TRUE(!verdict.good);
+        EXPECT_TRUE(!verdict_is_good_for(&verdict, USE_WATCH));
         if (cases[k].fault == FAULT_FEET_OUTSIDE)
             EXPECT_TRUE(says(&verdict, "feet missing from 1.0 s"));
         if (cases[k].fault == FAULT_SENSOR_PUSHED)
@@ -205,7 +206,7 @@ static void test_the_obedient_are_seen(void **state)
     for (int start = 0; start < 10; start += SANITIZED ? 5 : 1) {
         struct stage s;
         stage_open(&s, start % 2 ? "man" : "woman", "still", 0);
-        coach_start(&coach, &s.calibration);
+        coach_start(&coach, &s.calibration, PURPOSE_BOTH);
         const struct skeleton in_world = world_joints(s.world, 0);
         const struct vec3 about = v3(in_world.joint[JOINT_WAIST].x, in_world.joint[JOINT_WAIST].y, 0);
         double turned = start * 0.628, done_s = -1;
@@ -359,7 +360,7 @@ static void test_cost(void **state)
     o.plain = true;
     EXPECT_STATUS(world_open(&s.world, &o), OK);
     shoot(&s, world_sensor_pose(s.world), 0, 1, true);
-    coach_start(&coach, &s.calibration);
+    coach_start(&coach, &s.calibration, PURPOSE_BOTH);
     const int64_t begun = clock_cpu_ns();
     for (int i = 0; i < 90; i++) {
         const struct coach_frame frame = frame_of(&s, i);

@@ -75,11 +75,11 @@ static void test_thirty_frames_a_second(void **state)
     const struct studio_counters counters = shown.counters;
     studio_session_end(session);
     wait_until(session, &shown, 1, 1);
-    EXPECT_TRUE(!*shown.failure && shown.take_frames > 0 && reads > 0);
+    EXPECT_TRUE(!*shown.failure && shown.judgement.frames > 0 && reads > 0);
     printf("%.0f s: %lld frames, %lld dropped, %.1f MB/s; preview behind by %.1f frames on average, %.1f at most, by "
            "more than two in %.1f %% of %lld, the longest wait for a picture %.0f ms; skeleton by %.1f frames on "
            "average\n",
-           wanted_s, (long long)shown.take_frames, (long long)counters.dropped, counters.mb_per_s,
+           wanted_s, (long long)shown.judgement.frames, (long long)counters.dropped, counters.mb_per_s,
            sum_s / (double)reads / FRAME_S, most_s / FRAME_S, 100 * late / (double)reads, (long long)reads,
            (double)longest_ns * 1e-6, skeleton_s / (double)reads / FRAME_S);
     studio_session_close(&session);

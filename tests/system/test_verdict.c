@@ -51,7 +51,7 @@ static void record_film(const struct world *world, const struct scratch *scratch
     film_sensor_at(world, scratch, "sensor", SCALE, RATE_HZ, (int)(seconds * RATE_HZ));
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(scratch, "sensor"));
     EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
-    coach_start(coach, source_calibration(source));
+    coach_start(coach, source_calibration(source), PURPOSE_BOTH);
     EXPECT_STATUS(recording_create(&writer, scratch_file(scratch, "film.reenact")), OK);
     const struct recorder_options options = {.on_seen = see, .context = coach};
     EXPECT_STATUS(recorder_run(source, writer, "film", NULL, &options, &result), OK);
@@ -169,7 +169,7 @@ static void judge_film(const struct film_case *film, struct gpu *gpu, struct out
     struct world *world;
     struct world_options o = world_default_options();
     struct scratch scratch = scratch_make();
-    struct coach_verdict verdict;
+    struct take_verdict verdict;
     o.motion = film->motion;
     o.plain = true;
     EXPECT_TRUE(world_figure_named(film->figure, &o.figure));
@@ -179,10 +179,10 @@ static void judge_film(const struct film_case *film, struct gpu *gpu, struct out
     record_film(world, &scratch, seconds, &coach);
     const double filmed_s = (double)(clock_cpu_ns() - begun_ns) * 1e-9;
     coach_verdict(&coach, &verdict);
-    *out = (struct outcome){.good = verdict.good, .grade = verdict.grade};
+    *out = (struct outcome){.good = verdict_is_good_for(&verdict, USE_WATCH), .grade = coach_grade(&coach)};
     draw_film(world, scratch_file(&scratch, "film.reenact"), seconds, gpu, out);
     printf("%-6s %-9s %3.0f %%: grade %.3f%s, outline %.3f, %.1f dB; %s\n", film->figure, film->motion,
-           100 * film->share, out->grade, out->good ? " good" : "", out->outline, out->psnr_db, verdict.line[0]);
+           100 * film->share, out->grade, out->good ? " good" : "", out->outline, out->psnr_db, verdict.line[0].text);
     print_features(&coach);
     printf("    %.1f s to film, %.1f s to draw, of this thread\n", filmed_s,
            (double)(clock_cpu_ns() - begun_ns) * 1e-9 - filmed_s);

@@ -1,0 +1,178 @@
+// One verdict on a take in all mouths: what `record` says is kept in the file, `library`, its page, its JSON and `info`
+// say the same, also where it is not kept and the frames are judged again; it never outlives the frames that it was
+// made from; and it knows what the take is for.
+#include "capture/take_verdict.h"
+#include "platform/file.h"
+#include "tests/support/film.h"
+#include "tests/support/process.h"
+#include "tests/support/sql.h"
+#include "tests/support/test.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define CAPTURE PROGRAM_DIR "/reenact-capture"
+
+static struct scratch scratch;
+static char file[512], uri[512];
+
+static struct take_verdict verdict_of(const char *take)
+{
+    struct recording *r;
+    struct take_verdict v;
+    EXPECT_STATUS(recording_open(&r, file), OK);
+    EXPECT_STATUS(take_verdict_get(r, take, &v), OK);
+    recording_free(&r);
+    return v;
+}
+
+static bool is_kept(const char *take)
+{
+    struct recording *r;
+    struct take *t;
+    struct take_verdict v;
+    bool fits;
+    EXPECT_STATUS(recording_open(&r, file), OK);
+    EXPECT_STATUS(take_open(&t, r, take), OK);
+    const enum status status = recorded_verdict_read(t, &v, &fits);
+    take_close(&t);
+    recording_free(&r);
+    return status == OK && fits;
+}
+
+static void expect_said(struct process_result said, const char *words)
+{
+    if (said.exit_code || !strstr(said.out, words)) {
+        print_error("exit code %d, '%s' does not say '%s'\n", said.exit_code, said.out, words);
+        fail_test();
+    }
+}
+
+// All that is said of the take is `text`.
+static void expect_in_all_mouths(const char *take)
+{
+    char text[VERDICT_TEXT_BYTES];
+    const struct take_verdict v = verdict_of(take);
+    uint8_t *page;
+    size_t count;
+    verdict_text(&v, text);
+    printf("%s: %s\n", take, text);
+    expect_said(PROCESS(CAPTURE, "library", scratch.path, "--force", "--html", scratch_file(&scratch, "takes.html")),
+                text);
+    expect_said(PROCESS(CAPTURE, "library", scratch.path, "--json"), text);
+    expect_said(PROCESS(CAPTURE, "info", file), text);
+    expect_said(PROCESS(CAPTURE, "info", file, "--json"), verdict_headline(&v));
+    EXPECT_STATUS(file_read(scratch_file(&scratch, "takes.html"), &page, &count), OK);
+    EXPECT_TRUE(strstr((char *)page, text));
+    free(page);
+}
+
+static void test_all_say_the_same(void **state)
+{
+    (void)state;
+    struct process_result said =
+        PROCESS(CAPTURE, "record", "--no-body-points", "--sensor", uri, "--out", file, "--take", "both");
+    const struct take_verdict v = verdict_of("both");
+    expect_said(said, verdict_headline(&v));
+    for (int i = 0; i < v.count; i++)
+        expect_said(said, v.line[i].text);
+    EXPECT_TRUE(is_kept("both"));
+    expect_in_all_mouths("both");
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
+    // An older file has no verdict: the same frames give the same one.
+    char kept[VERDICT_TEXT_BYTES], again[VERDICT_TEXT_BYTES];
+    verdict_text(&v, kept);
+    run_sql(file, "DROP TABLE verdict");
+    EXPECT_TRUE(!is_kept("both"));
+    const struct take_verdict anew = verdict_of("both");
+    if (strcmp(kept, verdict_text(&anew, again))) {
+        print_error("'%s' was kept, '%s' is judged from the frames\n", kept, again);
+        fail_test();
+    }
+    expect_in_all_mouths("both");
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
+}
+
+// The figure faces the sensor all the time: nothing is wrong with that where the take is to be compared.
+static void test_a_verdict_knows_its_purpose(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *purpose, *take;
+        bool good, names_the_back;
+    } cases[] = {{"both", "two", true, true}, {"compare", "exercise", true, false}, {"watch", "show", false, true}};
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        char text[VERDICT_TEXT_BYTES];
+        const struct process_result said = PROCESS(CAPTURE, "record", "--no-body-points", "--sensor", uri, "--into",
+                                                   file, "--take", cases[i].take, "--for", cases[i].purpose);
+        EXPECT_INT(said.exit_code, 0);
+        const struct take_verdict v = verdict_of(cases[i].take);
+        verdict_text(&v, text);
+        printf("for %s: %s\n", cases[i].purpose, text);
+        EXPECT_TRUE(!strcmp(verdict_purpose_name(v.purpose), cases[i].purpose));
+        EXPECT_TRUE(verdict_is_good(&v) == cases[i].good);
+        EXPECT_TRUE((strstr(text, "from behind") != NULL) == cases[i].names_the_back);
+        EXPECT_TRUE((strstr(said.out, "from behind") != NULL) == cases[i].names_the_back);
+        expect_in_all_mouths(cases[i].take);
+    }
+    EXPECT_INT(PROCESS(CAPTURE, "record", "--sensor", uri, "--into", file, "--take", "x", "--for", "fun").exit_code, 2);
+}
+
+static void test_changed_frames_are_judged_anew(void **state)
+{
+    (void)state;
+    expect_said(PROCESS(CAPTURE, "take", "copy", file, "--take", "exercise", "--name", "copy"), "copy");
+    EXPECT_TRUE(is_kept("copy"));
+    EXPECT_INT(verdict_of("copy").purpose, PURPOSE_COMPARE);
+    expect_said(PROCESS(CAPTURE, "take", "trim", file, "--take", "copy", "--to", "0.5"), "shorter than a second");
+    EXPECT_TRUE(is_kept("copy"));
+    EXPECT_INT(verdict_of("copy").purpose, PURPOSE_COMPARE);
+    EXPECT_TRUE(!verdict_is_good(&(struct take_verdict){0}));
+    expect_in_all_mouths("copy");
+    // Frames that went behind every program's back.
+    run_sql(file, "DELETE FROM frame WHERE id >> 32 = 2 AND id % 4294967296 > 9;"
+                  "DELETE FROM picture WHERE id >> 32 = 2 AND id % 4294967296 > 9");
+    EXPECT_TRUE(!is_kept("two"));
+    EXPECT_TRUE(verdict_of("two").spoilt == USE_ANY);
+    expect_in_all_mouths("two");
+    EXPECT_STATUS(recording_delete_take(file, "two", NULL), OK);
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
+    run_sql(file, "UPDATE verdict SET spoilt = 3 - spoilt");
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 1);
+    EXPECT_TRUE(!is_kept("exercise"));
+    EXPECT_TRUE(verdict_is_good(&(struct take_verdict){.seen = true}));
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    struct world *world;
+    struct world_options o = world_default_options();
+    scratch = scratch_make();
+    o.motion = "still";
+    o.plain = o.unshadowed = true;
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&world, &o), OK);
+    film_sensor(world, &scratch, "sensor", 0.5, 0, 33);
+    world_close(&world);
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "takes.reenact"));
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    scratch_remove(&scratch);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_all_say_the_same),
+        cmocka_unit_test(test_a_verdict_knows_its_purpose),
+        cmocka_unit_test(test_changed_frames_are_judged_anew),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
