@@ -1,5 +1,6 @@
 #include "capture/take_verdict.h"
 
+#include "capture/depth_cause.h"
 #include "capture/take_facts.h"
 
 #include <stdlib.h>
@@ -93,6 +94,7 @@ static enum status judge(struct take *take, const struct take_verdict *before, c
     struct take_verdict *out = &judgement->verdict;
     struct take_facts facts;
     struct take_verdict watched;
+    struct depth_finding finding;
     struct coach *coach = malloc(sizeof *coach);
     if (!coach)
         return fail(ERR_MEMORY, "no memory to judge a take");
@@ -100,9 +102,12 @@ static enum status judge(struct take *take, const struct take_verdict *before, c
     enum status status = take_facts_read(take, &facts);
     if (status == OK)
         status = show_frames(take, &facts, coach);
+    if (status == OK)
+        status = depth_cause_find(take, &finding);
     if (status == OK) {
         coach_verdict(coach, &watched);
         *out = (struct take_verdict){.purpose = before->purpose, .seen = watched.seen};
+        depth_cause_say(&finding, out);
         take_facts_say(&facts, out);
         out->spoilt |= watched.spoilt;
         add_filming(out, before, filmed_by);

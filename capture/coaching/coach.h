@@ -79,5 +79,3 @@ void coach_verdict(const struct coach *c, struct take_verdict *out);
 
 // The outline (intersection over union) that the take's picture is expected to have all round; 0: no person.
 double coach_grade(const struct coach *c);
-// The person's stature by the lengths of the body's parts, whatever the posture, metres; 0: not known.
-double coach_stature_m(const struct coach *c);

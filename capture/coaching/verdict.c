@@ -163,25 +163,3 @@ void coach_verdict(const struct coach *c, struct take_verdict *out)
     if (!out->count)
         verdict_say(out, 0, "%.0f %% of the body was seen, nothing was in the way", coverage_share(&c->coverage) * 100);
 }
-
-double coach_stature_m(const struct coach *c)
-{
-    static const int either[][2] = {{PART_HEAD, PART_HEAD},
-                                    {PART_UPPER_TORSO, PART_UPPER_TORSO},
-                                    {PART_LOWER_TORSO, PART_LOWER_TORSO},
-                                    {PART_LEFT_THIGH, PART_RIGHT_THIGH},
-                                    {PART_LEFT_SHIN, PART_RIGHT_SHIN}};
-    const struct coverage *k = &c->coverage;
-    double sum = 0;
-    for (size_t i = 0; i < COUNT_OF(either); i++) {
-        double length = 0, count = 0;
-        for (int side = 0; side < 2; side++) {
-            length += k->length_m[either[i][side]];
-            count += k->lengths[either[i][side]];
-        }
-        if (count <= 0)
-            return 0;
-        sum += length / count;
-    }
-    return sum;
-}

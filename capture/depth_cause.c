@@ -1,0 +1,455 @@
+#include "capture/depth_cause.h"
+
+#include "capture/gravity_align.h"
+#include "capture/tracking/tracker.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// People from a small child to a giant. What is beyond is a wrong unit: of depth five times, twice, half or a tenth of
+// what it is, all but half a tall adult and twice a toddler. The tracker's own error is about a tenth.
+static const double LEAST_STATURE_M = 0.82, MOST_STATURE_M = 2.35;
+// A hypothesis holds where a person is in so many of the frames, and the size is that of most people.
+static const double HOLDS_SHARE = 0.7, HOLDS_LEAST_M = 1.0, HOLDS_MOST_M = 2.1;
+static const double FEW_SHARE = 0.5; // of the take's frames with a person: below it a cause is looked for
+// No depth sensor for people measures as near or as far in the median of its pixels.
+static const double NEAREST_M = 0.12, FARTHEST_M = 20;
+static const double REACHED_SHARE = 0.05; // of the pixels have depth: below it nothing can be told
+
+enum { FRAMES = 24, COLUMNS_MOST = 320 };
+
+struct depth_film {
+    struct lens lens;
+    int64_t time_ns[FRAMES];
+    uint16_t *depth[FRAMES];
+    int count;
+};
+
+// ------------------------------------------------------------- some frames of the take
+
+static void film_free(struct depth_film *f)
+{
+    for (int i = 0; i < f->count; i++)
+        free(f->depth[i]);
+    f->count = 0;
+}
+
+static size_t film_pixels(const struct depth_film *f) { return (size_t)f->lens.width * (size_t)f->lens.height; }
+
+// Every step-th pixel, so that the picture has at most COLUMNS_MOST columns.
+static struct lens lens_reduced(const struct lens *l, int step)
+{
+    struct lens r = *l;
+    r.width = l->width / step;
+    r.height = l->height / step;
+    r.fx /= step;
+    r.fy /= step;
+    r.cx = (l->cx - step / 2) / step;
+    r.cy = (l->cy - step / 2) / step;
+    return r;
+}
+
+static enum status keep_frame(struct depth_film *f, const struct lens *full, const uint16_t *depth, int64_t time_ns)
+{
+    const int step = full->width / f->lens.width;
+    uint16_t *kept = malloc(film_pixels(f) * sizeof *kept);
+    if (!kept)
+        return fail(ERR_MEMORY, "no memory to judge a take");
+    for (int y = 0; y < f->lens.height; y++)
+        for (int x = 0; x < f->lens.width; x++)
+            kept[y * f->lens.width + x] =
+                depth[(size_t)(y * step + step / 2) * (size_t)full->width + (size_t)(x * step + step / 2)];
+    f->depth[f->count] = kept;
+    f->time_ns[f->count++] = time_ns;
+    return OK;
+}
+
+// From the middle of the take, at most every third frame, as fast as a sensor's.
+static enum status film_read(struct take *take, struct depth_film *out)
+{
+    const struct lens *full = &take_calibration(take)->depth;
+    const int64_t count = take_frame_count(take), stride = count >= 3 * FRAMES ? 2 : 1;
+    const int64_t first = count > stride * FRAMES ? (count - stride * FRAMES) / 2 : 0;
+    const int step = (full->width + COLUMNS_MOST - 1) / COLUMNS_MOST;
+    enum status status = OK;
+    *out = (struct depth_film){.count = 0};
+    if (full->width <= 0)
+        return OK;
+    out->lens = lens_reduced(full, step);
+    for (int64_t i = first; i < count && out->count < FRAMES && status == OK; i += stride) {
+        struct take_images images;
+        status = take_read(take, i, TAKE_DEPTH, &images);
+        if (status == OK && images.depth) // at 15 Hz, whatever the film's own times are
+            status = keep_frame(out, full, images.depth, (int64_t)out->count * 66666667 + 1);
+        status = status == ERR_CORRUPT ? OK : status;
+    }
+    return status;
+}
+
+// ------------------------------------------------------------- the body's size
+
+static double bone(const struct skeleton *s, enum joint a, enum joint b)
+{
+    return v3_distance(s->joint[a], s->joint[b]);
+}
+
+// Soles to crown by the bones, 0: one of them is unknown. The head joint is half-way up the head, the foot the ankle;
+// what lies beyond both is, of an adult, an eighth of the rest.
+static double stature_m(const struct skeleton *s)
+{
+    static const enum joint needed[] = {JOINT_HEAD,      JOINT_NECK,       JOINT_WAIST,
+                                        JOINT_LEFT_HIP,  JOINT_LEFT_KNEE,  JOINT_LEFT_FOOT,
+                                        JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(needed); i++)
+        if (s->confidence[needed[i]] <= 0)
+            return 0;
+    const struct vec3 hips = v3_mix(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP], 0.5);
+    const double left = bone(s, JOINT_LEFT_HIP, JOINT_LEFT_KNEE) + bone(s, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT),
+                 right = bone(s, JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE) + bone(s, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT);
+    return 1.125 * (bone(s, JOINT_HEAD, JOINT_NECK) + bone(s, JOINT_NECK, JOINT_WAIST) +
+                    v3_distance(s->joint[JOINT_WAIST], hips) + (left + right) / 2);
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int count)
+{
+    if (!count)
+        return 0;
+    qsort(values, (size_t)count, sizeof *values, by_size);
+    return values[count / 2];
+}
+
+static double take_stature_m(const struct take *take)
+{
+    enum { MOST = 300 };
+    double found[MOST];
+    const int64_t count = take_frame_count(take), stride = (count + MOST - 1) / MOST;
+    int used = 0;
+    for (int64_t i = 0; i < count && used < MOST; i += stride) {
+        const struct take_entry *e = take_entry(take, i);
+        const double m = e->has_skeleton ? stature_m(&e->skeleton) : 0;
+        if (m > 0)
+            found[used++] = m;
+    }
+    return median(found, used);
+}
+
+static double person_share(const struct take *take)
+{
+    int64_t with = 0;
+    const int64_t count = take_frame_count(take);
+    for (int64_t i = 0; i < count; i++)
+        with += take_entry(take, i)->has_skeleton;
+    return count ? (double)with / (double)count : 0;
+}
+
+// ------------------------------------------------------------- hypotheses
+
+// What the sensor, or who wrote the film, has made of the depth; undone, a person appears.
+struct hypothesis {
+    enum depth_cause cause;
+    double factor;     // of CAUSE_UNIT
+    int quarter_turns; // of the picture, by which it stands upright again
+};
+
+static const struct hypothesis hypotheses[] = {
+    {CAUSE_UPSIDE_DOWN, 0, 2}, {CAUSE_ON_ITS_SIDE, 0, 1}, {CAUSE_ON_ITS_SIDE, 0, 3}, {CAUSE_BYTES_SWAPPED, 0, 0},
+    {CAUSE_INVERTED, 0, 0},    {CAUSE_DISPARITY, 0, 0},   {CAUSE_DISPARITY, 1, 0},   {CAUSE_UNIT, 5, 0},
+    {CAUSE_UNIT, 2, 0},        {CAUSE_UNIT, 0.5, 0},      {CAUSE_UNIT, 0.2, 0},      {CAUSE_UNIT, 10, 0},
+    {CAUSE_UNIT, 0.1, 0},
+};
+
+// Disparity as a Kinect's driver hands it out raw (K. Khoshelham, S. Oude Elberink 2012), or the plain inverse of
+// depth, of which the scale is then taken from the median.
+static double mm_of_disparity(const struct hypothesis *h, double raw, double median_raw)
+{
+    if (h->factor > 0)
+        return raw > 0 ? 2500 * median_raw / raw : 0;
+    return raw < 1084 ? 325600 / (1084.6 - raw) : 0;
+}
+
+static uint16_t undo(const struct hypothesis *h, uint16_t d, double median_raw)
+{
+    double mm = d;
+    switch (h->cause) {
+    case CAUSE_UNIT: mm = d / h->factor; break;
+    case CAUSE_BYTES_SWAPPED: return (uint16_t)((d >> 8) | (d << 8));
+    case CAUSE_INVERTED: return d ? (uint16_t)(65535 - d) : 0;
+    case CAUSE_DISPARITY: mm = mm_of_disparity(h, d, median_raw); break;
+    default: break;
+    }
+    return mm < 65535 ? (uint16_t)(mm + 0.5) : 0;
+}
+
+// Where the pixel of the turned picture comes from.
+static size_t source_of(const struct lens *l, int turns, int x, int y)
+{
+    switch (turns) {
+    case 1: return (size_t)(x * l->width + (l->width - 1 - y));
+    case 2: return (size_t)((l->height - 1 - y) * l->width + (l->width - 1 - x));
+    case 3: return (size_t)((l->height - 1 - x) * l->width + y);
+    default: return (size_t)(y * l->width + x);
+    }
+}
+
+static struct lens lens_turned(const struct lens *l, int turns)
+{
+    struct lens t = {.width = l->width, .height = l->height, .fx = l->fx, .fy = l->fy, .cx = l->cx, .cy = l->cy};
+    if (turns == 2) {
+        t.cx = l->width - 1 - l->cx;
+        t.cy = l->height - 1 - l->cy;
+    } else if (turns) {
+        t = (struct lens){.width = l->height, .height = l->width, .fx = l->fy, .fy = l->fx};
+        t.cx = turns == 1 ? l->cy : l->height - 1 - l->cy;
+        t.cy = turns == 1 ? l->width - 1 - l->cx : l->cx;
+    }
+    return t;
+}
+
+static void undo_picture(const struct depth_film *f, int frame, const struct hypothesis *h, double median_raw,
+                         uint16_t *out)
+{
+    const struct lens t = lens_turned(&f->lens, h->quarter_turns);
+    for (int y = 0; y < t.height; y++)
+        for (int x = 0; x < t.width; x++)
+            out[y * t.width + x] = undo(h, f->depth[frame][source_of(&f->lens, h->quarter_turns, x, y)], median_raw);
+}
+
+struct trial {
+    double share;     // of the frames with a person, in their second half
+    double stature_m; // median; 0: none
+};
+
+static enum status try_hypothesis(const struct depth_film *f, const struct hypothesis *h, double median_raw,
+                                  struct trial *out)
+{
+    struct calibration c = {.depth = lens_turned(&f->lens, h->quarter_turns), .color_from_depth = POSE_IDENTITY};
+    struct tracker *tracker = NULL;
+    uint16_t *depth = malloc(film_pixels(f) * sizeof *depth);
+    double statures[FRAMES];
+    int with = 0, looked = 0, sized = 0;
+    *out = (struct trial){0};
+    enum status status = depth ? tracker_open(&tracker, &c, NULL) : fail(ERR_MEMORY, "no memory to judge a take");
+    for (int i = 0; i < f->count && status == OK; i++) {
+        struct skeleton s;
+        undo_picture(f, i, h, median_raw, depth);
+        status = tracker_next(tracker, f->time_ns[i], depth, &s, NULL);
+        const bool there = status == OK;
+        status = status == NOTHING ? OK : status;
+        if (i < f->count / 2)
+            continue;
+        looked++;
+        with += there;
+        const double m = there ? stature_m(&s) : 0;
+        if (m > 0)
+            statures[sized++] = m;
+    }
+    if (looked)
+        *out = (struct trial){(double)with / looked, median(statures, sized)};
+    tracker_close(&tracker);
+    free(depth);
+    return status;
+}
+
+static bool holds(const struct trial *t)
+{
+    return t->share >= HOLDS_SHARE && t->stature_m >= HOLDS_LEAST_M && t->stature_m <= HOLDS_MOST_M;
+}
+
+// Of the hypotheses that hold, the one with the person in most frames, and of equals the one whose size is most usual.
+// A room's depths, once the unit is right, have a median of some metres: else furniture becomes a person.
+static bool is_room(const struct hypothesis *h, double median_mm)
+{
+    return h->cause != CAUSE_UNIT || (median_mm >= 700 * h->factor && median_mm <= 8000 * h->factor);
+}
+
+static enum status try_all(const struct depth_film *f, double median_raw, struct depth_finding *out)
+{
+    double best = 0;
+    enum status status = OK;
+    for (size_t i = 0; i < COUNT_OF(hypotheses) && status == OK; i++) {
+        struct trial t;
+        if (!is_room(&hypotheses[i], median_raw))
+            continue;
+        status = try_hypothesis(f, &hypotheses[i], median_raw, &t);
+        const double unusual = t.stature_m > 0 ? fabs(t.stature_m - 1.65) : 9, worth = t.share - 0.3 * unusual;
+        if (status != OK || !holds(&t) || worth <= best)
+            continue;
+        best = worth;
+        out->cause = hypotheses[i].cause;
+        out->factor = hypotheses[i].cause == CAUSE_UNIT ? hypotheses[i].factor : 0;
+    }
+    return status;
+}
+
+// ------------------------------------------------------------- the scene
+
+struct scene_numbers {
+    double share, median; // of the pixels with depth, and of their depths, as they are in the take
+};
+
+static struct scene_numbers scene_of(const struct depth_film *f)
+{
+    uint32_t histogram[65536] = {0}, all = 0, below = 0;
+    const size_t pixels = film_pixels(f);
+    for (int i = 0; i < f->count; i++)
+        for (size_t k = 0; k < pixels; k++)
+            if (f->depth[i][k]) {
+                histogram[f->depth[i][k]]++;
+                all++;
+            }
+    int at = 0;
+    while (at < 65535 && 2 * (below += histogram[at]) < all)
+        at++;
+    const double looked = (double)pixels * f->count;
+    return (struct scene_numbers){looked > 0 ? all / looked : 0, at};
+}
+
+// A floor is seen in frames turned by so much, and how often.
+static int floors_seen(const struct depth_film *f, int quarter_turns, uint16_t *buffer)
+{
+    const struct hypothesis h = {CAUSE_NONE, 0, quarter_turns};
+    const struct lens lens = lens_turned(&f->lens, quarter_turns);
+    int seen = 0;
+    for (int i = 0; i < f->count; i += 5) {
+        struct floor_plane floor;
+        undo_picture(f, i, &h, 0, buffer);
+        seen += gravity_align_floor(&lens, buffer, &floor);
+    }
+    return seen;
+}
+
+// Most of the picture is one plane across the line of sight, as a floor is from above: RANSAC over its points.
+static bool looks_at_plane(const struct depth_film *f)
+{
+    enum { POINTS = 400, TRIES = 60 };
+    const double level = 0.9, near_share = 0.02,
+                 most = 0.45; // cosine to the line of sight; of the depth; of the points
+    struct vec3 p[POINTS];
+    int count = 0, best = 0;
+    const size_t pixels = film_pixels(f), step = pixels / POINTS + 1;
+    for (size_t k = step / 2; k < pixels && count < POINTS; k += step) {
+        const struct pixel px = {(double)(k % (size_t)f->lens.width), (double)(k / (size_t)f->lens.width)};
+        if (f->depth[f->count / 2][k])
+            p[count++] = v3_scale(lens_ray(&f->lens, px), f->depth[f->count / 2][k] * 1e-3);
+    }
+    for (int t = 0; t < TRIES && count > 3; t++) {
+        const struct vec3 a = p[t * 7919 % count], b = p[(t * 104729 + count / 3) % count],
+                          c = p[(t * 1299709 + 2 * count / 3) % count];
+        const struct vec3 n = v3_unit(v3_cross(v3_sub(b, a), v3_sub(c, a)));
+        int on = 0;
+        if (!(fabs(n.z) >= level))
+            continue;
+        for (int i = 0; i < count; i++)
+            on += fabs(v3_dot(n, v3_sub(p[i], a))) < near_share * p[i].z;
+        best = on > best ? on : best;
+    }
+    return count > POINTS / 4 && best > most * count;
+}
+
+// Few frames have a person: who looks straight down sees none, whatever is made of the depth.
+static enum status look_for_person(const struct depth_film *f, double median, struct depth_finding *out)
+{
+    uint16_t *buffer = malloc(film_pixels(f) * sizeof *buffer);
+    if (!buffer)
+        return fail(ERR_MEMORY, "no memory to judge a take");
+    const bool from_above = looks_at_plane(f) && !floors_seen(f, 0, buffer) && !floors_seen(f, 2, buffer) &&
+                            !floors_seen(f, 1, buffer) && !floors_seen(f, 3, buffer);
+    free(buffer);
+    if (!from_above)
+        return try_all(f, median, out);
+    out->cause = CAUSE_FROM_ABOVE;
+    return OK;
+}
+
+// The floor lies at the top of the picture and not below: then the picture is turned and tracked once more, and shows a
+// person far better than as it is, if that is why.
+static enum status look_upside_down(const struct depth_film *f, struct depth_finding *out)
+{
+    static const struct hypothesis as_it_is = {CAUSE_NONE, 0, 0}, turned = {CAUSE_UPSIDE_DOWN, 0, 2};
+    struct trial plain, other;
+    uint16_t *buffer = malloc(film_pixels(f) * sizeof *buffer);
+    if (!buffer)
+        return fail(ERR_MEMORY, "no memory to judge a take");
+    const bool suspect = !floors_seen(f, 0, buffer) && floors_seen(f, 2, buffer) > f->count / 10;
+    free(buffer);
+    if (!suspect)
+        return OK;
+    enum status status = try_hypothesis(f, &as_it_is, 0, &plain);
+    if (status == OK)
+        status = try_hypothesis(f, &turned, 0, &other);
+    if (status == OK && holds(&other) && plain.share <= 0.5 * other.share)
+        out->cause = CAUSE_UPSIDE_DOWN;
+    return status;
+}
+
+enum status depth_cause_find(struct take *take, struct depth_finding *out)
+{
+    struct depth_film film;
+    *out = (struct depth_finding){.stature_m = take_stature_m(take)};
+    if (out->stature_m > 0 && (out->stature_m < LEAST_STATURE_M || out->stature_m > MOST_STATURE_M)) {
+        out->cause = CAUSE_UNIT;
+        return OK;
+    }
+    enum status status = film_read(take, &film);
+    if (status == OK && film.count) {
+        const struct scene_numbers scene = scene_of(&film);
+        const bool person = person_share(take) >= FEW_SHARE;
+        if (scene.share < REACHED_SHARE && !person)
+            out->cause = CAUSE_NOTHING_IN_REACH;
+        else if (person)
+            status = look_upside_down(&film, out);
+        else
+            status = look_for_person(&film, scene.median, out);
+        const bool absurd = scene.median < 1e3 * NEAREST_M || scene.median > 1e3 * FARTHEST_M;
+        if (status == OK && out->cause == CAUSE_NONE && absurd)
+            *out = (struct depth_finding){.cause = CAUSE_UNIT, .factor = scene.median < 1e3 * NEAREST_M ? 1e-3 : 1e3};
+    }
+    film_free(&film);
+    return status;
+}
+
+// ------------------------------------------------------------- in words
+
+static void say_unit(const struct depth_finding *f, struct take_verdict *out)
+{
+    static const char *const cure = "put its unit right (unit_m in calibration.json) and record again";
+    if (f->stature_m > 0)
+        verdict_say(out, USE_ANY, "the depth is in another unit, a person of %.2f m cannot be: %s", f->stature_m, cure);
+    else if (f->factor > 100)
+        verdict_say(out, USE_ANY, "the depth is in another unit, most of it farther than any room: %s", cure);
+    else if (f->factor < 0.01)
+        verdict_say(out, USE_ANY, "the depth is in another unit, most of it nearer than any sensor sees: %s", cure);
+    else if (f->factor > 1)
+        verdict_say(out, USE_ANY, "the depth is in another unit, about %g times too long: %s", f->factor, cure);
+    else
+        verdict_say(out, USE_ANY, "the depth is in another unit, about %g times too short: %s", 1 / f->factor, cure);
+}
+
+void depth_cause_say(const struct depth_finding *f, struct take_verdict *out)
+{
+    static const char *const sentences[] = {
+        [CAUSE_NOTHING_IN_REACH] =
+            "hardly a pixel has depth: its unit is wrong (unit_m in calibration.json), or nothing "
+            "stands within the sensor's reach",
+        [CAUSE_BYTES_SWAPPED] =
+            "the two bytes of each depth pixel are exchanged: write the high byte first, as PNG has "
+            "it, and record again",
+        [CAUSE_INVERTED] = "the depth is inverted, what is near has large numbers: write millimetres and record again",
+        [CAUSE_DISPARITY] = "the depth pictures hold disparity, no distances: convert them to millimetres and record "
+                            "again",
+        [CAUSE_UPSIDE_DOWN] = "the sensor hangs upside down: turn it, or its pictures, and film again",
+        [CAUSE_ON_ITS_SIDE] = "the sensor lies on its side: turn it, or its pictures, by 90 degrees and film again",
+        [CAUSE_FROM_ABOVE] =
+            "the sensor looks straight down, or at a bare wall: put it on a stand at the height of the chest",
+    };
+    if (f->cause == CAUSE_UNIT)
+        say_unit(f, out);
+    else if (f->cause != CAUSE_NONE)
+        verdict_say(out, USE_ANY, "%s", sentences[f->cause]);
+}
