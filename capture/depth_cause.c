@@ -11,7 +11,8 @@
 static const double LEAST_STATURE_M = 0.82, MOST_STATURE_M = 2.35;
 // A hypothesis holds where a person is in so many of the frames, and the size is that of most people.
 static const double HOLDS_SHARE = 0.7, HOLDS_LEAST_M = 1.0, HOLDS_MOST_M = 2.1;
-static const double FEW_SHARE = 0.5; // of the take's frames with a person: below it a cause is looked for
+static const double FEW_SHARE = 0.5, // of the take's frames with a person: below it a cause is looked for
+    MOST_SHARE = 0.95;               // above it the sensor stands upright
 // No depth sensor for people measures as near or as far in the median of its pixels.
 static const double NEAREST_M = 0.12, FARTHEST_M = 20;
 static const double REACHED_SHARE = 0.05; // of the pixels have depth: below it nothing can be told
@@ -157,12 +158,17 @@ struct hypothesis {
     int quarter_turns; // of the picture, by which it stands upright again
 };
 
-static const struct hypothesis hypotheses[] = {
-    {CAUSE_UPSIDE_DOWN, 0, 2}, {CAUSE_ON_ITS_SIDE, 0, 1}, {CAUSE_ON_ITS_SIDE, 0, 3}, {CAUSE_BYTES_SWAPPED, 0, 0},
-    {CAUSE_INVERTED, 0, 0},    {CAUSE_DISPARITY, 0, 0},   {CAUSE_DISPARITY, 1, 0},   {CAUSE_UNIT, 5, 0},
-    {CAUSE_UNIT, 2, 0},        {CAUSE_UNIT, 0.5, 0},      {CAUSE_UNIT, 0.2, 0},      {CAUSE_UNIT, 10, 0},
-    {CAUSE_UNIT, 0.1, 0},
-};
+// In groups: of a later one nothing is tried where one before explains the film, since smooth pictures stay smooth by
+// many a function, and turned or exchanged by one alone.
+static const struct hypothesis exact[] = {{CAUSE_UPSIDE_DOWN, 0, 2},
+                                          {CAUSE_ON_ITS_SIDE, 0, 1},
+                                          {CAUSE_ON_ITS_SIDE, 0, 3},
+                                          {CAUSE_BYTES_SWAPPED, 0, 0},
+                                          {CAUSE_INVERTED, 0, 0}},
+                               scaled[] = {{CAUSE_UNIT, 5, 0},     {CAUSE_UNIT, 2, 0},  {CAUSE_UNIT, 0.5, 0},
+                                           {CAUSE_UNIT, 0.2, 0},   {CAUSE_UNIT, 10, 0}, {CAUSE_UNIT, 0.1, 0},
+                                           {CAUSE_DISPARITY, 0, 0}},
+                               inverse[] = {{CAUSE_DISPARITY, 1, 0}};
 
 // Disparity as a Kinect's driver hands it out raw (K. Khoshelham, S. Oude Elberink 2012), or the plain inverse of
 // depth, of which the scale is then taken from the median.
@@ -268,21 +274,22 @@ static bool is_room(const struct hypothesis *h, double median_mm)
     return h->cause != CAUSE_UNIT || (median_mm >= 700 * h->factor && median_mm <= 8000 * h->factor);
 }
 
-static enum status try_all(const struct depth_film *f, double median_raw, struct depth_finding *out)
+static enum status try_all(const struct depth_film *f, const struct hypothesis *all, size_t count, double median_raw,
+                           struct depth_finding *out)
 {
     double best = 0;
     enum status status = OK;
-    for (size_t i = 0; i < COUNT_OF(hypotheses) && status == OK; i++) {
+    for (size_t i = 0; i < count && status == OK; i++) {
         struct trial t;
-        if (!is_room(&hypotheses[i], median_raw))
+        if (!is_room(&all[i], median_raw))
             continue;
-        status = try_hypothesis(f, &hypotheses[i], median_raw, &t);
+        status = try_hypothesis(f, &all[i], median_raw, &t);
         const double unusual = t.stature_m > 0 ? fabs(t.stature_m - 1.65) : 9, worth = t.share - 0.3 * unusual;
         if (status != OK || !holds(&t) || worth <= best)
             continue;
         best = worth;
-        out->cause = hypotheses[i].cause;
-        out->factor = hypotheses[i].cause == CAUSE_UNIT ? hypotheses[i].factor : 0;
+        out->cause = all[i].cause;
+        out->factor = all[i].cause == CAUSE_UNIT ? all[i].factor : 0;
     }
     return status;
 }
@@ -352,38 +359,45 @@ static bool looks_at_plane(const struct depth_film *f)
     return count > POINTS / 4 && best > most * count;
 }
 
-// Few frames have a person: who looks straight down sees none, whatever is made of the depth.
-static enum status look_for_person(const struct depth_film *f, double median, struct depth_finding *out)
+// A plane across the line of sight and no floor, as far away as a ceiling's height.
+static enum status looks_down(const struct depth_film *f, double median_mm, bool *out)
 {
     uint16_t *buffer = malloc(film_pixels(f) * sizeof *buffer);
     if (!buffer)
         return fail(ERR_MEMORY, "no memory to judge a take");
-    const bool from_above = looks_at_plane(f) && !floors_seen(f, 0, buffer) && !floors_seen(f, 2, buffer) &&
-                            !floors_seen(f, 1, buffer) && !floors_seen(f, 3, buffer);
+    *out = median_mm > 1000 && median_mm < 6000 && looks_at_plane(f);
+    for (int turns = 0; turns < 4 && *out; turns++)
+        *out = !floors_seen(f, turns, buffer);
     free(buffer);
-    if (!from_above)
-        return try_all(f, median, out);
-    out->cause = CAUSE_FROM_ABOVE;
     return OK;
 }
 
-// The floor lies at the top of the picture and not below: then the picture is turned and tracked once more, and shows a
-// person far better than as it is, if that is why.
+// Few frames have a person.
+static enum status look_for_person(const struct depth_film *f, double median, struct depth_finding *out)
+{
+    bool down = false;
+    enum status status = try_all(f, exact, COUNT_OF(exact), median, out);
+    if (status == OK && out->cause == CAUSE_NONE)
+        status = looks_down(f, median, &down);
+    if (down)
+        out->cause = CAUSE_FROM_ABOVE;
+    if (status == OK && out->cause == CAUSE_NONE)
+        status = try_all(f, scaled, COUNT_OF(scaled), median, out);
+    if (status == OK && out->cause == CAUSE_NONE)
+        status = try_all(f, inverse, COUNT_OF(inverse), median, out);
+    return status;
+}
+
+// With points of the body from colour a person is found in a picture that hangs upside down, too, with left and right
+// exchanged, but in fewer frames. Depth alone shows the person in the turned picture only.
 static enum status look_upside_down(const struct depth_film *f, struct depth_finding *out)
 {
     static const struct hypothesis as_it_is = {CAUSE_NONE, 0, 0}, turned = {CAUSE_UPSIDE_DOWN, 0, 2};
     struct trial plain, other;
-    uint16_t *buffer = malloc(film_pixels(f) * sizeof *buffer);
-    if (!buffer)
-        return fail(ERR_MEMORY, "no memory to judge a take");
-    const bool suspect = !floors_seen(f, 0, buffer) && floors_seen(f, 2, buffer) > f->count / 10;
-    free(buffer);
-    if (!suspect)
-        return OK;
     enum status status = try_hypothesis(f, &as_it_is, 0, &plain);
-    if (status == OK)
+    if (status == OK && plain.share <= 0.5)
         status = try_hypothesis(f, &turned, 0, &other);
-    if (status == OK && holds(&other) && plain.share <= 0.5 * other.share)
+    if (status == OK && plain.share <= 0.5 && holds(&other) && plain.share <= 0.5 * other.share)
         out->cause = CAUSE_UPSIDE_DOWN;
     return status;
 }
@@ -399,12 +413,12 @@ enum status depth_cause_find(struct take *take, struct depth_finding *out)
     enum status status = film_read(take, &film);
     if (status == OK && film.count) {
         const struct scene_numbers scene = scene_of(&film);
-        const bool person = person_share(take) >= FEW_SHARE;
-        if (scene.share < REACHED_SHARE && !person)
+        const double person = person_share(take);
+        if (scene.share < REACHED_SHARE && person < FEW_SHARE)
             out->cause = CAUSE_NOTHING_IN_REACH;
-        else if (person)
+        else if (person >= FEW_SHARE && person < MOST_SHARE)
             status = look_upside_down(&film, out);
-        else
+        else if (person < FEW_SHARE)
             status = look_for_person(&film, scene.median, out);
         const bool absurd = scene.median < 1e3 * NEAREST_M || scene.median > 1e3 * FARTHEST_M;
         if (status == OK && out->cause == CAUSE_NONE && absurd)

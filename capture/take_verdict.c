@@ -1,6 +1,7 @@
 #include "capture/take_verdict.h"
 
 #include "capture/depth_cause.h"
+#include "capture/sensor_tilt.h"
 #include "capture/take_facts.h"
 
 #include <stdlib.h>
@@ -95,6 +96,7 @@ static enum status judge(struct take *take, const struct take_verdict *before, c
     struct take_facts facts;
     struct take_verdict watched;
     struct depth_finding finding;
+    struct sensor_tilt tilt;
     struct coach *coach = malloc(sizeof *coach);
     if (!coach)
         return fail(ERR_MEMORY, "no memory to judge a take");
@@ -104,14 +106,19 @@ static enum status judge(struct take *take, const struct take_verdict *before, c
         status = show_frames(take, &facts, coach);
     if (status == OK)
         status = depth_cause_find(take, &finding);
+    if (status == OK)
+        status = sensor_tilt_find(take, &tilt);
     if (status == OK) {
         coach_verdict(coach, &watched);
         *out = (struct take_verdict){.purpose = before->purpose, .seen = watched.seen};
         depth_cause_say(&finding, out);
         take_facts_say(&facts, out);
+        sensor_tilt_say(&tilt, out);
         out->spoilt |= watched.spoilt;
         add_filming(out, before, filmed_by);
         add_lines(out, &watched, false);
+        if (!out->count)
+            verdict_say(out, 0, "there is nothing to watch and nothing to compare");
         judgement->seen = coach->coverage;
         judgement->frames = facts.frames;
     }

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double MOST_TILT_RAD = 0.611; // 35 degrees: beyond, a person who lies would be set upright
+
 void joint_note(struct joint_notes *n, const char *format, ...)
 {
     va_list arguments;
@@ -109,6 +111,16 @@ int64_t take_first_sample(const struct take *take)
     return -1;
 }
 
+// After joint_samples_level(): nobody stood upright, or a sensor was tilted by more than that can be told from lying.
+static void note_unknown_tilt(struct joint_samples *s)
+{
+    struct vec3 mean;
+    if (!joint_samples_standing(s, &mean) || v3_dot(mean, v3(0, -1, 0)) < portable_cos(MOST_TILT_RAD))
+        joint_note(&s->notes, "how its sensor was tilted is not known, without a place and with nobody who stands "
+                              "upright for a second; it is taken as held level, and where it was not, the score means "
+                              "little");
+}
+
 static enum status read_take(const struct take *take, const char *path, const char *name, struct joint_samples *out)
 {
     enum status status = OK;
@@ -120,8 +132,10 @@ static enum status read_take(const struct take *take, const char *path, const ch
     }
     if (status == OK && !out->count)
         status = fail(ERR_INPUT, "take '%s' of %s has no skeleton: no person was tracked in it", name, path);
-    if (status == OK && !take_is_located(take))
+    if (status == OK && !take_is_located(take)) {
         joint_samples_level(out);
+        note_unknown_tilt(out);
+    }
     return status;
 }
 
@@ -159,40 +173,13 @@ enum status joint_samples_read_take(const char *path, const char *name, struct j
 // Longer ones are gaps.
 static const double MOST_STEP_S = 0.2;
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
-
-static double cosine(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
-
-// The direction from the feet to the neck of a person whose legs and trunk are straight and together.
-static bool standing_axis(const struct skeleton *s, struct vec3 *axis)
-{
-    static const enum joint needed[] = {JOINT_NECK,      JOINT_LEFT_HIP,   JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
-                                        JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
-    for (size_t i = 0; i < COUNT_OF(needed); i++)
-        if (!known(s, needed[i]))
-            return false;
-    const struct vec3 *p = s->joint;
-    const struct vec3 hips = v3_mix(p[JOINT_LEFT_HIP], p[JOINT_RIGHT_HIP], 0.5),
-                      feet = v3_mix(p[JOINT_LEFT_FOOT], p[JOINT_RIGHT_FOOT], 0.5), trunk = v3_sub(p[JOINT_NECK], hips);
-    const double straight = 0.966; // 15 degrees
-    for (int side = 0; side < 2; side++) {
-        const struct vec3 hip = p[side ? JOINT_RIGHT_HIP : JOINT_LEFT_HIP],
-                          knee = p[side ? JOINT_RIGHT_KNEE : JOINT_LEFT_KNEE],
-                          foot = p[side ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT];
-        if (cosine(v3_sub(hip, knee), v3_sub(knee, foot)) < straight || cosine(v3_sub(hip, foot), trunk) < straight)
-            return false;
-    }
-    *axis = v3_unit(v3_sub(p[JOINT_NECK], feet));
-    return true;
-}
-
 bool joint_samples_standing(const struct joint_samples *s, struct vec3 *mean)
 {
     struct vec3 sum = {0, 0, 0}, axis;
     double seconds = 0;
     for (int64_t i = 0; i + 1 < s->count; i++) {
         const double step = (double)(s->at[i + 1].time_ns - s->at[i].time_ns) * 1e-9;
-        if (step > MOST_STEP_S || !standing_axis(&s->at[i].skeleton, &axis))
+        if (step > MOST_STEP_S || !skeleton_standing_axis(&s->at[i].skeleton, &axis))
             continue;
         sum = v3_add(sum, v3_scale(axis, step));
         seconds += step;
@@ -208,7 +195,7 @@ void joint_samples_level(struct joint_samples *s)
     if (!joint_samples_standing(s, &mean))
         return;
     const double tilt = portable_acos(fmin(1, fmax(-1, v3_dot(mean, up))));
-    if (tilt < 0.0524 || tilt > 0.611)
+    if (tilt < 0.0524 || tilt > MOST_TILT_RAD)
         return;
     const struct quat level = quat_between(mean, up);
     for (int64_t i = 0; i < s->count; i++)

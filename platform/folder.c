@@ -94,14 +94,28 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     return true;
 }
 
+// Unix times of this century have 10 digits in seconds: more are of a smaller unit.
+static enum status refuse_time(const struct image_list *list, const char *dir, const char *line, int number)
+{
+    const size_t digits = strspn(line, "0123456789");
+    const char *unit = digits >= 18   ? "nanoseconds: divide them by 1000000000"
+                       : digits >= 15 ? "microseconds: divide them by 1000000"
+                       : digits >= 12 ? "milliseconds: divide them by 1000"
+                                      : NULL;
+    if (unit)
+        return fail(ERR_INPUT, "%s/%s, line %d: the times are to be in seconds, and '%.40s' looks like %s", dir,
+                    list->name, number, line, unit);
+    return fail(ERR_INPUT, "%s/%s, line %d: '%.40s' does not begin with a time in seconds and a file", dir, list->name,
+                number, line);
+}
+
 // Adds the image of one line to the list.
 static enum status add_line(struct image_list *list, const char *dir, const char *line, int number)
 {
     int64_t time_ns;
     const char *path = line;
     if (!read_seconds(&path, &time_ns))
-        return fail(ERR_INPUT, "%s/%s, line %d: '%.40s' does not begin with a time in seconds and a file", dir,
-                    list->name, number, line);
+        return refuse_time(list, dir, line, number);
     path += strspn(path, " \t");
     enum status status = file_check_listed(dir, list->name, number, path);
     if (status != OK)

@@ -102,3 +102,29 @@ bool skeleton_is_in_range(const struct skeleton *s)
             return false;
     return true;
 }
+
+static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+
+static double cosine(struct vec3 a, struct vec3 b) { return v3_dot(v3_unit(a), v3_unit(b)); }
+
+bool skeleton_standing_axis(const struct skeleton *s, struct vec3 *axis)
+{
+    static const enum joint needed[] = {JOINT_NECK,      JOINT_LEFT_HIP,   JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
+                                        JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(needed); i++)
+        if (!known(s, needed[i]))
+            return false;
+    const struct vec3 *p = s->joint;
+    const struct vec3 hips = v3_mix(p[JOINT_LEFT_HIP], p[JOINT_RIGHT_HIP], 0.5),
+                      feet = v3_mix(p[JOINT_LEFT_FOOT], p[JOINT_RIGHT_FOOT], 0.5), trunk = v3_sub(p[JOINT_NECK], hips);
+    const double straight = 0.966; // 15 degrees
+    for (int side = 0; side < 2; side++) {
+        const struct vec3 hip = p[side ? JOINT_RIGHT_HIP : JOINT_LEFT_HIP],
+                          knee = p[side ? JOINT_RIGHT_KNEE : JOINT_LEFT_KNEE],
+                          foot = p[side ? JOINT_RIGHT_FOOT : JOINT_LEFT_FOOT];
+        if (cosine(v3_sub(hip, knee), v3_sub(knee, foot)) < straight || cosine(v3_sub(hip, foot), trunk) < straight)
+            return false;
+    }
+    *axis = v3_unit(v3_sub(p[JOINT_NECK], feet));
+    return true;
+}

@@ -66,6 +66,10 @@ bool skeleton_is_in_range(const struct skeleton *s); // all confidences are in [
 #define KNOWN_SIGMA_MAX_M 0.30 // chosen by hand: about the length of a forearm
 float confidence_of(double sigma_m, bool observed);
 
+// The direction from the feet to the neck of a person whose legs and trunk are straight and together, unit. False: this
+// one's are not.
+bool skeleton_standing_axis(const struct skeleton *s, struct vec3 *axis);
+
 // A part runs from joint `from` to joint `to`; its cylinder's radius is radius_rate times their distance ([D14] 4.1).
 struct part_ends {
     enum joint from, to;
