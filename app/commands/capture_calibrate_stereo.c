@@ -69,6 +69,8 @@ static enum status print_report(const struct stereo_rig *rig, const struct stere
     json_add_number(root, "baseline_m", r->baseline_m);
     json_add_number(root, "baseline_sigma_m", r->baseline_sigma_m);
     json_add_number(root, "focal_sigma", r->focal_sigma);
+    json_add_number(root, "pairs_left_out", r->left_out);
+    json_add_string(root, "warning", r->warning);
     return command_print_json(&root);
 }
 
@@ -92,6 +94,8 @@ int capture_calibrate_stereo(int argc, char **argv)
     enum status status = a.out ? file_check_output(a.out, a.force) : OK;
     if (status == OK)
         status = stereo_calibrate_folder(a.folder, &rig, &report, &pairs);
+    if (status == OK && *report.warning)
+        fprintf(stderr, "%s: warning: %s\n", argv[0], report.warning);
     if (status == OK && a.out) {
         char *text = stereo_rig_print(&rig);
         status = text ? file_write(a.out, text, strlen(text)) : fail(ERR_MEMORY, "no memory to write %s", a.out);

@@ -9,7 +9,6 @@
 // All chosen by hand.
 enum { LEAST_CIRCLES = 16 };
 static const double NEW_VIEW_SHARE = 1.0 / 30; // of the picture's width, that the board's middle or corners moved
-static const double MOST_RMS_PX = 1;           // beyond, the board is not flat or not what was said
 
 void lens_calibration_start(struct lens_calibration *c, const struct stereo_board *board, int width, int height)
 {
@@ -94,8 +93,8 @@ enum status lens_calibration_add(struct lens_calibration *c, const uint8_t *rgb,
 enum status lens_calibration_solve(const struct lens_calibration *c, struct lens *lens, struct lens_report *report)
 {
     struct stereo_view views[LENS_MOST_VIEWS];
-    struct stereo_rig rig;
-    struct stereo_report twice;
+    struct stereo_fit fit;
+    struct lens found;
     *report = (struct lens_report){.views = c->views, .circles = c->first[c->views]};
     if (c->views < LENS_LEAST_VIEWS)
         return fail(ERR_INPUT,
@@ -105,20 +104,15 @@ enum status lens_calibration_solve(const struct lens_calibration *c, struct lens
     for (int i = 0; i < c->views; i++) {
         const struct circle *at = c->circles + c->first[i];
         const int count = c->first[i + 1] - c->first[i];
-        views[i] = (struct stereo_view){{at, at}, {count, count}};
+        views[i] = (struct stereo_view){{at, NULL}, {count, 0}, NULL};
     }
-    enum status status = stereo_calibrate(&c->board, views, c->views, c->width, c->height, &rig, &twice);
+    enum status status = stereo_calibrate_one(&c->board, views, c->views, c->width, c->height, &found, &fit);
     if (status != OK)
         return status;
-    report->rms_px = twice.rms_px[0];
-    report->max_px = twice.max_px[0];
-    report->focal_sigma = twice.focal_sigma * sqrt(2); // each observation counted twice
+    report->rms_px = fit.rms_px;
+    report->max_px = fit.max_px;
+    report->focal_sigma = fit.focal_sigma;
     report->sigma_mm_per_m = 1e3 * report->focal_sigma;
-    if (report->rms_px > MOST_RMS_PX)
-        return fail(ERR_INPUT,
-                    "the lens fits the board to %.1f pixels only: the board is not flat, or was printed at "
-                    "another scale across than down",
-                    report->rms_px);
-    *lens = rig.left;
+    *lens = found;
     return OK;
 }

@@ -1,5 +1,5 @@
-// The lens of one camera from pictures of a printed board, of circles or of chequers: as stereo_calibration.h for a
-// camera paired with itself. Of circles a part is enough; of chequers all inner corners have to be in sight. Pure but
+// The lens of one camera from pictures of a printed board, of circles or of chequers: as stereo_calibration.h
+// calibrates one of a pair. Of circles a part is enough; of chequers all inner corners have to be in sight. Pure but
 // for memory.
 #pragma once
 #include "capture/calibration/stereo_calibration.h"

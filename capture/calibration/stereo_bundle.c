@@ -6,7 +6,8 @@
 #include <string.h>
 
 enum { LOCAL = BUNDLE_LENS + 2 * BUNDLE_POSE, MOST_STEPS = 60 };
-#define HUBER_PX 0.3
+#define HUBER_PX      0.3
+#define LEAST_DEPTH_M 1e-3 // before the camera
 
 static struct pose moved(struct pose p, const double d[BUNDLE_POSE])
 {
@@ -21,27 +22,34 @@ static double *lens_numbers(struct lens *l, int i)
     return at[i];
 }
 
-static bool predict(const struct lens *lens, const struct pose *camera_from_board, const double centre[2],
-                    double radius, struct pixel *out)
+// Radon's rule for a disc of radius 1, exact to degree 5: the centre, and six points at sqrt(2/3) of the radius; x, y,
+// share of the area.
+enum { DISC_POINTS = 7 };
+#define DISC_REACH 0.81649658092772603
+static const double disc_point[DISC_POINTS][3] = {{0, 0, 0.25},
+                                                  {DISC_REACH, 0, 0.125},
+                                                  {DISC_REACH * 0.5, DISC_REACH * 0.86602540378443865, 0.125},
+                                                  {DISC_REACH * -0.5, DISC_REACH * 0.86602540378443865, 0.125},
+                                                  {-DISC_REACH, 0, 0.125},
+                                                  {DISC_REACH * -0.5, DISC_REACH * -0.86602540378443865, 0.125},
+                                                  {DISC_REACH * 0.5, DISC_REACH * -0.86602540378443865, 0.125}};
+
+static struct vec3 point_of_disc(const struct stereo_bundle *b, const struct disc_sighting *s, int i)
 {
-    // Radon's rule for the disc, exact to degree 5: the centre, and six points at sqrt(2/3) of the radius
-    static const double around[7][3] = {{0, 0, 0.25},
-                                        {1, 0, 0.125},
-                                        {0.5, 0.86602540378443865, 0.125},
-                                        {-0.5, 0.86602540378443865, 0.125},
-                                        {-1, 0, 0.125},
-                                        {-0.5, -0.86602540378443865, 0.125},
-                                        {0.5, -0.86602540378443865, 0.125}};
-    const double reach = radius * 0.81649658092772603;
+    return v3(s->x_m + b->radius_m * disc_point[i][0], s->y_m + b->radius_m * disc_point[i][1], 0);
+}
+
+static bool predict(const struct stereo_bundle *b, const struct disc_sighting *s, const struct pose *camera_from_board,
+                    struct pixel *out)
+{
     double sum = 0;
     struct pixel at = {0, 0};
-    for (int i = 0; i < 7; i++) {
-        const struct vec3 p =
-            pose_apply(*camera_from_board, v3(centre[0] + reach * around[i][0], centre[1] + reach * around[i][1], 0));
-        if (!(p.z > 1e-3))
+    for (int i = 0; i < DISC_POINTS; i++) {
+        const struct vec3 p = pose_apply(*camera_from_board, point_of_disc(b, s, i));
+        if (!(p.z > LEAST_DEPTH_M))
             return false;
-        const struct pixel px = lens_project(lens, p);
-        const double weight = around[i][2] / (p.z * p.z * p.z); // area in the image for area on a plane
+        const struct pixel px = lens_project(&b->lens[s->camera], p);
+        const double weight = disc_point[i][2] / (p.z * p.z * p.z); // area in the image for area on a plane
         sum += weight;
         at.x += weight * px.x;
         at.y += weight * px.y;
@@ -53,27 +61,88 @@ static bool predict(const struct lens *lens, const struct pose *camera_from_boar
 bool stereo_predict(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out)
 {
     const struct pose p = pose_multiply(b->camera_from_left[s->camera], b->left_from_board[s->board]);
-    return predict(&b->lens[s->camera], &p, (double[2]){s->x_m, s->y_m}, b->radius_m, out);
+    return predict(b, s, &p, out);
 }
 
-// Prediction with the local unknowns moved: the camera's lens, the pose between the cameras, the board's pose.
-static bool predict_moved(const struct stereo_bundle *b, const struct disc_sighting *s, int unknown, double step,
-                          struct pixel *out)
+// The pixel of a point, and its derivatives by the lens (row, column) and by the point.
+struct projection {
+    struct pixel at;
+    double by_lens[2][BUNDLE_LENS];
+    struct vec3 by_point[2];
+};
+
+static void project(const struct lens *l, struct vec3 p, struct projection *out)
 {
-    struct lens lens = b->lens[s->camera];
-    struct pose camera = b->camera_from_left[s->camera], board = b->left_from_board[s->board];
-    double d[BUNDLE_POSE] = {0};
-    if (unknown < BUNDLE_LENS) {
-        *lens_numbers(&lens, unknown) += step;
-    } else if (unknown < BUNDLE_LENS + BUNDLE_POSE) {
-        d[unknown - BUNDLE_LENS] = step;
-        camera = moved(camera, d);
-    } else {
-        d[unknown - BUNDLE_LENS - BUNDLE_POSE] = step;
-        board = moved(board, d);
+    const double x = p.x / p.z, y = p.y / p.z, r2 = x * x + y * y;
+    const double radial = 1 + r2 * (l->k1 + r2 * l->k2), slope = 2 * (l->k1 + 2 * r2 * l->k2);
+    const double xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
+    const double yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
+    const double xx = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x; // d xd / d x
+    const double xy = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;          // d xd / d y = d yd / d x
+    const double yy = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x; // d yd / d y
+    const double rows[2][BUNDLE_LENS] = {
+        {xd, 0, 1, 0, l->fx * x * r2, l->fx * x * r2 * r2, l->fx * 2 * x * y, l->fx * (r2 + 2 * x * x)},
+        {0, yd, 0, 1, l->fy * y * r2, l->fy * y * r2 * r2, l->fy * (r2 + 2 * y * y), l->fy * 2 * x * y}};
+    memcpy(out->by_lens, rows, sizeof rows);
+    out->at = (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+    out->by_point[0] = v3_scale(v3(xx, xy, -xx * x - xy * y), l->fx / p.z);
+    out->by_point[1] = v3_scale(v3(xy, yy, -xy * x - yy * y), l->fy / p.z);
+}
+
+// How a point moves with each of a pose's unknowns: turned about the frame's origin, shifted.
+static void pose_slopes(struct vec3 turned, struct vec3 out[BUNDLE_POSE])
+{
+    static const struct vec3 axis[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (int k = 0; k < 3; k++) {
+        out[k] = v3_cross(axis[k], turned);
+        out[3 + k] = axis[k];
     }
-    const struct pose p = pose_multiply(camera, board);
-    return predict(&lens, &p, (double[2]){s->x_m, s->y_m}, b->radius_m, out);
+}
+
+// As stereo_predict, with the derivatives by the local unknowns: the camera's lens, the pose between the cameras, the
+// board's pose (as `moved` moves them).
+static bool predict_with_slopes(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out,
+                                double slope[LOCAL][2])
+{
+    const struct pose camera = b->camera_from_left[s->camera], board = b->left_from_board[s->board];
+    double sum = 0, sum_slope[LOCAL] = {0};
+    struct pixel at = {0, 0};
+    memset(slope, 0, LOCAL * sizeof *slope);
+    for (int i = 0; i < DISC_POINTS; i++) {
+        const struct vec3 on_board = quat_rotate(board.rotation, point_of_disc(b, s, i));
+        const struct vec3 turned = quat_rotate(camera.rotation, v3_add(on_board, board.translation));
+        const struct vec3 p = v3_add(turned, camera.translation);
+        if (!(p.z > LEAST_DEPTH_M))
+            return false;
+        struct projection seen;
+        struct vec3 by[2 * BUNDLE_POSE];
+        project(&b->lens[s->camera], p, &seen);
+        pose_slopes(turned, by);
+        pose_slopes(on_board, by + BUNDLE_POSE);
+        for (int k = BUNDLE_POSE; k < 2 * BUNDLE_POSE; k++)
+            by[k] = quat_rotate(camera.rotation, by[k]);
+        const double weight = disc_point[i][2] / (p.z * p.z * p.z);
+        sum += weight;
+        at.x += weight * seen.at.x;
+        at.y += weight * seen.at.y;
+        for (int k = 0; k < BUNDLE_LENS; k++) {
+            slope[k][0] += weight * seen.by_lens[0][k];
+            slope[k][1] += weight * seen.by_lens[1][k];
+        }
+        for (int k = 0; k < 2 * BUNDLE_POSE; k++) {
+            const double weight_slope = -3 * weight / p.z * by[k].z;
+            double *of = slope[BUNDLE_LENS + k];
+            sum_slope[BUNDLE_LENS + k] += weight_slope;
+            of[0] += weight_slope * seen.at.x + weight * v3_dot(seen.by_point[0], by[k]);
+            of[1] += weight_slope * seen.at.y + weight * v3_dot(seen.by_point[1], by[k]);
+        }
+    }
+    *out = (struct pixel){at.x / sum, at.y / sum};
+    for (int k = 0; k < LOCAL; k++) {
+        slope[k][0] = (slope[k][0] - out->x * sum_slope[k]) / sum;
+        slope[k][1] = (slope[k][1] - out->y * sum_slope[k]) / sum;
+    }
+    return true;
 }
 
 // The column of a local unknown among all; -1: it is fixed.
@@ -91,7 +160,7 @@ static double huber(double distance)
     return distance <= HUBER_PX ? distance * distance : HUBER_PX * (2 * distance - HUBER_PX);
 }
 
-static double cost(const struct stereo_bundle *b)
+double stereo_bundle_cost(const struct stereo_bundle *b)
 {
     double sum = 0;
     for (int i = 0; i < b->count; i++) {
@@ -113,22 +182,15 @@ struct system {
 
 static void add_sighting(const struct stereo_bundle *b, const struct disc_sighting *s, struct system *m)
 {
-    struct pixel at, more, less;
-    if (s->outlier || !stereo_predict(b, s, &at))
+    struct pixel at;
+    double j[LOCAL][2];
+    int column[LOCAL];
+    if (s->outlier || !predict_with_slopes(b, s, &at, j))
         return;
     const double rx = at.x - s->at.x, ry = at.y - s->at.y, distance = sqrt(rx * rx + ry * ry);
     const double weight = distance <= HUBER_PX ? 1 : HUBER_PX / distance;
-    double j[LOCAL][2];
-    int column[LOCAL];
-    for (int k = 0; k < LOCAL; k++) {
-        const double step = k < 4 ? 1e-3 : 1e-6;
+    for (int k = 0; k < LOCAL; k++)
         column[k] = column_of(s, k);
-        j[k][0] = j[k][1] = 0;
-        if (column[k] < 0 || !predict_moved(b, s, k, step, &more) || !predict_moved(b, s, k, -step, &less))
-            continue;
-        j[k][0] = (more.x - less.x) / (2 * step);
-        j[k][1] = (more.y - less.y) / (2 * step);
-    }
     for (int k = 0; k < LOCAL; k++) {
         if (column[k] < 0)
             continue;
@@ -185,7 +247,7 @@ static bool solve_damped(struct system *m, double damping)
 
 static void descend(struct stereo_bundle *b, struct system *m, struct pose *kept)
 {
-    double damping = 1e-3, now = cost(b);
+    double damping = 1e-3, now = stereo_bundle_cost(b);
     const size_t bytes = (size_t)b->boards * sizeof *kept;
     for (int i = 0; i < MOST_STEPS && damping < 1e8; i++) {
         fill_system(b, m);
@@ -196,7 +258,7 @@ static void descend(struct stereo_bundle *b, struct system *m, struct pose *kept
         while (!better && damping < 1e8) {
             if (solve_damped(m, damping)) {
                 apply(b, m->step);
-                const double then = cost(b);
+                const double then = stereo_bundle_cost(b);
                 better = then < now;
                 change = (now - then) / (now + 1e-12);
                 now = better ? then : now;
@@ -212,32 +274,30 @@ static void descend(struct stereo_bundle *b, struct system *m, struct pose *kept
     }
 }
 
+static int compare_doubles(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// From where it was seen to where it is predicted, pixels; far for what is behind the camera.
+static double distance_of(const struct stereo_bundle *b, const struct disc_sighting *s)
+{
+    struct pixel at;
+    return stereo_predict(b, s, &at) ? hypot(at.x - s->at.x, at.y - s->at.y) : 1e9;
+}
+
 // Marks what is further off than any noise: 6 times the median distance, but at least 0.5 pixels.
 static int mark_outliers(struct stereo_bundle *b, double *distances)
 {
-    int n = 0, marked = 0;
-    for (int pass = 0; pass < 2; pass++) {
-        double limit = 0.5;
-        if (pass) {
-            for (int i = 1; i < n; i++) // insertion sort; a few thousand values, nearly all small
-                for (int k = i; k > 0 && distances[k] < distances[k - 1]; k--) {
-                    const double t = distances[k];
-                    distances[k] = distances[k - 1];
-                    distances[k - 1] = t;
-                }
-            limit = n && 6 * distances[n / 2] > limit ? 6 * distances[n / 2] : limit;
-        }
-        for (int i = 0; i < b->count; i++) {
-            struct pixel at = {1e9, 1e9};
-            (void)stereo_predict(b, &b->seen[i], &at);
-            const double x = at.x - b->seen[i].at.x, y = at.y - b->seen[i].at.y, distance = sqrt(x * x + y * y);
-            if (!pass) {
-                distances[n++] = distance;
-            } else {
-                b->seen[i].outlier = distance > limit;
-                marked += b->seen[i].outlier;
-            }
-        }
+    int marked = 0;
+    for (int i = 0; i < b->count; i++)
+        distances[i] = distance_of(b, &b->seen[i]);
+    qsort(distances, (size_t)b->count, sizeof *distances, compare_doubles);
+    const double limit = b->count ? fmax(0.5, 6 * distances[b->count / 2]) : 0.5;
+    for (int i = 0; i < b->count; i++) {
+        b->seen[i].outlier = distance_of(b, &b->seen[i]) > limit;
+        marked += b->seen[i].outlier;
     }
     return marked;
 }
@@ -285,7 +345,7 @@ enum status stereo_bundle_solve(struct stereo_bundle *b, double *covariance)
         descend(b, &m, kept);
         if (mark_outliers(b, distances))
             descend(b, &m, kept);
-        if (!(cost(b) < 1e20))
+        if (!(stereo_bundle_cost(b) < 1e20))
             status = fail(ERR_SOLVER, "the calibration did not converge");
         else if (covariance)
             write_covariance(b, &m, covariance);

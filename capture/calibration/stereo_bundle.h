@@ -24,6 +24,9 @@ enum { BUNDLE_LENS = 8, BUNDLE_POSE = 6, BUNDLE_SHARED = 2 * BUNDLE_LENS + BUNDL
 // The centroid of the disc's image. False: it is behind the camera.
 bool stereo_predict(const struct stereo_bundle *b, const struct disc_sighting *s, struct pixel *out);
 
+// The sum over the sightings of Huber's function of their distances, pixels^2; 1e30 with one behind its camera.
+double stereo_bundle_cost(const struct stereo_bundle *b);
+
 // One of the BUNDLE_SHARED unknowns moved by `step`.
 void stereo_bundle_move(struct stereo_bundle *b, int unknown, double step);
 

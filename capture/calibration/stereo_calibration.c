@@ -2,11 +2,23 @@
 
 #include "base/linear_algebra.h"
 #include "capture/calibration/stereo_bundle.h"
+#include "capture/calibration/stereo_judgement.h"
+#include "capture/calibration/stereo_pairs.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_CIRCLES = 16 };
+enum { LEAST_CIRCLES = 16, FOCAL_STEPS = 24 };
+
+// Of the picture's width: from a picture of 145 degrees to one of 3. Each step is 18 %: the solver starts closer.
+static const double FOCAL_LEAST = 0.16, FOCAL_MOST = 20;
+
+// The share of its error that is left to a camera when its pictures are straightened as a fisheye's: that is what it
+// is.
+static const double FISHEYE_GAIN = 0.5;
+
+// A board that moved by less between two pictures stood still: a few times the largest error of a circle's centre.
+static const double LEAST_MOVED_PX = 1.5;
 
 // A homography from lattice (column, row) to pixels, by the normalised direct linear transform with h33 = 1.
 static bool homography(const struct circle *c, int n, double h[9])
@@ -40,31 +52,6 @@ static bool homography(const struct circle *c, int n, double h[9])
         h[6 + k] = raw[6 + k] * lattice;
     }
     return true;
-}
-
-// Zhang's constraints for square pixels and a known principal point: each homography gives two equations in 1 / f^2.
-static double focal_length(const double (*h)[9], int n, double cx, double cy)
-{
-    double num = 0, den = 0;
-    for (int i = 0; i < n; i++) {
-        double c[2][3];
-        double size = 0;
-        for (int k = 0; k < 2; k++) {
-            c[k][0] = h[i][k] - cx * h[i][6 + k];
-            c[k][1] = h[i][3 + k] - cy * h[i][6 + k];
-            c[k][2] = h[i][6 + k];
-            size += c[k][0] * c[k][0] + c[k][1] * c[k][1];
-        }
-        // c0'w c1 = 0, c0'w c0 = c1'w c1 with w = diag(q, q, 1), q = 1 / f^2
-        const double a[2] = {(c[0][0] * c[1][0] + c[0][1] * c[1][1]) / size,
-                             (c[0][0] * c[0][0] + c[0][1] * c[0][1] - c[1][0] * c[1][0] - c[1][1] * c[1][1]) / size};
-        const double b[2] = {c[0][2] * c[1][2] / size, (c[0][2] * c[0][2] - c[1][2] * c[1][2]) / size};
-        for (int k = 0; k < 2; k++) {
-            num -= a[k] * b[k];
-            den += a[k] * a[k];
-        }
-    }
-    return num > 0 ? sqrt(den / num) : 0;
 }
 
 static struct pose board_pose(const double h[9], const struct lens *l, double pitch)
@@ -110,10 +97,13 @@ static double disc_radius(const struct stereo_view *views, int count, double *sc
     return sqrt(scratch[n / 2] / 3.14159265358979);
 }
 
+// One camera by itself.
 struct single {
     struct lens lens;
-    int view_of[512], boards; // which views this camera's boards are of
-    struct pose camera_from_board[512];
+    int boards; // pictures with a board that is used
+    bool seen[STEREO_MOST_PAIRS];
+    struct pose camera_from_board[STEREO_MOST_PAIRS]; // of each view that is seen
+    struct stereo_fit fit;
 };
 
 static void add_sightings(struct stereo_bundle *b, const struct circle *c, int n, int camera, int board, double pitch)
@@ -127,207 +117,215 @@ struct work {
     const struct stereo_board *board;
     const struct stereo_view *views;
     int count, width, height;
+    int circles;        // of all views
     struct single *one; // two
     struct stereo_bundle bundle;
-    double (*homographies)[9];
+    double (*homographies)[9]; // of each view that is seen by the camera at hand
+    const char *whose[2];      // the cameras, for sentences
 };
 
-static enum status calibrate_one(struct work *w, int camera)
+// The boards as their homographies place them under a lens.
+static void place_boards(struct work *w, const struct single *s)
 {
-    struct single *s = &w->one[camera];
-    struct stereo_bundle *b = &w->bundle;
-    s->boards = 0;
+    int board = 0;
+    w->bundle.lens[0] = s->lens;
     for (int v = 0; v < w->count; v++)
-        if (w->views[v].count[camera] >= LEAST_CIRCLES &&
-            homography(w->views[v].circles[camera], w->views[v].count[camera], w->homographies[s->boards]))
-            s->view_of[s->boards++] = v;
-    const char *which = camera ? "right" : "left";
-    if (s->boards < STEREO_LEAST_VIEWS)
-        return fail(ERR_INPUT, "the board is in %d of the %s camera's %d pictures; at least %d are needed", s->boards,
-                    which, w->count, STEREO_LEAST_VIEWS);
-    s->lens =
-        (struct lens){.width = w->width, .height = w->height, .cx = (w->width - 1) / 2.0, .cy = (w->height - 1) / 2.0};
-    s->lens.fx = focal_length((const double(*)[9])w->homographies, s->boards, s->lens.cx, s->lens.cy);
-    if (!(s->lens.fx > 0.2 * w->width && s->lens.fx < 20 * w->width))
-        return fail(ERR_INPUT,
-                    "the %s camera's focal length cannot be found from these pictures; turn the board by 30 degrees to "
-                    "each side in some of them",
-                    which);
-    s->lens.fy = s->lens.fx;
-    b->lens[0] = s->lens;
-    b->camera_from_left[0] = b->camera_from_left[1] = POSE_IDENTITY;
-    b->boards = s->boards;
-    b->count = 0;
-    for (int i = 0; i < s->boards; i++) {
-        const struct stereo_view *v = &w->views[s->view_of[i]];
-        b->left_from_board[i] = board_pose(w->homographies[i], &s->lens, w->board->pitch_m);
-        add_sightings(b, v->circles[camera], v->count[camera], 0, i, w->board->pitch_m);
-    }
-    enum status status = stereo_bundle_solve(b, NULL);
-    s->lens = b->lens[0];
-    memcpy(s->camera_from_board, b->left_from_board, (size_t)s->boards * sizeof *s->camera_from_board);
-    return status;
+        if (s->seen[v])
+            w->bundle.left_from_board[board++] = board_pose(w->homographies[v], &s->lens, w->board->pitch_m);
 }
 
-// The motion of the lattice that turns it by `quarter` quarter turns about its origin and then shifts it.
-static struct pose lattice_motion(int quarter, double column, double row, double pitch)
+// The focal length, of a range beyond any camera's, at which the boards as their homographies place them explain the
+// circles best: a board is square only at the right one. The closed form (Zhang 2000, section 3.1) takes the difference
+// of two nearly equal numbers where the boards are turned little and the lens bends much, and then has no solution.
+static void start_focal_length(struct work *w, struct single *s)
 {
-    static const double half[4][2] = {{0, 1},
-                                      {0.70710678118654752, 0.70710678118654752},
-                                      {1, 0},
-                                      {0.70710678118654752, -0.70710678118654752}}; // sine, cosine of half the angle
-    return (struct pose){{0, 0, half[quarter][0], half[quarter][1]}, v3(column * pitch, row * pitch, 0)};
-}
-
-static int board_of(const struct single *s, int view)
-{
-    for (int i = 0; i < s->boards; i++)
-        if (s->view_of[i] == view)
-            return i;
-    return -1;
-}
-
-static bool is_whole(const struct stereo_board *board, const struct circle *c, int n, bool *upright)
-{
-    int columns = 0, rows = 0;
-    for (int i = 0; i < n; i++) {
-        columns = c[i].column >= columns ? c[i].column + 1 : columns;
-        rows = c[i].row >= rows ? c[i].row + 1 : rows;
-    }
-    *upright = columns == board->columns;
-    return n == board->columns * board->rows &&
-           ((columns == board->columns && rows == board->rows) || (columns == board->rows && rows == board->columns));
-}
-
-// right_from_left by one view, if the right camera's lattice is `motion` of the left's.
-static struct pose rig_by(const struct work *w, int left, int right, struct pose left_lattice_from_right)
-{
-    return pose_multiply(w->one[1].camera_from_board[right],
-                         pose_inverse(pose_multiply(w->one[0].camera_from_board[left], left_lattice_from_right)));
-}
-
-// The quarter turn that makes the cameras turned least against each other (they are, by less than 45 degrees).
-static int quarter_of(const struct work *w, int left, int right)
-{
-    int best = 0;
-    double least = 1e9;
-    for (int q = 0; q < 4; q++) {
-        const double angle = pose_angle(rig_by(w, left, right, lattice_motion(q, 0, 0, 0)), POSE_IDENTITY);
-        if (angle < least) {
-            least = angle;
-            best = q;
+    double least = INFINITY, best = w->width;
+    for (int k = 0; k <= FOCAL_STEPS; k++) {
+        const double focal_px = w->width * FOCAL_LEAST * pow(FOCAL_MOST / FOCAL_LEAST, (double)k / FOCAL_STEPS);
+        s->lens.fx = s->lens.fy = focal_px;
+        place_boards(w, s);
+        const double cost = stereo_bundle_cost(&w->bundle);
+        if (cost < least) {
+            least = cost;
+            best = focal_px;
         }
     }
-    return best;
+    s->lens.fx = s->lens.fy = best;
+    place_boards(w, s);
 }
 
-// Where the right lattice's origin lies in the left one, when both show the whole board.
-static void whole_shift(const struct stereo_board *board, int quarter, bool right_upright, double shift[2])
+// The largest distance, pixels, between the same circles of two views; INFINITY: they show different parts.
+static double moved_px(const struct stereo_view *a, const struct stereo_view *b, int camera)
 {
-    const int columns = (right_upright ? board->columns : board->rows) - 1;
-    const int rows = (right_upright ? board->rows : board->columns) - 1;
-    // turned by a quarter, (c, r) goes to (-r, c); the turned lattice must begin at 0
-    shift[0] = quarter == 1 ? rows : quarter == 2 ? columns : 0;
-    shift[1] = quarter == 2 ? rows : quarter == 3 ? columns : 0; // three quarters: to (r, -c)
+    double most = 0;
+    if (a->count[camera] != b->count[camera])
+        return INFINITY;
+    for (int i = 0; i < a->count[camera]; i++) {
+        const struct circle *p = &a->circles[camera][i], *q = &b->circles[camera][i];
+        const double distance = hypot(p->at.x - q->at.x, p->at.y - q->at.y);
+        most = p->column == q->column && p->row == q->row ? fmax(most, distance) : INFINITY;
+    }
+    return most;
 }
 
-// The median pose between the cameras over the views that show the whole board to both.
-static enum status rig_from_whole(const struct work *w, struct pose *right_from_left)
+// A board that was not moved since an earlier picture adds nothing, and would count as certainty.
+static bool is_repeated(const struct work *w, const struct single *s, int camera, int view)
 {
-    struct pose found[512];
-    int n = 0;
+    for (int v = 0; v < view; v++)
+        if (s->seen[v] && moved_px(&w->views[v], &w->views[view], camera) < LEAST_MOVED_PX)
+            return true;
+    return false;
+}
+
+static enum status find_boards(struct work *w, struct single *s, int camera)
+{
+    int in_sight = 0;
     for (int v = 0; v < w->count; v++) {
-        const int l = board_of(&w->one[0], v), r = board_of(&w->one[1], v);
-        bool left_upright, right_upright;
-        if (l < 0 || r < 0 || !is_whole(w->board, w->views[v].circles[0], w->views[v].count[0], &left_upright) ||
-            !is_whole(w->board, w->views[v].circles[1], w->views[v].count[1], &right_upright))
-            continue;
-        const int quarter = quarter_of(w, l, r);
-        double shift[2];
-        whole_shift(w->board, quarter, right_upright, shift);
-        found[n++] = rig_by(w, l, r, lattice_motion(quarter, shift[0], shift[1], w->board->pitch_m));
+        const struct stereo_view *view = &w->views[v];
+        const bool found = view->count[camera] >= LEAST_CIRCLES &&
+                           homography(view->circles[camera], view->count[camera], w->homographies[v]);
+        s->seen[v] = found && !is_repeated(w, s, camera, v);
+        s->boards += s->seen[v];
+        in_sight += found;
     }
-    if (!n)
+    if (in_sight >= STEREO_LEAST_VIEWS && s->boards < STEREO_LEAST_VIEWS)
         return fail(ERR_INPUT,
-                    "no pair of pictures shows the whole board to both cameras; hold it further away in some");
-    double least = 1e30;
-    for (int i = 0; i < n; i++) {
-        double sum = 0;
-        for (int k = 0; k < n; k++)
-            sum += v3_distance(found[i].translation, found[k].translation) + 0.5 * pose_angle(found[i], found[k]);
-        if (sum < least) {
-            least = sum;
-            *right_from_left = found[i];
-        }
-    }
+                    "the board stands still: %s %d pictures show it in %d places, and at least %d are needed; move and "
+                    "turn it between them",
+                    w->whose[camera], in_sight, s->boards, STEREO_LEAST_VIEWS);
+    if (s->boards < STEREO_LEAST_VIEWS)
+        return fail(ERR_INPUT, "the board is in %d of %s %d pictures; at least %d are needed", s->boards,
+                    w->whose[camera], w->count, STEREO_LEAST_VIEWS);
     return OK;
 }
 
-// Both cameras' sightings in one bundle; the right lattice is brought into the left's by the rig known so far.
-static int join(struct work *w, struct pose right_from_left)
+// The camera's lens and error from its boards, by the pinhole model.
+static enum status solve_one(struct work *w, int camera)
 {
+    struct single *s = &w->one[camera];
     struct stereo_bundle *b = &w->bundle;
-    const double pitch = w->board->pitch_m;
-    int pairs = 0;
+    double covariance[BUNDLE_SHARED * BUNDLE_SHARED];
+    s->lens =
+        (struct lens){.width = w->width, .height = w->height, .cx = (w->width - 1) / 2.0, .cy = (w->height - 1) / 2.0};
+    b->camera_from_left[0] = b->camera_from_left[1] = POSE_IDENTITY;
     b->boards = b->count = 0;
-    b->camera_from_left[1] = right_from_left;
-    for (int v = 0; v < w->count; v++) {
-        const int l = board_of(&w->one[0], v), r = board_of(&w->one[1], v);
-        const int n[2] = {w->views[v].count[0], w->views[v].count[1]};
-        if (l < 0 && r < 0)
-            continue;
-        const int board = b->boards++;
-        if (l >= 0) {
-            b->left_from_board[board] = w->one[0].camera_from_board[l];
-            add_sightings(b, w->views[v].circles[0], n[0], 0, board, pitch);
-        } else {
-            b->left_from_board[board] = pose_multiply(pose_inverse(right_from_left), w->one[1].camera_from_board[r]);
-        }
-        if (r < 0)
-            continue;
-        struct pose motion = POSE_IDENTITY;
-        if (l >= 0) {
-            // the right board in the left board's axes, rounded to the lattice
-            const struct pose m =
-                pose_multiply(pose_inverse(pose_multiply(right_from_left, w->one[0].camera_from_board[l])),
-                              w->one[1].camera_from_board[r]);
-            motion = lattice_motion(quarter_of(w, l, r), floor(m.translation.x / pitch + 0.5),
-                                    floor(m.translation.y / pitch + 0.5), pitch);
-            pairs++;
-        }
-        const int first = b->count;
-        add_sightings(b, w->views[v].circles[1], n[1], 1, board, pitch);
-        for (int i = first; i < b->count; i++) {
-            const struct vec3 p = pose_apply(motion, v3(b->seen[i].x_m, b->seen[i].y_m, 0));
-            b->seen[i].x_m = p.x;
-            b->seen[i].y_m = p.y;
-        }
-    }
-    return pairs;
+    for (int v = 0; v < w->count; v++)
+        if (s->seen[v])
+            add_sightings(b, w->views[v].circles[camera], w->views[v].count[camera], 0, b->boards++, w->board->pitch_m);
+    start_focal_length(w, s);
+    const enum status status = stereo_bundle_solve(b, covariance);
+    if (status != OK)
+        return status;
+    s->lens = b->lens[0];
+    for (int v = 0, board = 0; v < w->count; v++)
+        if (s->seen[v])
+            s->camera_from_board[v] = b->left_from_board[board++];
+    s->fit = stereo_fit_of(b, covariance, 0);
+    return OK;
 }
 
-static void write_report(const struct work *w, const double *covariance, int pairs, struct stereo_report *report)
+// Where a pinhole camera would have seen what a fisheye, equidistant with `half_angle` from the middle to a corner,
+// saw at `at`. The scale in the middle stays.
+static struct pixel straightened(const struct work *w, struct pixel at, double half_angle)
+{
+    const double x = at.x - (w->width - 1) / 2.0, y = at.y - (w->height - 1) / 2.0, r = hypot(x, y);
+    const double angle = half_angle * r / (hypot(w->width, w->height) / 2);
+    const double scale = r > 0 ? tan(angle) / angle : 1;
+    return (struct pixel){at.x + x * (scale - 1), at.y + y * (scale - 1)};
+}
+
+// Whether a fisheye explains pictures that the pinhole model does not: straightened by one of some, they fit it far
+// better, though straightening also magnifies errors. Takes the place of what was solved for `camera`.
+static bool is_fisheye(struct work *w, int camera)
+{
+    static const double half_angles_deg[] = {50, 60, 70, 75, 80, 84};
+    const struct stereo_view *views = w->views;
+    const double rms_px = w->one[camera].fit.rms_px;
+    struct stereo_view *straight = malloc((size_t)w->count * sizeof *straight);
+    struct circle *circles = malloc((size_t)(w->circles + 1) * sizeof *circles);
+    bool fisheye = false;
+    for (size_t k = 0; k < COUNT_OF(half_angles_deg) && straight && circles && !fisheye; k++) {
+        struct circle *next = circles;
+        for (int v = 0; v < w->count; v++) {
+            straight[v] = views[v];
+            straight[v].circles[camera] = next;
+            for (int i = 0; i < views[v].count[camera]; i++, next++) {
+                *next = views[v].circles[camera][i];
+                next->at = straightened(w, next->at, half_angles_deg[k] * (M_PI / 180));
+            }
+            w->one[camera].seen[v] =
+                w->one[camera].seen[v] &&
+                homography(straight[v].circles[camera], straight[v].count[camera], w->homographies[v]);
+        }
+        w->views = straight;
+        fisheye = solve_one(w, camera) == OK && w->one[camera].fit.rms_px < FISHEYE_GAIN * rms_px;
+    }
+    w->views = views;
+    free(straight);
+    free(circles);
+    return fisheye;
+}
+
+static enum status calibrate_one(struct work *w, int camera)
+{
+    enum status status = find_boards(w, &w->one[camera], camera);
+    if (status == OK)
+        status = solve_one(w, camera);
+    if (status != OK)
+        return status;
+    const struct stereo_fit fit = w->one[camera].fit;
+    const bool fisheye = !stereo_fit_is_good(&fit) && is_fisheye(w, camera);
+    return stereo_judge_camera(&fit, fisheye, w->whose[camera]);
+}
+
+static void add_board(struct work *w, int camera, int view, struct pose left_from_board, struct pose motion)
+{
+    struct stereo_bundle *b = &w->bundle;
+    const int first = b->count;
+    add_sightings(b, w->views[view].circles[camera], w->views[view].count[camera], camera, b->boards,
+                  w->board->pitch_m);
+    for (int i = first; i < b->count; i++) {
+        const struct vec3 p = pose_apply(motion, v3(b->seen[i].x_m, b->seen[i].y_m, 0));
+        b->seen[i].x_m = p.x;
+        b->seen[i].y_m = p.y;
+    }
+    b->left_from_board[b->boards] = left_from_board;
+}
+
+// Both cameras' sightings in one bundle; the right lattice is brought into the left's by the rig known so far. Pictures
+// that do not belong together still say something of their own camera's lens.
+static void join(struct work *w, const struct stereo_pairs *pairs, struct pose right_from_left, const bool *belongs)
+{
+    struct stereo_bundle *b = &w->bundle;
+    b->boards = b->count = 0;
+    b->lens[0] = w->one[0].lens;
+    b->lens[1] = w->one[1].lens;
+    b->camera_from_left[1] = right_from_left;
+    for (int v = 0; v < w->count; v++) {
+        if (w->one[0].seen[v]) {
+            add_board(w, 0, v, w->one[0].camera_from_board[v], POSE_IDENTITY);
+            if (belongs[v])
+                add_board(w, 1, v, w->one[0].camera_from_board[v], stereo_pairs_motion(pairs, v, v, right_from_left));
+            b->boards++;
+        }
+        if (w->one[1].seen[v] && !belongs[v]) {
+            add_board(w, 1, v, pose_multiply(pose_inverse(right_from_left), w->one[1].camera_from_board[v]),
+                      POSE_IDENTITY);
+            b->boards++;
+        }
+    }
+}
+
+static void write_report(const struct work *w, const double *covariance, struct stereo_report *report)
 {
     const struct stereo_bundle *b = &w->bundle;
-    *report = (struct stereo_report){.views = pairs, .boards = {w->one[0].boards, w->one[1].boards}};
-    for (int i = 0; i < b->count; i++) {
-        struct pixel at;
-        if (b->seen[i].outlier || !stereo_predict(b, &b->seen[i], &at))
-            continue;
-        const int c = b->seen[i].camera;
-        const double x = at.x - b->seen[i].at.x, y = at.y - b->seen[i].at.y, distance = sqrt(x * x + y * y);
-        report->circles[c]++;
-        report->rms_px[c] += distance * distance;
-        report->max_px[c] = distance > report->max_px[c] ? distance : report->max_px[c];
-    }
     for (int c = 0; c < 2; c++) {
-        report->rms_px[c] = report->circles[c] ? sqrt(report->rms_px[c] / report->circles[c]) : 0;
-        const double f[2] = {b->lens[c].fx, b->lens[c].fy};
-        for (int k = 0; k < 2; k++) {
-            const int at = c * BUNDLE_LENS + k;
-            const double sigma = sqrt(covariance[at * BUNDLE_SHARED + at]) / f[k];
-            report->focal_sigma = sigma > report->focal_sigma ? sigma : report->focal_sigma;
-        }
+        const struct stereo_fit fit = stereo_fit_of(b, covariance, c);
+        report->boards[c] = w->one[c].boards;
+        report->circles[c] = fit.circles;
+        report->rms_px[c] = fit.rms_px;
+        report->max_px[c] = fit.max_px;
+        report->focal_sigma = fmax(report->focal_sigma, fit.focal_sigma);
     }
     const struct vec3 t = b->camera_from_left[1].translation, u = v3_unit(t);
     const double along[3] = {u.x, u.y, u.z};
@@ -378,51 +376,99 @@ static struct covariance3 error_at_1m(const struct stereo_bundle *b, const doubl
 static enum status calibrate(struct work *w, struct stereo_rig *rig, struct stereo_report *report)
 {
     double covariance[BUNDLE_SHARED * BUNDLE_SHARED];
+    bool belongs[STEREO_MOST_PAIRS] = {false};
     struct pose right_from_left = POSE_IDENTITY;
+    struct stereo_report found = {.views = 0};
+    int comparable = 0;
     enum status status = calibrate_one(w, 0);
     if (status == OK)
         status = calibrate_one(w, 1);
-    if (status == OK)
-        status = rig_from_whole(w, &right_from_left);
     if (status != OK)
         return status;
-    w->bundle.lens[0] = w->one[0].lens;
-    w->bundle.lens[1] = w->one[1].lens;
-    const int pairs = join(w, right_from_left);
+    const struct stereo_pairs pairs = {w->board,
+                                       w->views,
+                                       w->count,
+                                       {w->one[0].lens, w->one[1].lens},
+                                       {w->one[0].seen, w->one[1].seen},
+                                       {w->one[0].camera_from_board, w->one[1].camera_from_board}};
+    status = stereo_pairs_agree(&pairs, &right_from_left, belongs, &found.views, &comparable);
+    if (status != OK)
+        return status;
+    found.left_out = comparable - found.views;
+    join(w, &pairs, right_from_left, belongs);
     status = stereo_bundle_solve(&w->bundle, covariance);
+    if (status != OK)
+        return status;
+    write_report(w, covariance, &found);
+    const struct stereo_fit alone[2] = {w->one[0].fit, w->one[1].fit};
+    status = stereo_judge_rig(&found, alone);
     if (status != OK)
         return status;
     *rig = (struct stereo_rig){w->bundle.lens[0], w->bundle.lens[1], pose_inverse(w->bundle.camera_from_left[1]),
                                error_at_1m(&w->bundle, covariance)};
-    write_report(w, covariance, pairs, report);
+    *report = found;
+    int first = 0;
+    while (found.left_out && (belongs[first] || !w->one[0].seen[first] || !w->one[1].seen[first]))
+        first++;
+    stereo_warn_of_rig(rig, report, w->views[first].name, first);
     return OK;
+}
+
+static void work_close(struct work *w)
+{
+    free(w->one);
+    free(w->homographies);
+    free(w->bundle.seen);
+    free(w->bundle.left_from_board);
+}
+
+// Room for all, and the discs' radius.
+static enum status work_open(struct work *w)
+{
+    if (w->count > STEREO_MOST_PAIRS)
+        return fail(ERR_INPUT, "%d pairs of pictures; at most %d are used", w->count, STEREO_MOST_PAIRS);
+    for (int v = 0; v < w->count; v++)
+        w->circles += w->views[v].count[0] + w->views[v].count[1];
+    w->one = calloc(2, sizeof *w->one);
+    w->homographies = malloc(STEREO_MOST_PAIRS * sizeof *w->homographies);
+    w->bundle.seen = malloc((size_t)(w->circles + 1) * sizeof *w->bundle.seen);
+    w->bundle.left_from_board = malloc((size_t)(2 * w->count + 1) * sizeof *w->bundle.left_from_board);
+    double *scratch = malloc((size_t)(w->circles + 1) * sizeof *scratch);
+    const bool able = w->one && w->homographies && w->bundle.seen && w->bundle.left_from_board && scratch;
+    if (able)
+        w->bundle.radius_m = disc_radius(w->views, w->count, scratch) * w->board->pitch_m;
+    free(scratch);
+    return able ? OK : fail(ERR_MEMORY, "no memory to calibrate from %d pairs of pictures", w->count);
 }
 
 enum status stereo_calibrate(const struct stereo_board *board, const struct stereo_view *views, int count, int width,
                              int height, struct stereo_rig *rig, struct stereo_report *report)
 {
-    struct work w = {.board = board, .views = views, .count = count, .width = width, .height = height};
-    size_t circles = 0;
-    if (count > 512)
-        return fail(ERR_INPUT, "%d pairs of pictures; at most 512 are used", count);
-    for (int v = 0; v < count; v++)
-        circles += (size_t)(views[v].count[0] + views[v].count[1]);
-    w.one = calloc(2, sizeof *w.one);
-    w.homographies = malloc(512 * sizeof *w.homographies);
-    w.bundle.seen = malloc((circles + 1) * sizeof *w.bundle.seen);
-    w.bundle.left_from_board = malloc((size_t)(count + 1) * sizeof *w.bundle.left_from_board);
-    double *scratch = malloc((circles + 1) * sizeof *scratch);
-    enum status status;
-    if (!w.one || !w.homographies || !w.bundle.seen || !w.bundle.left_from_board || !scratch) {
-        status = fail(ERR_MEMORY, "no memory to calibrate from %d pairs of pictures", count);
-    } else {
-        w.bundle.radius_m = disc_radius(views, count, scratch) * board->pitch_m;
+    struct work w = {.board = board,
+                     .views = views,
+                     .count = count,
+                     .width = width,
+                     .height = height,
+                     .whose = {"the left camera's", "the right camera's"}};
+    enum status status = work_open(&w);
+    if (status == OK)
         status = calibrate(&w, rig, report);
+    work_close(&w);
+    return status;
+}
+
+enum status stereo_calibrate_one(const struct stereo_board *board, const struct stereo_view *views, int count,
+                                 int width, int height, struct lens *lens, struct stereo_fit *fit)
+{
+    struct work w = {
+        .board = board, .views = views, .count = count, .width = width, .height = height, .whose = {"the camera's"}};
+    enum status status = work_open(&w);
+    if (status == OK)
+        status = calibrate_one(&w, 0);
+    if (status == OK) {
+        *lens = w.one[0].lens;
+        *fit = w.one[0].fit;
     }
-    free(w.one);
-    free(w.homographies);
-    free(w.bundle.seen);
-    free(w.bundle.left_from_board);
-    free(scratch);
+    work_close(&w);
     return status;
 }

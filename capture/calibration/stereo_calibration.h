@@ -1,10 +1,10 @@
 // Two cameras fixed to each other, calibrated from pairs of pictures of a printed board of circles.
 //
-// Method: each camera by itself from homographies (Zhang 2000) and Levenberg-Marquardt; then the pose between the two;
-// then all of it together. Each residual is the centroid of a whole disc's image (seven-point quadrature with the
-// projection's area weights), because the image of a circle's centre is not the centroid of its image (Heikkila 2000).
-// Boards may be cut off: which of the lattice's equal places a camera saw follows from the other camera.
-// Pure but for memory; any thread may call.
+// Method: each camera by itself from homographies (Zhang 2000) and Levenberg-Marquardt; then the pose between the two
+// on which the pairs agree (stereo_pairs.h); then all of it together. Each residual is the centroid of a whole disc's
+// image (seven-point quadrature with the projection's area weights), because the image of a circle's centre is not the
+// centroid of its image (Heikkila 2000). Boards may be cut off: which of the lattice's equal places a camera saw
+// follows from the other camera. Pure but for memory; any thread may call.
 #pragma once
 #include "base/covariance.h"
 #include "capture/calibration/stereo_circles.h"
@@ -26,6 +26,15 @@ struct stereo_rig {
 struct stereo_view {
     const struct circle *circles[2]; // left, right
     int count[2];
+    const char *name; // of both pictures, for sentences; NULL: the number of the pair
+};
+
+// How well one camera's lens explains what it saw.
+struct stereo_fit {
+    int circles;           // used
+    double outliers;       // the share that was left out
+    double rms_px, max_px; // reprojection error: root of the mean squared distance, largest distance; of those used
+    double focal_sigma;    // relative, the larger of fx and fy; INFINITY: they cannot be told from these pictures
 };
 
 struct stereo_report {
@@ -35,11 +44,19 @@ struct stereo_report {
     double rms_px[2], max_px[2]; // reprojection error: root of the mean squared distance, largest distance
     double baseline_m, baseline_sigma_m;
     double focal_sigma; // relative, the largest of both cameras' fx and fy
+    int left_out;       // pairs whose two pictures do not belong together
+    char warning[256];  // a sentence; "" where all is well
 };
 
-enum { STEREO_LEAST_VIEWS = 4 };
+enum { STEREO_LEAST_VIEWS = 4, STEREO_MOST_PAIRS = 512 };
 
-// width, height: of all pictures. ERR_INPUT with a sentence: too few boards, or all from one side; ERR_SOLVER;
+// width, height: of all pictures. ERR_INPUT with a sentence that names the likely cause: too few boards, boards that
+// stand still or are turned too little, a lens that does not fit, pictures that do not belong together; ERR_SOLVER;
 // ERR_MEMORY. On error nothing is written.
 MUST_CHECK enum status stereo_calibrate(const struct stereo_board *board, const struct stereo_view *views, int count,
                                         int width, int height, struct stereo_rig *rig, struct stereo_report *report);
+
+// The lens of the left camera alone. Errors: as above.
+MUST_CHECK enum status stereo_calibrate_one(const struct stereo_board *board, const struct stereo_view *views,
+                                            int count, int width, int height, struct lens *lens,
+                                            struct stereo_fit *fit);

@@ -8,9 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_PAIRS = 512, MOST_NAME = 128 };
+enum { MOST_PAIRS = STEREO_MOST_PAIRS, MOST_NAME = 128 };
 
-static const double FARTHEST_M = 100; // one camera from the other
+static const double FARTHEST_M = 100;                       // one camera from the other
+static const double LEAST_PITCH_M = 1e-3, MOST_BOARD_M = 5; // no printed board is finer, or larger
 
 static enum status read_board(const char *folder, struct stereo_board *board)
 {
@@ -34,8 +35,11 @@ static enum status read_board(const char *folder, struct stereo_board *board)
                  rows != floor(rows))
             status = fail(ERR_INPUT, "%s: a board has 3 or more whole columns and rows, and at most %d circles", path,
                           STEREO_MOST_CIRCLES);
-        else if (!(board->pitch_m > 1e-4 && board->pitch_m < 10))
-            status = fail(ERR_INPUT, "%s: pitch_m is the distance of two circles' centres in metres", path);
+        else if (!(board->pitch_m > LEAST_PITCH_M && board->pitch_m * fmax(columns, rows) < MOST_BOARD_M))
+            status = fail(ERR_INPUT,
+                          "%s: pitch_m is the distance of two circles' centres in metres, 0.02 for 20 mm; %g makes a "
+                          "board of %g m",
+                          path, board->pitch_m, board->pitch_m * fmax(columns, rows));
     }
     if (status == OK) {
         board->columns = (int)columns;
@@ -112,6 +116,7 @@ static enum status find_all(const char *folder, char (*names)[MOST_NAME], int co
             struct circle *at = s->circles + (size_t)(2 * i + side) * STEREO_MOST_CIRCLES;
             snprintf(path, sizeof path, "%s/%s/%s", folder, sides[side], names[i]);
             s->views[i].circles[side] = at;
+            s->views[i].name = names[i];
             status = find_in(path, s, at, &s->views[i].count[side]);
         }
     return status;

@@ -99,11 +99,11 @@ static void test_lenses_and_baseline(void **state)
 static void test_what_is_said(void **state)
 {
     (void)state;
-    struct stereo_view views[VIEWS] = {{{circles[0][0], circles[0][1]}, {0, 0}}};
+    struct stereo_view views[VIEWS] = {{{circles[0][0], circles[0][1]}, {0, 0}, NULL}};
     struct stereo_rig rig;
     struct stereo_report report;
     for (int v = 0; v < VIEWS; v++)
-        views[v] = (struct stereo_view){{circles[v][0], circles[v][1]}, {0, 0}};
+        views[v] = (struct stereo_view){{circles[v][0], circles[v][1]}, {0, 0}, NULL};
     EXPECT_STATUS(stereo_calibrate(&board, views, VIEWS, WIDTH, HEIGHT, &rig, &report), ERR_INPUT);
     EXPECT_TRUE(strstr(status_message(), "at least 4") != NULL);
     int count;
