@@ -20,6 +20,7 @@ extern "C" {
 #include <tf2_msgs/TFMessage.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 #include <string>
@@ -180,6 +181,20 @@ struct ros_robot {
 namespace
 {
 
+// The robot that is open, for when the process ends without closing it: a display that is gone ends it so (Xlib).
+struct ros_robot *driven;
+
+void stop_at_exit(void)
+{
+    if (!driven)
+        return;
+    ros_robot_command(driven, 0, 0);
+    try {
+        ros::WallDuration(REACHED_S).sleep();
+    } catch (const std::exception &) { // there is nothing left to do about it
+    }
+}
+
 enum status remap_topics(ros::M_string &names, const char *const *remap)
 {
     for (; remap && *remap; remap++) {
@@ -204,7 +219,8 @@ enum status open_robot(struct ros_robot **out, const char *master, const char *c
     if (!ros::master::check())
         return fail(ERR_IO, "no ROS master answers at %s; is roscore running there?", ros::master::getURI().c_str());
     ros::master::setRetryTimeout(ros::WallDuration(2));
-    *out = new ros_robot;
+    *out = driven = new ros_robot;
+    std::atexit(stop_at_exit); // after ROS's own, so that it comes before it
     return OK;
 }
 
@@ -229,6 +245,7 @@ void ros_robot_close(struct ros_robot **r)
     if (!*r)
         return;
     try {
+        driven = nullptr;
         ros::WallDuration(REACHED_S).sleep();
         delete *r;
         ros::shutdown();

@@ -50,7 +50,8 @@ void ros_robot_close(struct ros_robot **r); // NULL is fine. Commands that were 
 // out. ERR_IO: the node was shut down from outside. ERR_MEMORY.
 MUST_CHECK enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to);
 
-// speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known.
+// speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known. The message has no lifetime: the
+// robot must stop by itself when none follows. A process that ends by exit() sends a stop; a killed one cannot.
 void ros_robot_command(struct ros_robot *r, double speed, double turn_rate);
 
 int64_t ros_robot_refused(const struct ros_robot *r); // messages left out

@@ -1,6 +1,7 @@
 #include "platform/window.h"
 
 #include <SDL.h>
+#include <SDL_syswm.h>
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +39,11 @@ static bool make_window(struct window *s, const struct window_options *o)
     Uint32 flags = SDL_WINDOW_OPENGL | SDL_WINDOW_RESIZABLE | SDL_WINDOW_ALLOW_HIGHDPI;
     if (o->fullscreen || !strcmp(SDL_GetCurrentVideoDriver(), "KMSDRM"))
         flags |= SDL_WINDOW_FULLSCREEN_DESKTOP;
-    s->window = SDL_CreateWindow(o->title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED, o->width, o->height, flags);
+    SDL_Rect room; // what is larger than the screen would have its edges, and what is to be touched there, beside it
+    const bool known = !SDL_GetDisplayUsableBounds(0, &room) && room.w > 0 && room.h > 0;
+    s->window = SDL_CreateWindow(o->title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
+                                 known ? SDL_min(o->width, room.w) : o->width,
+                                 known ? SDL_min(o->height, room.h) : o->height, flags);
     s->context = s->window ? SDL_GL_CreateContext(s->window) : NULL;
     return s->context;
 }
@@ -71,6 +76,8 @@ enum status window_open(struct window **out, const struct window_options *option
     // Game pads are optional.
     if (!SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER))
         SDL_GameControllerEventState(SDL_ENABLE);
+    if (!strcmp(SDL_GetCurrentVideoDriver(), "x11"))
+        SDL_EventState(SDL_SYSWMEVENT, SDL_ENABLE);
     s->wake_event = SDL_RegisterEvents(1);
     *out = s;
     return OK;
@@ -204,11 +211,12 @@ static void translate_key(const SDL_KeyboardEvent *e, struct window_event *out)
         {SDLK_F11, WINDOW_KEY_F11},   {SDLK_AC_BACK, WINDOW_KEY_BACK},
     };
     out->shift = e->keysym.mod & KMOD_SHIFT;
+    out->repeat = e->repeat;
     out->key = e->keysym.sym > 0 && e->keysym.sym < 128 ? e->keysym.sym : 0;
     for (size_t i = 0; i < COUNT_OF(keys); i++)
         if (keys[i].from == e->keysym.sym)
             out->key = keys[i].to;
-    out->kind = out->key ? WINDOW_KEY : WINDOW_NO_EVENT;
+    out->kind = !out->key ? WINDOW_NO_EVENT : e->type == SDL_KEYUP ? WINDOW_KEY_RELEASED : WINDOW_KEY;
 }
 
 static void translate_window(const SDL_WindowEvent *e, struct window_event *out)
@@ -221,8 +229,26 @@ static void translate_window(const SDL_WindowEvent *e, struct window_event *out)
     case SDL_WINDOWEVENT_MINIMIZED: out->kind = WINDOW_HIDDEN; break;
     case SDL_WINDOWEVENT_SHOWN:
     case SDL_WINDOWEVENT_RESTORED: out->kind = WINDOW_SHOWN; break;
+    case SDL_WINDOWEVENT_FOCUS_LOST: out->kind = WINDOW_UNFOCUSED; break;
+    case SDL_WINDOWEVENT_FOCUS_GAINED: out->kind = WINDOW_FOCUSED; break;
     default: break;
     }
+}
+
+// SDL says a fifth of a second later that the focus was lost, and nothing where another program grabs the keyboard, as
+// one that locks the screen does; the X server says both.
+static void translate_system(const SDL_SysWMEvent *e, struct window_event *out)
+{
+#ifdef SDL_VIDEO_DRIVER_X11
+    if (!e->msg || e->msg->subsystem != SDL_SYSWM_X11 || e->msg->msg.x11.event.type != FocusOut)
+        return;
+    const XFocusChangeEvent *focus = &e->msg->msg.x11.event.xfocus;
+    if (focus->detail != NotifyInferior && focus->detail != NotifyPointer)
+        out->kind = WINDOW_UNFOCUSED;
+#else
+    (void)e;
+    (void)out;
+#endif
 }
 
 static void plug_pad(struct window *s, int device)
@@ -290,13 +316,17 @@ static void translate_event(struct window *s, const SDL_Event *e, struct window_
         s->other_text = !s->types;
         translate_key(&e->key, out);
         break;
-    case SDL_KEYUP: s->other_text = false; break;
+    case SDL_KEYUP:
+        s->other_text = false;
+        translate_key(&e->key, out);
+        break;
     case SDL_TEXTINPUT:
         out->kind = s->types && !s->other_text ? WINDOW_TEXT : WINDOW_NO_EVENT;
         snprintf(out->text, sizeof out->text, "%s", e->text.text);
         s->other_text = false;
         break;
     case SDL_WINDOWEVENT: translate_window(&e->window, out); break;
+    case SDL_SYSWMEVENT: translate_system(&e->syswm, out); break;
     case SDL_APP_WILLENTERBACKGROUND: out->kind = WINDOW_HIDDEN; break;
     case SDL_APP_DIDENTERFOREGROUND: out->kind = WINDOW_SHOWN; break;
     case SDL_RENDER_TARGETS_RESET: out->kind = WINDOW_RESIZED; break;
@@ -315,7 +345,10 @@ static void translate_event(struct window *s, const SDL_Event *e, struct window_
         out->amount = (double)e->wheel.preciseY;
         break;
     case SDL_CONTROLLERDEVICEADDED: plug_pad(s, e->cdevice.which); break;
-    case SDL_CONTROLLERDEVICEREMOVED: unplug_pad(s, e->cdevice.which); break;
+    case SDL_CONTROLLERDEVICEREMOVED:
+        unplug_pad(s, e->cdevice.which);
+        out->kind = WINDOW_PAD_GONE;
+        break;
     case SDL_CONTROLLERBUTTONDOWN:
     case SDL_CONTROLLERAXISMOTION: translate_pad(e, out); break;
     default: break;

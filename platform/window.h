@@ -42,11 +42,15 @@ enum window_event_kind {
     WINDOW_POINTER_DOWN, // finger or mouse button
     WINDOW_POINTER_MOVE, // also the mouse with no button down
     WINDOW_POINTER_UP,
-    WINDOW_WHEEL,      // amount: notches, away from the user is positive
-    WINDOW_KEY,        // key
-    WINDOW_TEXT,       // text, as typed, between window_type's on and off; the keys that made it come as well
-    WINDOW_PAD_BUTTON, // button, pressed
-    WINDOW_PAD_AXIS,   // axis at amount, -1..1; triggers 0..1
+    WINDOW_WHEEL,        // amount: notches, away from the user is positive
+    WINDOW_KEY,          // key; again while it is held, with repeat
+    WINDOW_KEY_RELEASED, // key; not of one that was pressed before the window was focused
+    WINDOW_TEXT,         // text, as typed, between window_type's on and off; the keys that made it come as well
+    WINDOW_PAD_BUTTON,   // button, pressed
+    WINDOW_PAD_AXIS,     // axis at amount, -1..1; triggers 0..1
+    WINDOW_PAD_GONE,     // unplugged
+    WINDOW_UNFOCUSED,    // keys go elsewhere, also to who locks the screen: what was held is held no more
+    WINDOW_FOCUSED,      // keys come here; such as are down already may come as pressed at once
 };
 
 // Keys without a printable character, and space; other keys are their lower-case ASCII character.
@@ -88,7 +92,7 @@ struct window_event {
     double x, y;     // pixels
     int key;         // enum window_key or a letter
     char text[32];   // UTF-8
-    bool shift;
+    bool shift, repeat;
     enum pad_button button;
     enum pad_axis axis;
     double amount;

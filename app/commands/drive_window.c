@@ -7,11 +7,8 @@
 #include "platform/window.h"
 #include "reenact/surround/drive/head_tracker.h"
 
-// Chosen by hand.
-#define FASTEST_M_S    0.5
-#define FASTEST_RAD_S  0.8
-#define RADIANS_PER_PX 0.006
-#define STEP_NS        50000000 // the stick is sent 20 times a second
+#define RADIANS_PER_DP 0.006    // chosen by hand
+#define STEP_NS        50000000 // what drives is sent 20 times a second
 
 struct drive_window {
     struct drive_session *session;
@@ -20,17 +17,18 @@ struct drive_window {
     struct drive_screen shown;
     struct camera_feed *feed; // NULL: no head tracker
     struct head_tracker head;
-    struct drive_command stick;
-    bool down, quit;
-    int pointed; // the pane on which the pointer is, or went down
+    struct drive_controls controls;
+    bool down, quit; // down: by the pointer that turns the view
+    int64_t turning; // that pointer
+    int pointed;     // the pane on which the pointer is, or went down
     double last_x, last_y;
 };
 
+static double px_per_dp(const struct drive_window *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
+
 static int pane_at(const struct drive_window *w, double x, double y)
 {
-    int width, height;
-    window_size(w->screen, &width, &height);
-    const struct ui_box map = drive_screen_box(&w->shown, width, height, DRIVE_MAP);
+    const struct ui_box map = drive_screen_box(&w->shown, w->controls.width, w->controls.height, DRIVE_MAP);
     return w->shown.map && x >= map.x && y >= map.y ? DRIVE_MAP : DRIVE_PICTURE;
 }
 
@@ -38,32 +36,38 @@ static void turn_view(struct drive_window *w, int pane, double dx, double dy)
 {
     struct drive_eye *eye = drive_screen_eye(&w->shown, pane);
     eye->orbit = true;
-    eye->azimuth -= dx * RADIANS_PER_PX;
-    eye->elevation = fmin(1.5, fmax(-0.1, eye->elevation + dy * RADIANS_PER_PX));
+    eye->azimuth -= dx * RADIANS_PER_DP;
+    eye->elevation = fmin(1.5, fmax(-0.1, eye->elevation + dy * RADIANS_PER_DP));
 }
 
-static void on_key(struct drive_window *w, int key)
+static void look_from(struct drive_window *w, enum viewpoint from)
 {
-    struct drive_eye *eye = &w->session->eye;
-    switch (key) {
-    case WINDOW_KEY_UP: w->stick.speed = fmin(FASTEST_M_S, w->stick.speed + 0.1); return;
-    case WINDOW_KEY_DOWN: w->stick.speed = fmax(-FASTEST_M_S, w->stick.speed - 0.1); return;
-    case WINDOW_KEY_LEFT: w->stick.turn_rate = fmin(FASTEST_RAD_S, w->stick.turn_rate + 0.2); return;
-    case WINDOW_KEY_RIGHT: w->stick.turn_rate = fmax(-FASTEST_RAD_S, w->stick.turn_rate - 0.2); return;
-    case WINDOW_KEY_SPACE: w->stick = (struct drive_command){0, 0}; return;
-    case 'c': w->head.centred = false; return;
-    case 'm':
+    w->session->eye.viewpoint = from;
+    w->session->eye.orbit = false;
+}
+
+static void do_part(struct drive_window *w, enum drive_part part)
+{
+    switch (part) {
+    case PART_LEAVE: w->quit = true; return;
+    case PART_VIEWPOINT: look_from(w, (enum viewpoint)((w->session->eye.viewpoint + 1) % 3)); return;
+    case PART_MAP:
         w->shown.map = !w->shown.map;
         w->pointed = DRIVE_PICTURE; // until the pointer moves
         w->down = false;
         return;
-    case WINDOW_KEY_ESCAPE: w->quit = true; return;
-    case '1':
-    case '2':
-    case '3':
-        eye->viewpoint = key == '1' ? VIEWPOINT_FIRST : key == '2' ? VIEWPOINT_THIRD : VIEWPOINT_ABOVE;
-        eye->orbit = false;
-        return;
+    default: return;
+    }
+}
+
+static void on_key(struct drive_window *w, int key)
+{
+    switch (key) {
+    case 'c': w->head.centred = false; return;
+    case 'm': do_part(w, PART_MAP); return;
+    case '1': look_from(w, VIEWPOINT_FIRST); return;
+    case '2': look_from(w, VIEWPOINT_THIRD); return;
+    case '3': look_from(w, VIEWPOINT_ABOVE); return;
     default: return;
     }
 }
@@ -75,54 +79,72 @@ static void zoom(struct drive_eye *eye, double amount)
 
 static void on_pad(struct drive_window *w, const struct window_event *e)
 {
-    const enum viewpoint now = w->session->eye.viewpoint;
     if (e->kind == WINDOW_PAD_BUTTON && e->button == PAD_X)
-        on_key(w, now == VIEWPOINT_FIRST ? '2' : now == VIEWPOINT_THIRD ? '3' : '1');
+        do_part(w, PART_VIEWPOINT);
     else if (e->kind == WINDOW_PAD_BUTTON && e->button == PAD_Y)
-        on_key(w, 'm');
-    else if (e->kind == WINDOW_PAD_BUTTON)
-        return;
-    else if (e->axis == PAD_LEFT_Y)
-        w->stick.speed = -e->amount * FASTEST_M_S;
-    else if (e->axis == PAD_LEFT_X)
-        w->stick.turn_rate = -e->amount * FASTEST_RAD_S;
-    else if (e->axis == PAD_RIGHT_X || e->axis == PAD_RIGHT_Y)
+        do_part(w, PART_MAP);
+    else if (e->kind == WINDOW_PAD_AXIS && (e->axis == PAD_RIGHT_X || e->axis == PAD_RIGHT_Y))
         turn_view(w, w->shown.map ? DRIVE_MAP : DRIVE_PICTURE, e->axis == PAD_RIGHT_X ? 8 * e->amount : 0,
                   e->axis == PAD_RIGHT_Y ? 8 * e->amount : 0);
 }
 
-static void on_event(struct drive_window *w, const struct window_event *e)
+// One finger turns the view; another one that comes meanwhile does nothing.
+static void on_pointer(struct drive_window *w, const struct window_event *e)
 {
-    switch (e->kind) {
-    case WINDOW_QUIT: w->quit = true; return;
-    case WINDOW_HIDDEN: w->stick = (struct drive_command){0, 0}; return; // the operator sees nothing
-    case WINDOW_KEY: on_key(w, e->key); return;
-    case WINDOW_PAD_AXIS:
-    case WINDOW_PAD_BUTTON: on_pad(w, e); return;
-    case WINDOW_WHEEL: zoom(drive_screen_eye(&w->shown, w->pointed), e->amount); return;
-    case WINDOW_POINTER_DOWN:
+    if (w->down && e->pointer != w->turning)
+        return;
+    if (e->kind == WINDOW_POINTER_DOWN) {
         w->down = true;
+        w->turning = e->pointer;
         w->pointed = pane_at(w, e->x, e->y);
-        break;
-    case WINDOW_POINTER_UP: w->down = false; break;
-    case WINDOW_POINTER_MOVE:
-        if (w->down)
-            turn_view(w, w->pointed, e->x - w->last_x, e->y - w->last_y);
-        else
-            w->pointed = pane_at(w, e->x, e->y);
-        break;
-    default: return;
-    }
+    } else if (e->kind == WINDOW_POINTER_UP)
+        w->down = false;
+    else if (w->down)
+        turn_view(w, w->pointed, e->x - w->last_x, e->y - w->last_y);
+    else
+        w->pointed = pane_at(w, e->x, e->y);
     w->last_x = e->x;
     w->last_y = e->y;
+}
+
+static void on_event(struct drive_window *w, const struct window_event *event)
+{
+    struct window_event e = *event;
+    enum drive_part tapped;
+    e.x /= px_per_dp(w);
+    e.y /= px_per_dp(w);
+    const bool taken = drive_controls_event(&w->controls, &e, clock_now_ns(), &tapped);
+    do_part(w, tapped);
+    if (e.kind == WINDOW_HIDDEN || e.kind == WINDOW_UNFOCUSED)
+        w->down = false;
+    if (taken)
+        return;
+    switch (e.kind) {
+    case WINDOW_QUIT: w->quit = true; return;
+    case WINDOW_KEY: on_key(w, e.key); return;
+    case WINDOW_PAD_AXIS:
+    case WINDOW_PAD_BUTTON: on_pad(w, &e); return;
+    case WINDOW_WHEEL: zoom(drive_screen_eye(&w->shown, w->pointed), e.amount); return;
+    case WINDOW_POINTER_DOWN:
+    case WINDOW_POINTER_UP:
+    case WINDOW_POINTER_MOVE: on_pointer(w, &e); return;
+    default: return;
+    }
+}
+
+// The controls lie where the screen is now.
+static void place_controls(struct drive_window *w)
+{
+    int width, height;
+    window_size(w->screen, &width, &height);
+    drive_controls_place(&w->controls, width / px_per_dp(w), height / px_per_dp(w));
 }
 
 // ---------------------------------------------------------------- drawing
 
 static enum status draw(struct drive_window *w)
 {
-    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(w->screen),
-                                     .px_per_dp = viewer_px_per_dp(window_dpi(w->screen))};
+    struct viewer_surface surface = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
     window_size(w->screen, &surface.width, &surface.height);
     const enum status status = drive_screen_draw(&w->shown, &surface, clock_now_ns());
     if (status == OK)
@@ -144,14 +166,23 @@ static void follow_head(struct drive_window *w)
 
 static enum status open_window(struct drive_window *w, const struct drive_window_options *how)
 {
-    const struct window_options screen = {"Reenact", 1280, 800, false, 0, 0};
+    const struct window_options screen = {"Reenact", how->size[0], how->size[1], how->fullscreen, 0, how->dpi};
     enum status status = window_open(&w->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&w->gpu);
     if (status == OK)
         status = drive_screen_open(&w->shown, w->gpu, w->session, how->file, how->place);
     w->shown.map = how->map;
+    w->shown.controls = &w->controls;
     return status;
+}
+
+// What is sent at this moment: a command that moves only while something is held.
+static struct drive_command command_now(struct drive_window *w, int64_t now_ns)
+{
+    const struct drive_readings readings = drive_session_readings(w->session);
+    drive_controls_tick(&w->controls, &readings, now_ns);
+    return drive_controls_command(&w->controls);
 }
 
 // From one image to the next: as often as the display where a graphics card draws; else as often as the stick is sent,
@@ -172,13 +203,18 @@ enum status drive_window_run(struct drive_session *session, const struct drive_w
         status = camera_feed_open(&w.feed, &feed);
     const int64_t start = clock_now_ns() - session->now_ns;
     int64_t sent = start - STEP_NS;
+    struct drive_command was = {0, 0};
     while (status == OK && !w.quit && !command_stopped()) {
         const int64_t before = clock_now_ns();
+        place_controls(&w);
         for (struct window_event e; (e = window_wait(w.screen, 0)).kind != WINDOW_NO_EVENT && !w.quit;)
             on_event(&w, &e);
-        const bool send = before - sent >= STEP_NS;
+        const struct drive_command now = command_now(&w, before);
+        // At once what stops, else as often as it is to be.
+        const bool send = before - sent >= STEP_NS || (was.speed != now.speed || was.turn_rate != now.turn_rate);
         sent = send ? before : sent;
-        status = drive_session_step(session, before - start, send ? &w.stick : NULL);
+        was = now;
+        status = drive_session_step(session, before - start, send ? &now : NULL);
         follow_head(&w);
         if (status == OK)
             status = draw(&w);

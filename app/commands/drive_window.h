@@ -1,8 +1,9 @@
-// reenact drive's window: stick or arrow keys drive; a finger turns the viewpoint, the wheel brings it nearer; 1, 2, 3
-// (pad: X) choose first person, third person and from above; M (pad: Y) shows the map, the same surroundings with the
-// path driven from a viewpoint of its own, beside the picture, and what is known of a recorded place in which the robot
-// is (app/drive/drive_screen.h); with a camera the tablet's own way turns and moves the
-// picture's viewpoint, and C centres that. Main thread.
+// reenact drive's window: the controls of app/drive/drive_controls.h; a finger beside them turns the viewpoint, the
+// wheel brings it nearer; 1, 2, 3 (pad: X) choose first person, third person and from above; M (pad: Y) shows the map,
+// the same surroundings with the path driven from a viewpoint of its own, beside the picture, and what is known of a
+// recorded place in which the robot is (app/drive/drive_screen.h); with a camera the tablet's own way turns and moves
+// the picture's viewpoint, and C centres that. Main thread: while it does not run, nothing is sent, and a robot with a
+// watchdog stops.
 #pragma once
 #include "capture/recording/place.h"
 #include "reenact/surround/drive/drive_session.h"
@@ -13,6 +14,9 @@ struct drive_window_options {
     const char *file;          // a recording in whose place the robot and the tablet are; NULL: none
     const struct place *place; // that place; borrowed; with file
     bool map;                  // shown from the start
+    bool fullscreen;
+    int size[2]; // of the window, pixels
+    double dpi;  // 0: the screen's own
 };
 
 // ERR_DEVICE: no screen.

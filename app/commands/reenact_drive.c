@@ -23,7 +23,9 @@ struct drive_arguments {
     const char *remap[MOST_REMAPS + 1];
     int remaps;
     int trials;
-    bool json, map, keep;
+    bool json, map, keep, fullscreen;
+    int size[2];
+    double dpi;
     double seconds, every_s;
     struct drive_options how;
 };
@@ -40,6 +42,9 @@ enum {
     KEY_CAMERA,
     KEY_MAP,
     KEY_KEEP,
+    KEY_FULLSCREEN,
+    KEY_SIZE,
+    KEY_DPI,
     KEY_JSON
 };
 
@@ -62,6 +67,9 @@ static const struct argp_option options[] = {
     {"map", KEY_MAP, NULL, 0, "show the map with the path driven beside the picture from the start (M)", 0},
     {"keep", KEY_KEEP, NULL, 0,
      "the robot drives in FILE's place: keep there where it was driven, which reenact FILE shows in its map", 0},
+    {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
+    {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
+    {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
     COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
@@ -92,6 +100,9 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_MAP: a->map = true; return 0;
     case KEY_KEEP: a->keep = true; return 0;
+    case KEY_FULLSCREEN: a->fullscreen = true; return 0;
+    case KEY_SIZE: command_parse_size(state, "--size", value, 320, 8192, a->size); return 0;
+    case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_REMAP:
         if (a->remaps == MOST_REMAPS)
             argp_error(state, "at most %d topics are renamed", MOST_REMAPS);
@@ -213,19 +224,19 @@ static enum status run_trials(const struct drive_arguments *a)
     return status;
 }
 
-// A robot of a ROS master is driven in real time, twenty commands a second.
+// Twenty commands a second; a robot of a ROS master is driven in real time.
 static enum status step_to(struct drive_session *s, int64_t to_ns)
 {
     const struct drive_command ahead = {0.2, 0.1}, stop = {0, 0};
     const int64_t tick_ns = 50000000, start_ns = clock_now_ns() - s->now_ns;
     enum status status = OK;
-    if (s->kind != DRIVE_ROS)
-        return drive_session_step(s, to_ns, &ahead);
+    const bool real = s->kind == DRIVE_ROS;
     for (int64_t t = s->now_ns; status == OK && t < to_ns && !command_stopped(); t += tick_ns) {
-        clock_sleep_until_ns(start_ns + t);
-        status = drive_session_step(s, t, t < 1000000000 ? &stop : &ahead);
+        if (real)
+            clock_sleep_until_ns(start_ns + t);
+        status = drive_session_step(s, t, real && t < 1000000000 ? &stop : &ahead);
     }
-    return status;
+    return status == OK && !real ? drive_session_step(s, to_ns, &ahead) : status;
 }
 
 static enum status write_pictures(const struct drive_arguments *a, struct drive_session *s)
@@ -271,7 +282,7 @@ static enum status keep_drive(const struct drive_session *s, const struct place 
 
 int reenact_drive(int argc, char **argv)
 {
-    struct drive_arguments arguments = {.every_s = 1, .how = drive_default_options()};
+    struct drive_arguments arguments = {.every_s = 1, .size = {1280, 800}, .how = drive_default_options()};
     static const struct argp argp = {
         options,
         parse,
@@ -279,8 +290,9 @@ int reenact_drive(int argc, char **argv)
         "Drives a robot by free-viewpoint pictures of its surroundings.\v"
         "URI is sim: (a simulated robot; sim:1 a straight passage, sim:2 a bent one, sim:3 a wall), folder:DIR (a "
         "robot's captures, played in real time), or ros: or ros:http://HOST:PORT (a robot on a ROS master: topics "
-        "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Stick or arrow keys drive, space "
-        "stops; a finger turns the viewpoint; "
+        "panorama, depth_front, depth_left, depth_back, depth_right, odom; cmd_vel). Arrow keys, the stick on the "
+        "screen and a game pad's drive while they are held; STOP, space and Escape "
+        "stop; a finger elsewhere turns the viewpoint; "
         "1, 2 and 3 choose first person, third person and from above; M shows the map beside the picture.\n\n"
         "FILE is a recording of the room in which the robot drives: the map then shows its things, its tags and its "
         "actor, once the robot's pictures show enough of the place.",
@@ -304,8 +316,14 @@ int reenact_drive(int argc, char **argv)
     if (status == OK)
         status = drive_session_open(&session, arguments.uri, &arguments.how);
     if (status == OK) {
-        const struct drive_window_options window = {arguments.seconds, arguments.camera, arguments.file, &place,
-                                                    arguments.map};
+        const struct drive_window_options window = {.seconds = arguments.seconds,
+                                                    .camera = arguments.camera,
+                                                    .file = arguments.file,
+                                                    .place = &place,
+                                                    .map = arguments.map,
+                                                    .fullscreen = arguments.fullscreen,
+                                                    .size = {arguments.size[0], arguments.size[1]},
+                                                    .dpi = arguments.dpi};
         status = arguments.out ? write_pictures(&arguments, &session) : drive_window_run(&session, &window);
         if (status == OK && arguments.keep)
             status = keep_drive(&session, &place, arguments.file);

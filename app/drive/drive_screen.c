@@ -1,5 +1,6 @@
 #include "app/drive/drive_screen.h"
 
+#include "app/drive/drive_controls_draw.h"
 #include "reenact/render/shaders.h"
 
 enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session, const char *file,
@@ -40,14 +41,15 @@ struct drive_eye *drive_screen_eye(struct drive_screen *s, int pane)
 
 // ---------------------------------------------------------------- the panes' pictures
 
-// In the pane's size; in the session's own where the driver draws by the processor.
+// In the pane's size; where the driver draws by the processor as fine as the session's own picture, and all of that.
 static enum status draw_by_card(struct drive_screen *s, const struct viewer_surface *surface, int pane)
 {
     struct drive_pane *p = &s->pane[pane];
     const struct lens *own = drive_session_lens(s->session);
     const struct ui_box box = drive_screen_box(s, surface->width, surface->height, pane);
-    const bool small = gpu_is_software(s->gpu);
-    const int width = small ? own->width : (int)box.w, height = small ? own->height : (int)box.h;
+    const double fit = fmax(own->width / box.w, own->height / box.h); // the session's picture in the pane
+    const double share = gpu_is_software(s->gpu) ? fmin(1, fit) : 1;
+    const int width = (int)(share * box.w), height = (int)(share * box.h);
     enum status status = p->picture ? OK : operator_picture_open(&p->picture, s->gpu);
     if (status == OK)
         status = operator_picture_draw(p->picture, s->session, width, height, &p->shown);
@@ -82,11 +84,19 @@ static enum status draw_panes(struct drive_screen *s, const struct viewer_surfac
 {
     const struct drive_eye eye = s->session->eye;
     enum status status = OK;
+    bool near = false;
+    double nearest_m = INFINITY;
+    s->session->wordless = s->controls;
     for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++) {
         s->session->eye = k == DRIVE_MAP ? s->map_eye : eye;
         status = s->by_card ? draw_by_card(s, surface, k) : draw_by_processor(s, k);
+        if (s->session->near) // in one of them
+            nearest_m = fmin(nearest_m, s->session->nearest_m);
+        near |= s->session->near;
     }
     s->session->eye = eye;
+    s->session->near = near;
+    s->session->nearest_m = nearest_m;
     return status;
 }
 
@@ -126,6 +136,10 @@ enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surfac
         return status;
     for (int k = 0; k < (s->map ? DRIVE_PANES : 1) && status == OK; k++)
         status = draw_pane(s, &brush, k);
+    if (s->controls && status == OK) {
+        const struct drive_readings readings = drive_session_readings(s->session);
+        drive_controls_draw(s->controls, &readings, s->session->eye.viewpoint, s->map, &brush);
+    }
     ui_end(s->ui);
     return status == OK ? ui_draw(s->ui, surface->target, surface->quarter_turns) : status;
 }

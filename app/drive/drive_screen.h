@@ -3,6 +3,7 @@
 // given. All of it but the window, so that it is drawn the same on a screen and, in tests, into memory. One thread, the
 // GPU's.
 #pragma once
+#include "app/drive/drive_controls.h"
 #include "app/drive/drive_place.h"
 #include "app/viewer.h"
 #include "reenact/surround/gpu/operator_picture.h"
@@ -22,9 +23,10 @@ struct drive_screen {
     struct gpu *gpu;
     struct ui *ui;
     struct drive_pane pane[DRIVE_PANES];
-    bool by_card;             // false: the graphics card cannot; the processor draws
-    bool map;                 // is shown
-    struct drive_eye map_eye; // from where
+    bool by_card;                          // false: the graphics card cannot; the processor draws
+    bool map;                              // is shown
+    struct drive_eye map_eye;              // from where
+    const struct drive_controls *controls; // drawn over it, with the readings; NULL: none; borrowed
     bool has_place;
     struct drive_place place;
 };

@@ -186,6 +186,56 @@ void display_click(struct display *d, int x, int y)
     settle(d);
 }
 
+void display_hold_key(struct display *d, uint32_t keysym, bool down)
+{
+    fake_input(d, down ? XCB_KEY_PRESS : XCB_KEY_RELEASE, keycode_of(d, keysym), 0, 0);
+    settle(d);
+}
+
+void display_hold_button(struct display *d, int x, int y, bool down)
+{
+    fake_input(d, XCB_MOTION_NOTIFY, 0, x, y);
+    fake_input(d, down ? XCB_BUTTON_PRESS : XCB_BUTTON_RELEASE, 1, 0, 0);
+    settle(d);
+}
+
+static xcb_window_t topmost(struct display *d)
+{
+    xcb_query_tree_reply_t *tree = xcb_query_tree_reply(connection(d), xcb_query_tree(connection(d), root_of(d)), NULL);
+    EXPECT_TRUE(tree != NULL && xcb_query_tree_children_length(tree) > 0);
+    const xcb_window_t top = xcb_query_tree_children(tree)[xcb_query_tree_children_length(tree) - 1];
+    free(tree);
+    return top;
+}
+
+void display_focus(struct display *d, bool window)
+{
+    xcb_set_input_focus(connection(d), XCB_INPUT_FOCUS_NONE, window ? topmost(d) : (xcb_window_t)XCB_INPUT_FOCUS_NONE,
+                        XCB_CURRENT_TIME);
+    settle(d);
+}
+
+void display_grab_keyboard(struct display *d, bool grabbed)
+{
+    if (grabbed)
+        free(xcb_grab_keyboard_reply(
+            connection(d),
+            xcb_grab_keyboard(connection(d), 1, root_of(d), XCB_CURRENT_TIME, XCB_GRAB_MODE_ASYNC, XCB_GRAB_MODE_ASYNC),
+            NULL));
+    else
+        xcb_ungrab_keyboard(connection(d), XCB_CURRENT_TIME);
+    settle(d);
+}
+
+void display_show_window(struct display *d, bool shown)
+{
+    if (shown)
+        xcb_map_window(connection(d), topmost(d));
+    else
+        xcb_unmap_window(connection(d), topmost(d));
+    settle(d);
+}
+
 static xcb_atom_t atom(struct display *d, const char *name)
 {
     xcb_intern_atom_reply_t *reply =
@@ -198,10 +248,7 @@ static xcb_atom_t atom(struct display *d, const char *name)
 
 void display_close_window(struct display *d)
 {
-    xcb_query_tree_reply_t *tree = xcb_query_tree_reply(connection(d), xcb_query_tree(connection(d), root_of(d)), NULL);
-    EXPECT_TRUE(tree != NULL && xcb_query_tree_children_length(tree) > 0);
-    const xcb_window_t top = xcb_query_tree_children(tree)[xcb_query_tree_children_length(tree) - 1];
-    free(tree);
+    const xcb_window_t top = topmost(d);
     const xcb_client_message_event_t message = {.response_type = XCB_CLIENT_MESSAGE,
                                                 .format = 32,
                                                 .window = top,

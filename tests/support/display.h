@@ -29,5 +29,13 @@ int display_colors(const struct display *d, int left, int top, int right, int bo
 // changes no button; the window below it has the keyboard.
 void display_key(struct display *d, uint32_t keysym);
 void display_click(struct display *d, int x, int y);
+// The same, but held until it is let go: the key, or the button at a place.
+void display_hold_key(struct display *d, uint32_t keysym, bool down);
+void display_hold_button(struct display *d, int x, int y, bool down);
+// The keyboard is the topmost window's, or nobody's; or it is grabbed, as by a program that locks the screen; or that
+// window is taken from the screen.
+void display_focus(struct display *d, bool window);
+void display_grab_keyboard(struct display *d, bool grabbed);
+void display_show_window(struct display *d, bool shown);
 // Asks the topmost window to close, as a window manager does (WM_DELETE_WINDOW).
 void display_close_window(struct display *d);

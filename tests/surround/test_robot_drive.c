@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "reenact/surround/picture/surround_mesh.h"
+#include "reenact/surround/drive/drive_session.h"
 #include "reenact/surround/drive/drive_trial.h"
 #include "reenact/surround/drive/head_tracker.h"
 
@@ -41,6 +42,53 @@ static void test_a_lost_link_stops_the_robot(void **state)
     for (uint32_t i = 0; i < 10000; i++)
         arrived += drive_link_delivers(&link, i);
     EXPECT_NEAR(arrived, 7000, 200);
+}
+
+// The robot's side of a link that goes silent for five seconds, in one step and in small ones: it drives on for what
+// its watchdog has, and stands. What was under way arrives when it arrives.
+static void test_a_silent_link_is_timed_by_the_robot(void **state)
+{
+    (void)state;
+    const struct drive_command go = {0.2, 0}, stand = {0, 0};
+    double way_m[2];
+    for (int small = 0; small < 2; small++) {
+        struct drive_session s;
+        struct drive_options how = drive_default_options();
+        how.link.delay_s = 0.3;
+        EXPECT_STATUS(drive_session_open(&s, "sim:3", &how), OK);
+        EXPECT_STATUS(drive_session_step(&s, 1000000000, &go), OK);
+        for (int i = 1; i <= (small ? 500 : 1); i++)
+            EXPECT_STATUS(drive_session_step(&s, 1000000000 + i * (small ? 10000000LL : 5000000000LL), NULL), OK);
+        way_m[small] = v3_distance(s.rover.world_from_body.translation, s.rover.start.translation);
+        EXPECT_NEAR(way_m[small], go.speed * how.patience_s, 1e-6);
+        EXPECT_NEAR(s.rover.command.speed, 0, 0);
+        EXPECT_TRUE(s.link_lost);
+        drive_session_close(&s);
+    }
+    struct drive_session s;
+    const struct drive_options how = drive_default_options();
+    EXPECT_STATUS(drive_session_open(&s, "sim:3", &how), OK);
+    EXPECT_STATUS(drive_session_step(&s, 100000000, &go), OK);
+    EXPECT_NEAR(s.rover.command.speed, go.speed, 0);
+    EXPECT_STATUS(drive_session_step(&s, 200000000, &stand), OK); // it moved until this was sent
+    EXPECT_NEAR(v3_distance(s.rover.world_from_body.translation, s.rover.start.translation), 0.02, 1e-9);
+    EXPECT_NEAR(s.rover.command.speed, 0, 0);
+    drive_session_close(&s);
+}
+
+// A wall that is as good as touched is not marked like one that is far away.
+static void test_the_warning_goes_by_distance(void **state)
+{
+    (void)state;
+    EXPECT_INT(overlay_warning_of(0.06), WARNING_TOUCHING);
+    EXPECT_INT(overlay_warning_of(0.4), WARNING_NEAR);
+    EXPECT_INT(overlay_warning_of(0.9), WARNING_NONE);
+    for (int i = 0; i < WARNING_NONE; i++)
+        for (int k = i + 1; k <= WARNING_NONE; k++) {
+            const uint8_t *a = overlay_warning_color((enum overlay_warning)i);
+            const uint8_t *b = overlay_warning_color((enum overlay_warning)k);
+            EXPECT_AT_LEAST(abs(a[0] - b[0]) + abs(a[1] - b[1]) + abs(a[2] - b[2]), 150);
+        }
 }
 
 static void test_clearance(void **state)
@@ -299,6 +347,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_motion_is_an_arc),
         cmocka_unit_test(test_a_lost_link_stops_the_robot),
+        cmocka_unit_test(test_a_silent_link_is_timed_by_the_robot),
+        cmocka_unit_test(test_the_warning_goes_by_distance),
         cmocka_unit_test(test_clearance),
         cmocka_unit_test(test_corners_out_of_sight_are_not_touched),
         cmocka_unit_test(test_overlay),

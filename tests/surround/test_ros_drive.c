@@ -3,65 +3,21 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "platform/file.h"
 #include "reenact/surround/drive/drive_session.h"
-#include "tests/support/process.h"
+#include "tests/support/ros_stage.h"
 
-#include <arpa/inet.h>
 #include <signal.h>
-#include <stdio.h>
-#include <sys/socket.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#define MASTER  "/usr/bin/rosmaster"
 #define TICK_NS 50000000
 enum { PATIENCE = 30 * 20 /* ticks: a busy machine is slow, not wrong */ };
 
 struct robot {
-    char folder[64], calibration[128], truth[128], uri[64];
-    pid_t master, rover;
+    struct ros_stage ros;
     struct drive_session session;
     int64_t start_ns, ticks;
-    struct {
-        double seconds, x, y, heading, speed;
-        int touched;
-    } is;
 };
 
 static struct robot driven;
-
-static int free_port(void)
-{
-    struct sockaddr_in at = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
-    socklen_t size = sizeof at;
-    const int s = socket(AF_INET, SOCK_STREAM, 0);
-    assert_int_equal(bind(s, (struct sockaddr *)&at, sizeof at), 0);
-    assert_int_equal(getsockname(s, (struct sockaddr *)&at, &size), 0);
-    close(s);
-    return ntohs(at.sin_port);
-}
-
-static bool answers(int port)
-{
-    const struct sockaddr_in at = {
-        .sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
-    const int s = socket(AF_INET, SOCK_STREAM, 0);
-    const bool good = connect(s, (const struct sockaddr *)&at, sizeof at) == 0;
-    close(s);
-    return good;
-}
-
-static bool read_truth(struct robot *r)
-{
-    FILE *from = fopen(r->truth, "r");
-    if (!from)
-        return false;
-    const int n = fscanf(from, "%lf %lf %lf %lf %lf %d", &r->is.seconds, &r->is.x, &r->is.y, &r->is.heading,
-                         &r->is.speed, &r->is.touched);
-    fclose(from);
-    return n == 6;
-}
 
 static void wait_a_tick(struct robot *r) { clock_sleep_until_ns(r->start_ns + ++r->ticks * TICK_NS); }
 
@@ -71,36 +27,18 @@ static void step(struct robot *r, double ahead)
     const struct drive_command command = {ahead, 0};
     wait_a_tick(r);
     assert_int_equal(drive_session_step(&r->session, r->ticks * TICK_NS, ahead < -9 ? NULL : &command), OK);
-    read_truth(r);
+    ros_stage_read(&r->ros);
 }
 
 static void start(struct robot *r)
 {
-    char port[16];
-    const int number = free_port();
-    *r = (struct robot){.folder = "/tmp/ros-drive-XXXXXX"};
-    assert_non_null(mkdtemp(r->folder));
-    snprintf(r->calibration, sizeof r->calibration, "%s/calibration.json", r->folder);
-    snprintf(r->truth, sizeof r->truth, "%s/truth.txt", r->folder);
-    snprintf(r->uri, sizeof r->uri, "ros:http://127.0.0.1:%d", number);
-    snprintf(port, sizeof port, "%d", number);
-    setenv("ROS_MASTER_URI", r->uri + 4, 1);
-    setenv("ROS_IP", "127.0.0.1", 1);
-    setenv("ROS_HOME", r->folder, 1);
-    setenv("ROS_LOG_DIR", r->folder, 1);
-    r->master = process_start((const char *const[]){MASTER, "--core", "-p", port, NULL});
-    r->start_ns = clock_now_ns();
-    for (int i = 0; i < PATIENCE && !answers(number); i++)
-        wait_a_tick(r);
-    r->rover = process_start((const char *const[]){PROGRAM_DIR "/ros-rover", r->calibration, r->truth, NULL});
-    for (int i = 0; i < PATIENCE && !read_truth(r); i++)
-        wait_a_tick(r);
+    ros_stage_open(&r->ros, PROGRAM_DIR "/ros-rover");
     struct drive_options how = drive_default_options();
-    how.calibration = r->calibration;
+    how.calibration = r->ros.calibration;
     how.threads = true;
     how.patience_s = 1;
     how.processor_clock = clock_cpu_ns;
-    const enum status status = drive_session_open(&r->session, r->uri, &how);
+    const enum status status = drive_session_open(&r->session, r->ros.uri, &how);
     if (status != OK)
         print_error("%s\n", status_message());
     assert_int_equal(status, OK);
@@ -108,42 +46,31 @@ static void start(struct robot *r)
     r->ticks = 0;
 }
 
-static void end_process(pid_t process)
-{
-    if (process <= 0) // it was not started
-        return;
-    kill(process, SIGKILL);
-    waitpid(process, NULL, 0);
-}
-
 // Also after a failed test: a rover that goes on would take its share of the processor from all that follow.
 static int end(void **state)
 {
     (void)state;
-    char command[128];
-    end_process(driven.rover);
-    end_process(driven.master);
-    snprintf(command, sizeof command, "rm -rf %s", driven.folder);
-    return *driven.folder ? system(command) : 0;
+    ros_stage_close(&driven.ros);
+    return 0;
 }
 
 // Drives on until the robot truly is at x, drawing now and then. A link lost on a busy machine asks for a 0 first.
 static void drive_to(struct robot *r, double x)
 {
     const struct surround_view *view;
-    for (int i = 0; i < PATIENCE && r->is.x < x; i++) {
+    for (int i = 0; i < PATIENCE && r->ros.is.x < x; i++) {
         step(r, r->session.ros.stopped ? 0 : 0.3);
         if (i % 8 == 0)
             assert_int_equal(drive_session_draw(&r->session, &view), OK);
     }
-    EXPECT_AT_LEAST(r->is.x, x);
+    EXPECT_AT_LEAST(r->ros.is.x, x);
 }
 
 static void wait_until_moving(struct robot *r, double ahead, bool moving)
 {
-    for (int i = 0; i < PATIENCE && (r->is.speed > 0) != moving; i++)
+    for (int i = 0; i < PATIENCE && (r->ros.is.speed > 0) != moving; i++)
         step(r, ahead);
-    EXPECT_INT(r->is.speed > 0, moving);
+    EXPECT_INT(r->ros.is.speed > 0, moving);
 }
 
 static void expect_pose(struct robot *r)
@@ -152,11 +79,11 @@ static void expect_pose(struct robot *r)
         step(r, 0); // it stands
     const struct pose believed = drive_session_pose(&r->session);
     print_message("truly at %.3f, believed at %.3f, by the wheels %.3f; %d captures, alignment at most %.1f ms\n",
-                  r->is.x, believed.translation.x,
+                  r->ros.is.x, believed.translation.x,
                   r->session.ros.odometry[r->session.ros.odometry_count - 1].pose.translation.x,
                   r->session.ros.surroundings.taken, (double)r->session.ros.surroundings.worst_align_ns * 1e-6);
-    EXPECT_NEAR(believed.translation.x, r->is.x, 0.03);
-    EXPECT_NEAR(believed.translation.y, r->is.y, 0.03);
+    EXPECT_NEAR(believed.translation.x, r->ros.is.x, 0.03);
+    EXPECT_NEAR(believed.translation.y, r->ros.is.y, 0.03);
 }
 
 static void expect_picture(struct robot *r)
@@ -197,17 +124,17 @@ static void expect_places(const struct robot *r)
 // Nothing comes from the robot any more: that is said, and it is stopped until the hand has been off the stick.
 static void expect_link_watched(struct robot *r)
 {
-    kill(r->rover, SIGSTOP);
+    kill(r->ros.rover, SIGSTOP);
     for (int i = 0; i < PATIENCE && !r->session.link_lost; i++)
         step(r, 0.05);
     EXPECT_TRUE(r->session.link_lost);
-    kill(r->rover, SIGCONT);
+    kill(r->ros.rover, SIGCONT);
     for (int i = 0; i < PATIENCE && r->session.link_lost; i++)
         step(r, 0.05);
     EXPECT_TRUE(!r->session.link_lost);
     for (int i = 0; i < 30; i++) // longer than a command that was sent before can have effect
         step(r, 0.05);
-    EXPECT_NEAR(r->is.speed, 0, 0);
+    EXPECT_NEAR(r->ros.is.speed, 0, 0);
     step(r, 0);
     wait_until_moving(r, 0.05, true);
 }
@@ -216,7 +143,7 @@ static void test_a_ros_robot_is_driven(void **state)
 {
     (void)state;
     struct robot *const r = &driven;
-    if (!ros_robot_available() || access(MASTER, X_OK)) {
+    if (!ros_stage_available()) {
         print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
         skip();
     }
@@ -234,13 +161,13 @@ static void test_a_ros_robot_is_driven(void **state)
     step(r, 0);
     wait_until_moving(r, 0.05, true);
     expect_link_watched(r);
-    EXPECT_INT(r->is.touched, 0);
+    EXPECT_INT(r->ros.is.touched, 0);
     drive_session_close(&r->session); // its last command is a stop
-    for (int i = 0; i < PATIENCE && r->is.speed > 0; i++) {
+    for (int i = 0; i < PATIENCE && r->ros.is.speed > 0; i++) {
         wait_a_tick(r);
-        read_truth(r);
+        ros_stage_read(&r->ros);
     }
-    EXPECT_NEAR(r->is.speed, 0, 0);
+    EXPECT_NEAR(r->ros.is.speed, 0, 0);
 }
 
 static void test_what_is_missing_is_said(void **state)

@@ -2,6 +2,11 @@
 
 #include <string.h>
 
+// A capture is asked for every 0.6 m (depth_alignment.h); by then two have not come. Of a ROS robot's panoramas, which
+// come as often as it likes: what an operator waits for at a link that stutters.
+#define STALE_M 1.5
+#define STALE_S 3.0
+
 struct drive_options drive_default_options(void) { return (struct drive_options){.patience_s = 0.5}; }
 
 static bool delivers(void *self, int capture)
@@ -114,10 +119,10 @@ void drive_session_close(struct drive_session *s)
     *s = (struct drive_session){0};
 }
 
-// What arrives at the robot by now.
-static void receive(struct drive_session *s)
+// What arrives at the robot by then.
+static void receive(struct drive_session *s, int64_t by_ns)
 {
-    while (s->pending_count && s->pending[0].arrives_ns <= s->now_ns) {
+    while (s->pending_count && s->pending[0].arrives_ns <= by_ns) {
         s->command = s->pending[0].command;
         s->watch.heard = true;
         s->watch.heard_ns = s->pending[0].arrives_ns;
@@ -135,27 +140,52 @@ static void send(struct drive_session *s, const struct drive_command *command)
     s->pending[s->pending_count++].arrives_ns = s->now_ns + delay_ns(s);
 }
 
+// What the simulated robot does by itself from then until now, whether or not this program ran meanwhile: it carries
+// out what arrives when it arrives, and stops when its watchdog has heard nothing for so long.
+static enum status drive_robot(struct drive_session *s, int64_t from_ns)
+{
+    const int64_t most_ns = 50000000; // so that it is not driven through what it would touch
+    enum status status = OK;
+    while (status == OK && from_ns < s->now_ns) {
+        bool lost;
+        receive(s, from_ns);
+        const int64_t stops_ns = s->watch.heard_ns + llround(s->watch.patience_s * 1e9);
+        const struct drive_command carried = link_watch_command(&s->watch, s->command, from_ns + 1, &lost);
+        int64_t to_ns = s->now_ns;
+        if (s->pending_count && s->pending[0].arrives_ns < to_ns)
+            to_ns = s->pending[0].arrives_ns;
+        if (!lost && stops_ns < to_ns)
+            to_ns = stops_ns;
+        if (!lost && to_ns - from_ns > most_ns)
+            to_ns = from_ns + most_ns;
+        status = simulated_rover_step(&s->rover, carried, (double)(to_ns - from_ns) * 1e-9);
+        from_ns = to_ns;
+    }
+    return status;
+}
+
 static enum status step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
 {
-    const double seconds = (double)(now_ns - s->now_ns) * 1e-9;
+    const int64_t was_ns = s->now_ns;
     s->now_ns = now_ns;
     if (s->kind == DRIVE_ROS) {
         const enum status status = ros_rover_step(&s->ros, now_ns, command);
         s->link_lost = s->ros.lost;
         return status;
     }
-    if (command)
-        send(s, command);
-    receive(s);
-    if (s->kind == DRIVE_PLAYED) {
+    if (s->kind == DRIVE_PLAYED) { // it goes where it went, whatever it is told
         const struct surround_set *set = &s->played.set;
         const int64_t at = s->first_ns + now_ns - delay_ns(s);
         s->ended = at > set->odometry[set->odometry_count - 1].time_ns;
         s->link_lost = s->ended;
         return surroundings_advance(&s->played, at);
     }
+    enum status status = drive_robot(s, was_ns);
+    if (command)
+        send(s, command);
+    receive(s, now_ns);
     const struct drive_command carried = link_watch_command(&s->watch, s->command, now_ns, &s->link_lost);
-    return simulated_rover_step(&s->rover, carried, seconds);
+    return status == OK ? simulated_rover_step(&s->rover, carried, 0) : status;
 }
 
 enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command)
@@ -201,6 +231,22 @@ static struct drive_command command_of(const struct drive_session *s)
     return s->kind == DRIVE_SIMULATED ? s->rover.command : s->kind == DRIVE_ROS ? s->ros.command : played_command(s);
 }
 
+struct drive_readings drive_session_readings(const struct drive_session *s)
+{
+    const struct surroundings *seen = drive_session_surroundings(s);
+    const struct pose newest = seen->taken ? seen->poses[seen->taken - 1] : POSE_IDENTITY;
+    return (struct drive_readings){
+        .command = command_of(s),
+        .age_s = age_of_s(s, seen),
+        .link_lost = s->link_lost,
+        .near = s->near,
+        .nearest_m = s->nearest_m,
+        .picture_old = s->kind != DRIVE_PLAYED && seen->taken &&
+                       (v3_distance(drive_session_pose(s).translation, newest.translation) > STALE_M ||
+                        (s->kind == DRIVE_ROS && ros_rover_silent_s(&s->ros) > STALE_S)),
+    };
+}
+
 const double *drive_session_size(const struct drive_session *s)
 {
     return s->kind == DRIVE_SIMULATED ? s->rover.how.size_m
@@ -233,7 +279,8 @@ static void fill_overlay(struct drive_session *s, struct pose body, struct opera
                                      .command = command_of(s),
                                      .age_s = age_of_s(s, seen_by(s)),
                                      .link_lost = s->link_lost,
-                                     .path = &s->path};
+                                     .path = &s->path,
+                                     .wordless = s->wordless};
     memcpy(out->size_m, drive_session_size(s), sizeof out->size_m);
     if (!s->eye.orbit && !s->eye.head && s->eye.viewpoint == VIEWPOINT_FIRST) { // the eye is inside the body
         out->size_m[0] = out->size_m[1] = out->size_m[2] = 0;
@@ -261,10 +308,11 @@ enum status drive_session_draw(struct drive_session *s, const struct surround_vi
     if (status != OK)
         return status;
     struct operator_overlay overlay;
-    struct nearest_thing thing;
+    struct nearest_thing thing = {0};
     fill_overlay(s, body, &overlay);
-    const bool near = nearest_in_view(&seen->view, body, drive_session_size(s), 0.1, &thing) == OK;
-    operator_overlay_draw(&seen->view, &overlay, near ? &thing : NULL);
+    s->near = nearest_in_view(&seen->view, body, drive_session_size(s), 0.1, &thing) == OK;
+    s->nearest_m = thing.distance_m;
+    operator_overlay_draw(&seen->view, &overlay, s->near ? &thing : NULL);
     *view = &seen->view;
     return OK;
 }

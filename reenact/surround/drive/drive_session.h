@@ -16,7 +16,7 @@ struct drive_options {
 };
 struct drive_options drive_default_options(void);
 
-enum { DRIVE_PENDING = 64 };
+enum { DRIVE_PENDING = 1280 }; // a minute, the longest delay that reenact drive takes, at 20 a second
 
 // From where the operator looks.
 struct drive_eye {
@@ -48,15 +48,29 @@ struct drive_session {
     bool link_lost, ended;  // ended: the folder is played to its end
     struct drive_path path; // of the body, as the operator's side believes it to be
     struct drive_eye eye;   // the operator's; may be set at any time
+    bool wordless;          // who draws shows the readings himself; may be set at any time
+    bool near;              // the last picture that was drawn shows a thing near the body, so far away:
+    double nearest_m;
 };
 
 // ERR_INPUT: no such URI, or the folder is no robot's; otherwise as surroundings_open.
 MUST_CHECK enum status drive_session_open(struct drive_session *s, const char *uri, const struct drive_options *how);
 void drive_session_close(struct drive_session *s); // what was zeroed, too
 
-// Moves on to `now_ns` (session time, rising, steps of at most a second are sensible). command: what the operator sends
-// at this moment; NULL: nothing.
+// Moves on to `now_ns` (session time, rising). command: what the operator sends at this moment; NULL: nothing. What was
+// sent before moves the simulated robot until then, for as long as its watchdog lets it (patience_s).
 MUST_CHECK enum status drive_session_step(struct drive_session *s, int64_t now_ns, const struct drive_command *command);
+
+// What the operator is to know beside the picture.
+struct drive_readings {
+    struct drive_command command; // that moves the robot
+    double age_s;                 // of the newest capture
+    bool link_lost;               // the robot stands
+    bool picture_old;             // the robot is elsewhere than the pictures were taken: nobody sees where it drives
+    bool near;                    // something was seen near the body
+    double nearest_m;             // with near: so far away
+};
+struct drive_readings drive_session_readings(const struct drive_session *s);
 
 // Of the operator's pictures.
 const struct lens *drive_session_lens(const struct drive_session *s);

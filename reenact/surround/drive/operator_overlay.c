@@ -11,7 +11,23 @@ enum { RANK = 10, ARC_STEPS = 24, GLYPH_WIDTH = 3, GLYPH_HEIGHT = 5 };
 #define PI      3.14159265358979323846
 
 const uint8_t overlay_body_color[3] = {60, 160, 255};
-static const uint8_t arrow_color[3] = {255, 210, 0}, line_color[3] = {255, 40, 40}, path_color[3] = {90, 220, 120};
+static const uint8_t arrow_color[3] = {255, 210, 0}, path_color[3] = {90, 220, 120};
+
+// By how far off the nearest thing is: a hand's breadth, in which a robot at full speed does not stop; an arm's length;
+// farther, where it is no warning.
+static const struct {
+    double below_m;
+    uint8_t color[3];
+} warnings[] = {{0.2, {255, 40, 40}}, {0.6, {255, 170, 0}}, {INFINITY, {235, 240, 245}}};
+
+enum overlay_warning overlay_warning_of(double distance_m)
+{
+    return distance_m < warnings[WARNING_TOUCHING].below_m ? WARNING_TOUCHING
+           : distance_m < warnings[WARNING_NEAR].below_m   ? WARNING_NEAR
+                                                           : WARNING_NONE;
+}
+
+const uint8_t *overlay_warning_color(enum overlay_warning warning) { return warnings[warning].color; }
 
 static struct vec3 in_body(struct pose world_from_body, const double at[3])
 {
@@ -233,11 +249,14 @@ void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_v
     if (thing) {
         double x, y, z;
         const struct vec3 at = v3(thing->at[0], thing->at[1], thing->at[2]);
-        add_line(out, view, v3(thing->from[0], thing->from[1], thing->from[2]), at, line_color);
+        add_line(out, view, v3(thing->from[0], thing->from[1], thing->from[2]), at,
+                 overlay_warning_color(overlay_warning_of(thing->distance_m)));
         snprintf(text, sizeof text, "%.2f m", thing->distance_m);
-        if (project(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
+        if (!o->wordless && project(view, at, &x, &y, &z) && fabs(x) < 1e5 && fabs(y) < 1e5)
             add_text(out, (int)x + 2 * scale, (int)y, scale, text);
     }
+    if (o->wordless)
+        return;
     snprintf(text, sizeof text, "%.1f s", o->age_s < 9999 ? o->age_s : 9999);
     add_text(out, 2 * scale, 2 * scale, scale, text);
     if (o->link_lost)

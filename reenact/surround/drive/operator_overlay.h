@@ -1,7 +1,7 @@
 // What an operator sees over the surroundings: the robot's body, transparent and of its true size, hidden where
 // something stands in front of it, with a mark at its front; the path that it has driven; an arrow along the arc that
-// it will drive in the next two seconds; a line to what is nearest, with its distance; the picture's age; and a warning
-// when the link is lost. Drawn into a surround_view.
+// it will drive in the next two seconds; a line to what is nearest, with its distance, in a colour that warns; the
+// picture's age; and a warning when the link is lost. Drawn into a surround_view.
 #pragma once
 #include "reenact/surround/drive/drive_path.h"
 #include "reenact/surround/drive/robot_motion.h"
@@ -14,6 +14,7 @@ struct operator_overlay {
     double age_s;                  // of the newest capture
     bool link_lost;                // the robot stands
     const struct drive_path *path; // NULL: none is drawn
+    bool wordless;                 // neither distance, age nor warning are written
 };
 
 struct nearest_thing {
@@ -50,6 +51,11 @@ struct overlay_shapes {
     int line_count, rect_count;
 };
 extern const uint8_t overlay_body_color[3];
+
+// Red, orange and a pale grey, RGB.
+enum overlay_warning { WARNING_TOUCHING, WARNING_NEAR, WARNING_NONE };
+enum overlay_warning overlay_warning_of(double distance_m);
+const uint8_t *overlay_warning_color(enum overlay_warning warning);
 
 // thing NULL: no line.
 void operator_overlay_shapes(struct overlay_shapes *out, const struct surround_view *view,

@@ -98,6 +98,7 @@ static void on_image(void *self, const struct ros_image *image)
     r->newest[image->topic].time_ns = image->time_ns;
     r->newest[image->topic].body_from_camera = body_from_camera;
     if (image->topic == ROS_PANORAMA) { // equirectangular images bring their size
+        r->seen_ns = r->now_ns;
         r->panorama_width = image->width;
         r->panorama_height = image->height;
     }
@@ -221,3 +222,5 @@ double ros_rover_age_s(const struct ros_rover *r)
 {
     return r->captured_ns ? (double)(r->now_ns - r->behind_ns - r->captured_ns) * 1e-9 : 0;
 }
+
+double ros_rover_silent_s(const struct ros_rover *r) { return (double)(r->now_ns - r->seen_ns) * 1e-9; }

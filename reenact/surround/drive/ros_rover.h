@@ -29,6 +29,7 @@ struct ros_rover {
     int64_t captured_ns;    // the robot's clock; 0: nothing yet
     int64_t behind_ns;      // least of session time less the robot's clock: its clock's offset and the least delay
     int64_t heard_ns, patience_ns; // session time of the last odometry
+    int64_t seen_ns;               // session time of the last panorama
     bool heard, lost, stopped;     // stopped: since the link was lost no command of 0 has come
     struct drive_command command;  // the last that was sent
 };
@@ -46,3 +47,4 @@ MUST_CHECK enum status ros_rover_step(struct ros_rover *r, int64_t now_ns, const
 struct pose ros_rover_pose(const struct ros_rover *r); // as the operator's side believes; the identity before any
 // How old the newest capture is, but for the least delay of the link; 0 before the first.
 double ros_rover_age_s(const struct ros_rover *r);
+double ros_rover_silent_s(const struct ros_rover *r); // since the last panorama came, or the start

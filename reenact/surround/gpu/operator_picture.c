@@ -139,7 +139,7 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
                                   const struct gpu_texture **out)
 {
     struct drive_scene scene;
-    struct nearest_thing thing;
+    struct nearest_thing thing = {0};
     const enum status before = surround_renderer_read_depth(o->renderer, DEPTH_STEP, &o->depth);
     enum status status = before < OK ? before : drive_session_prepare(session, &scene);
     if (status != OK)
@@ -149,9 +149,10 @@ enum status operator_picture_draw(struct operator_picture *o, struct drive_sessi
     if (status != OK)
         return status;
     tint_body(o, &scene.overlay);
-    const bool near =
+    session->near =
         before == OK && nearest_in_view(&o->depth, scene.overlay.world_from_body, scene.size_m, LOW_M, &thing) == OK;
-    return draw_overlay(o, &scene.overlay, near ? &thing : NULL);
+    session->nearest_m = thing.distance_m;
+    return draw_overlay(o, &scene.overlay, session->near ? &thing : NULL);
 }
 
 void operator_picture_view(const struct operator_picture *o, struct lens *lens, struct pose *world_from_view)

@@ -1,0 +1,182 @@
+// reenact drive on a real X server (Xvfb) and a simulated robot on a ROS master, in processes of their own: by its own
+// word the robot stands soon after whatever ends the driving. It stops by itself half a second after the last command;
+// that, and what a picture may take. Skipped where ROS is not there.
+#include "tests/support/test.h"
+
+#include "base/clock.h"
+#include "tests/support/display.h"
+#include "tests/support/process.h"
+#include "tests/support/ros_stage.h"
+#include "tests/support/scratch.h"
+
+#include <signal.h>
+#include <sys/wait.h>
+
+enum { WIDTH = 640, HEIGHT = 480 };
+static const uint32_t KEY_UP = 0xff52, KEY_DOWN = 0xff54, KEY_SPACE = 0x20, KEY_ESCAPE = 0xff1b;
+static const double WATCHDOG_S = 0.5, PICTURE_S = 0.5;
+
+static struct scratch scratch;
+static struct display display;
+static struct ros_stage ros;
+static pid_t driver; // 0: not running
+static bool ahead;   // goes to and fro, so that no wall is reached
+
+static void wait_ms(int ms) { clock_sleep_until_ns(clock_now_ns() + ms * 1000000LL); }
+
+static int open_stage(void **state)
+{
+    (void)state;
+    if (!ros_stage_available())
+        return 0;
+    scratch = scratch_make();
+    ros_stage_open(&ros, PROGRAM_DIR "/ros-rover");
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    if (!display_open(&display, scratch.path, WIDTH, HEIGHT))
+        return 1;
+    const char *const arguments[] = {PROGRAM_DIR "/reenact", "drive",  ros.uri,   "--calibration",
+                                     ros.calibration,        "--size", "640x480", NULL};
+    driver = process_start(arguments);
+    return 0;
+}
+
+static int close_stage(void **state)
+{
+    (void)state;
+    if (driver) {
+        kill(driver, SIGKILL);
+        waitpid(driver, NULL, 0);
+        driver = 0;
+    }
+    display_close(&display);
+    ros_stage_close(&ros);
+    if (*scratch.path)
+        scratch_remove(&scratch);
+    scratch = (struct scratch){0};
+    return 0;
+}
+
+static bool moves(void)
+{
+    ros_stage_read(&ros);
+    return ros.is.speed != 0;
+}
+
+static uint32_t key(void) { return ahead ? KEY_UP : KEY_DOWN; }
+
+// Holds the key until the robot moves. Pressed again where the program was not ready yet, or a busy machine lost the
+// link meanwhile.
+static void drive(void)
+{
+    ahead = !ahead;
+    for (int i = 0; i < 30 && !moves(); i++) {
+        display_hold_key(&display, key(), false);
+        wait_ms(300);
+        display_hold_key(&display, key(), true);
+        for (int k = 0; k < 20 && !moves(); k++)
+            wait_ms(50);
+    }
+    EXPECT_TRUE(moves());
+    wait_ms(300);
+    EXPECT_TRUE(moves());
+}
+
+// From now on until it stands; then it stays so, with the key still down.
+static void expect_stops(const char *what)
+{
+    const int64_t start = clock_now_ns();
+    while (moves() && clock_now_ns() - start < 10000000000)
+        wait_ms(5);
+    const double took_s = (double)(clock_now_ns() - start) * 1e-9;
+    print_message("%s: stands after %.2f s\n", what, took_s);
+    EXPECT_AT_MOST(took_s, WATCHDOG_S + PICTURE_S);
+    for (int i = 0; i < 20; i++) {
+        wait_ms(50);
+        EXPECT_TRUE(!moves());
+    }
+}
+
+static void test_what_ends_driving(void **state)
+{
+    (void)state;
+    if (!driver) {
+        print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
+        skip();
+    }
+    drive();
+    display_hold_key(&display, key(), false);
+    expect_stops("the key is let go");
+    drive();
+    display_key(&display, KEY_SPACE);
+    expect_stops("space");
+    drive();
+    display_key(&display, KEY_ESCAPE);
+    expect_stops("Escape");
+    EXPECT_INT(waitpid(driver, NULL, WNOHANG), 0); // it did not leave
+    drive();
+    display_hold_button(&display, WIDTH - 60, HEIGHT - 60, true);
+    expect_stops("STOP");
+    display_hold_button(&display, WIDTH - 60, HEIGHT - 60, false);
+    display_focus(&display, true);
+    drive();
+    display_focus(&display, false);
+    expect_stops("the keyboard goes to another window");
+    display_focus(&display, true);
+    expect_stops("it comes back, the key is down");
+    drive();
+    display_grab_keyboard(&display, true);
+    expect_stops("the screen is locked");
+    display_grab_keyboard(&display, false);
+    drive();
+    display_show_window(&display, false);
+    expect_stops("the window is hidden");
+    display_show_window(&display, true);
+    display_focus(&display, true);
+    drive();
+    kill(driver, SIGSTOP);
+    expect_stops("the program is stopped");
+    kill(driver, SIGCONT);
+    expect_stops("it goes on, the key is down");
+    drive();
+    kill(driver, SIGTERM);
+    expect_stops("the program is ended");
+    EXPECT_INT(ros.is.touched, 0);
+}
+
+static void end_driving(const char *what, pid_t process, int signal)
+{
+    if (!driver)
+        skip();
+    drive();
+    kill(process, signal);
+    expect_stops(what);
+}
+
+static void test_the_program_is_killed(void **state)
+{
+    (void)state;
+    end_driving("the program is killed", driver, SIGKILL);
+}
+
+static void test_the_program_crashes(void **state)
+{
+    (void)state;
+    end_driving("the program crashes", driver, SIGSEGV);
+}
+
+static void test_the_display_is_gone(void **state)
+{
+    (void)state;
+    end_driving("the display is gone", display.server, SIGKILL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_what_ends_driving, open_stage, close_stage),
+        cmocka_unit_test_setup_teardown(test_the_program_is_killed, open_stage, close_stage),
+        cmocka_unit_test_setup_teardown(test_the_program_crashes, open_stage, close_stage),
+        cmocka_unit_test_setup_teardown(test_the_display_is_gone, open_stage, close_stage),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
