@@ -296,7 +296,7 @@ bool view_request_equal(const struct take_view_request *a, const struct take_vie
            p->y_m == q->y_m && p->yaw_rad == q->yaw_rad && p->mirrored == q->mirrored &&
            a->resolution_scale == b->resolution_scale && a->error_px == b->error_px && a->sources == b->sources &&
            a->inset == b->inset && a->camera_lost == b->camera_lost && a->in_room == b->in_room &&
-           a->former == b->former && a->overlay == b->overlay && a->camera == b->camera &&
+           a->sensor == b->sensor && a->overlay == b->overlay && a->camera == b->camera &&
            a->camera_number == b->camera_number;
 }
 
@@ -337,7 +337,7 @@ static struct take_view_request make_request(struct viewer *v, const struct view
         .error_px = s->error_px,
         .sources = s->sources,
         .inset = s->inset,
-        .former = s->crossfade < 1,
+        .sensor = s->crossfade < 1,
     };
     if (frame) {
         request.lens = frame->lens;
@@ -355,7 +355,7 @@ static struct take_view_request make_request(struct viewer *v, const struct view
     const struct ui_box free = {v->free.x * px, v->free.y * px, v->free.w * px, v->free.h * px};
     const struct ui_box picture = layout_of(surface->width / px, surface->height / px, s, &v->image).picture;
     request.lens = take_view_orbit_lens((int)(picture.w * px + 0.5), (int)(picture.h * px + 0.5), free);
-    request.in_room = v->image.filmed && viewer_room_wants_filmed(v);
+    request.in_room = (v->image.filmed || v->image.surface) && viewer_room_wants_filmed(v);
     request.time_ns = playback_at(&s->playback, now_ns);
     request.world_from_camera = orbit_world_from_camera(&s->orbit);
     return request;
@@ -394,6 +394,14 @@ static enum status forgive_frame(struct viewer *v, enum status status, int64_t n
     return OK;
 }
 
+static void set_room(struct take_view_image *to, const struct take_view_image *from)
+{
+    to->filmed = from->filmed;
+    to->surface = from->surface;
+    to->room_low = from->room_low;
+    to->room_high = from->room_high;
+}
+
 static enum status draw_take(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     enum status status = v->state.orbiting ? OK : upload_camera_frame(v);
@@ -407,7 +415,11 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     status = viewer_room_draw_filmed(v, &request, now_ns, &filmed);
     if (status != OK)
         return status;
-    v->image.filmed = filmed;
+    struct take_view_image room = {.filmed = filmed};
+    status = viewer_room_draw_surface(v, &request, &room);
+    if (status != OK)
+        return status;
+    set_room(&v->image, &room);
     viewer_room_ask_seen(v, &request);
     if (v->has_image && view_request_equal(&request, &v->request) && take_view_final(v->take_view))
         return OK; // nothing has changed
@@ -415,7 +427,7 @@ static enum status draw_take(struct viewer *v, const struct viewer_surface *surf
     v->request = request;
     v->has_image = true;
     status = take_view_draw(v->take_view, &request, &v->image);
-    v->image.filmed = filmed;
+    set_room(&v->image, &room);
     v->room.seen_comes = status == OK && request.overlay;
     // The answer is read with the next drawing, which comes by itself while images follow one another.
     v->state.changed |= v->room.seen_comes && !(request.camera && request.playing);

@@ -399,8 +399,7 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
     *request = (struct take_view_request){.lens = lens,
                                           .world_from_camera = orbit_world_from_camera(&orbit),
                                           .resolution_scale = request->resolution_scale,
-                                          .error_px = v->state.error_px,
-                                          .former = request->former};
+                                          .error_px = v->state.error_px};
 }
 
 // ---------------------------------------------------------------- the mirror's picture

@@ -66,6 +66,7 @@ void viewer_room_close(struct viewer *v)
         gpu_texture_close(&r->pictures[i]);
     gpu_target_close(&r->turning);
     gpu_target_close(&r->map);
+    gpu_target_close(&r->surface);
     solid_renderer_close(&r->renderer);
     free(r->pictures);
     free(r->asked);
@@ -106,9 +107,11 @@ static enum status take_mesh(struct viewer *v)
     struct orbit *o = &v->state.room.map_orbit; // the whole room is seen
     o->centre = v3_mix(made.low, made.high, 0.5);
     o->distance_m = fmin(fmax(0.95 * v3_distance(made.low, made.high), 3), 12);
+    r->mesh_low = made.low;
+    r->mesh_high = made.high;
     place_mesh_free(&made);
     r->mesh_came = true;
-    r->map_drawn = false;
+    r->map_drawn = r->surface_drawn = false;
     v->state.changed = true;
     return status;
 }
@@ -234,6 +237,36 @@ enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_req
     if (status != OK)
         return status;
     return filmed_layer_draw(r->filmed, r->renderer, p, &request->lens, request->world_from_camera, out);
+}
+
+// Of the view's size. What it shows is as coarse as the map: the recorded views lie over it.
+enum status viewer_room_draw_surface(struct viewer *v, const struct take_view_request *request,
+                                     struct take_view_image *out)
+{
+    struct viewer_room *r = &v->room;
+    const struct lens *lens = &request->lens;
+    enum status status = OK;
+    if (!viewer_room_wants_filmed(v) || !r->mesh)
+        return OK;
+    if (!r->surface || !lens_equal(lens, &r->surface_lens)) {
+        gpu_target_close(&r->surface);
+        status = gpu_target_open(&r->surface, v->gpu, lens->width, lens->height);
+        r->surface_drawn = false;
+        r->surface_lens = *lens;
+    }
+    if (status != OK)
+        return status;
+    if (!r->surface_drawn || !near(&r->surface_pose, &request->world_from_camera, 1e-9, 1e-9)) {
+        const struct solid_view view = {r->surface, *lens, request->world_from_camera};
+        gpu_target_clear(r->surface);
+        solid_renderer_draw(r->renderer, &view, r->mesh, &(struct solid_look){POSE_IDENTITY, 1, NULL, true});
+        r->surface_pose = request->world_from_camera;
+        r->surface_drawn = true;
+    }
+    out->surface = gpu_target_texture(r->surface);
+    out->room_low = r->mesh_low;
+    out->room_high = r->mesh_high;
+    return OK;
 }
 
 // ---------------------------------------------------------------- what hides things

@@ -29,8 +29,13 @@ struct viewer_room {
     int64_t seen_number; // of the worker's picture at the last update
     int64_t still_ns;    // since when the viewpoint has not moved
 
-    struct solid_mesh *mesh; // of the place
+    struct solid_mesh *mesh;         // of the place
+    struct vec3 mesh_low, mesh_high; // its bounds
     bool mesh_came;
+    struct gpu_target *surface; // the mesh behind the orbit
+    struct lens surface_lens;
+    struct pose surface_pose; // that it shows
+    bool surface_drawn;
     struct gpu_target *map;
     struct lens map_lens;
     struct pose map_pose; // that the map shows
@@ -56,6 +61,10 @@ void viewer_room_update(struct viewer *v, int64_t now_ns);
 // The recorded views behind an orbit, as seen by the request; *out NULL: there are none (yet). ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status viewer_room_draw_filmed(struct viewer *v, const struct take_view_request *request,
                                                int64_t now_ns, const struct gpu_texture **out);
+// The map's surface as seen by the request, and the room's bounds, into the image: what is behind the recorded views
+// where they show nothing. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status viewer_room_draw_surface(struct viewer *v, const struct take_view_request *request,
+                                                struct take_view_image *out);
 // Asks with the request which things are seen in its picture; the answer is read before the next one is drawn, when the
 // GPU has it.
 void viewer_room_ask_seen(struct viewer *v, struct take_view_request *request);

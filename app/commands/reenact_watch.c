@@ -122,10 +122,10 @@ static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_
 // Prints when, since the program began, the screen first showed something, the actor, and the actor's model.
 static void print_milestones(struct watch *w)
 {
-    static const char *const names[] = {"a screen", "the actor", "a whole body", "full"};
+    static const char *const names[] = {"a screen", "what the sensor saw", "a whole body", "full"};
     const struct viewer *t = &w->viewer;
-    const bool actor = t->has_image && t->image.parts > 0;
-    const bool reached[] = {true, actor, actor && t->image.prepared, actor && t->image.full};
+    const bool actor = t->has_image && t->image.parts > 0, sensor = t->has_image && t->image.sensor;
+    const bool reached[] = {true, actor || sensor, actor && t->image.prepared, actor && t->image.full};
     for (; w->milestones < (int)COUNT_OF(names) && reached[w->milestones]; w->milestones++)
         printf("opening   %s after %.0f ms, %.0f of them at work\n", names[w->milestones],
                (double)(w->shown_ns - w->started_ns) * 1e-6, (double)clock_cpu_ns() * 1e-6);

@@ -127,8 +127,8 @@ struct view_state {
     double error_px;          // permitted error of the drawn actor, pixels: selects the level of detail
     double presence;          // the actor's opacity, 0..1: fades while the camera's pose is not known
     double avatar_progress;   // progress of building the take's avatar, 0..1
-    bool avatar_shown;        // the avatar is drawn, no longer the body cylinders
-    double crossfade;         // 0..1: from the body cylinders to the avatar
+    bool avatar_shown;        // the avatar is drawn, no longer what the sensor saw
+    double crossfade;         // 0..1: from what the sensor saw to the avatar
     bool ever_placed;
     int64_t placed_ns;     // when the camera's pose was last known
     int64_t last_input_ns; // of the last input, for hiding the controls while playing

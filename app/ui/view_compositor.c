@@ -1,6 +1,7 @@
 #include "app/ui/view_compositor.h"
 
 #include <math.h>
+#include <stdio.h>
 
 static const double PI = 3.14159265358979323846, MIN_DEPTH_M = 0.1;
 // Distances from the joints: how far hands, head and clothes extend, and how far the shadow is visible. Chosen by hand.
@@ -82,13 +83,71 @@ static void draw_studio(const struct brush *b, const struct take_view_image *p, 
     }
 }
 
-// Diagonal lines: what is there was not filmed.
-static void draw_hatching(const struct brush *b, struct ui_box box)
+// The whole image's box on the screen.
+static struct ui_box whole_of(const struct take_view_image *p, struct cover cover)
+{
+    return (struct ui_box){cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
+}
+
+// The room's corners on the screen; false: one is behind the viewpoint, which is inside the room or near it.
+static bool room_corners(const struct take_view_image *p, struct cover cover, struct ui_point out[8])
+{
+    for (int k = 0; k < 8; k++) {
+        const struct vec3 at = v3(k & 1 ? p->room_high.x : p->room_low.x, k & 2 ? p->room_high.y : p->room_low.y,
+                                  k & 4 ? p->room_high.z : p->room_low.z);
+        if (!on_screen(p, cover, at, &out[k]))
+            return false;
+    }
+    return true;
+}
+
+// How far the corners' outline reaches on the line x + y = c, as its x: a line between two corners crosses it there.
+static bool room_on_diagonal(const struct ui_point corner[8], double c, double *from, double *to)
+{
+    *from = INFINITY;
+    *to = -INFINITY;
+    for (int i = 0; i < 8; i++)
+        for (int k = 0; k < i; k++) {
+            const double a = corner[i].x + corner[i].y - c, e = corner[k].x + corner[k].y - c;
+            if ((a < 0) == (e < 0))
+                continue;
+            const double x = corner[i].x + (corner[k].x - corner[i].x) * a / (a - e);
+            *from = fmin(*from, x);
+            *to = fmax(*to, x);
+        }
+    return *from < *to;
+}
+
+// Faint diagonal lines: what is there in the room was not seen. Nothing beyond the room.
+static void draw_hatching(const struct brush *b, const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     const double step = 18;
-    for (double x = box.x - box.h; x < box.x + box.w; x += step)
-        ui_line(b->ui, (struct ui_point){x, box.y + box.h}, (struct ui_point){x + box.h, box.y}, 2,
-                faint(b->theme->quiet, 0.35));
+    struct ui_point corner[8];
+    const bool bounded = p->surface && room_corners(p, cover, corner);
+    for (double x = box.x; x < box.x + box.w + box.h; x += step) { // from the lower left to the upper right
+        const double c = x + box.y;
+        double from = x - box.h, to = x, low, high;
+        if (bounded && !room_on_diagonal(corner, c, &low, &high))
+            continue;
+        from = bounded ? fmax(from, low) : from;
+        to = bounded ? fmin(to, high) : to;
+        if (from < to)
+            ui_line(b->ui, (struct ui_point){from, c - from}, (struct ui_point){to, c - to}, 1.5,
+                    faint(b->theme->quiet, 0.14));
+    }
+}
+
+// The recorded views, behind them the map's surface, and where neither shows anything the hatching.
+static void draw_room(const struct brush *b, const struct take_view_image *p, struct cover cover, struct ui_box box)
+{
+    const struct ui_uv_rect all = {0, 0, 1, 1};
+    if (!p->filmed && !p->surface)
+        return;
+    draw_hatching(b, p, cover, box);
+    if (p->surface)
+        ui_image(b->ui, p->surface, whole_of(p, cover), all, 0, 0xffffffff);
+    if (p->filmed)
+        ui_image(b->ui, p->filmed, whole_of(p, cover), all, 0, 0xffffffff);
 }
 
 // ---------------------------------------------------------------- actor
@@ -196,8 +255,6 @@ static struct ui_box common_box(struct ui_box a, struct ui_box b)
 struct ui_box compositor_actor_box(const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     const struct ui_box block = block_box(p, cover, box);
-    if (p->former)
-        return block; // actor_part does not hold for the former image
     const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
     const struct ui_uv_rect *of = &p->actor_part;
     const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
@@ -218,12 +275,6 @@ struct ui_box compositor_shadow_box(const struct take_view_image *p, struct cove
     return box_around(p, cover, box, points, ROUND_POINTS);
 }
 
-// The whole image's box on the screen.
-static struct ui_box whole_of(const struct take_view_image *p, struct cover cover)
-{
-    return (struct ui_box){cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
-}
-
 // Shadow, actor and sources, one over the other.
 static void draw_actor(const struct brush *b, struct ui_box box, const struct take_view_image *p,
                        const struct view_state *s)
@@ -238,15 +289,37 @@ static void draw_actor(const struct brush *b, struct ui_box box, const struct ta
         ui_unclip(b->ui);
     }
     ui_clip(b->ui, compositor_actor_box(p, cover, box));
-    // The avatar fades in over the former image, which then fades out: the actor is opaque throughout.
-    double crossfade = p->former ? s->crossfade : 1;
-    if (p->former)
-        ui_image(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * crossfade)));
-    if (p->actor && crossfade > 0)
-        ui_image(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * crossfade)));
+    if (p->actor)
+        ui_image(b->ui, p->actor, all, part, 0, tint);
     if (p->sources)
         ui_image(b->ui, p->sources, all, part, 0, tint);
     ui_unclip(b->ui);
+}
+
+// ---------------------------------------------------------------- until the body is whole
+
+// What the sensor saw: in an orbit all that is shown, in a camera's image as a card. Fades as the body comes.
+static void draw_sensor(const struct brush *b, struct ui_box box, const struct take_view_image *p,
+                        const struct view_state *s)
+{
+    const double share = p->camera ? 0.5 : 1, opacity = p->making ? 1 : 1 - s->crossfade; // chosen by hand
+    if (!p->camera)
+        ui_fill(b->ui, box, 0, faint(b->theme->ground, opacity));
+    if (p->sensor) {
+        const double w = share * fmin(box.w, box.h * p->sensor_aspect), h = w / p->sensor_aspect;
+        const struct ui_box at = {box.x + (box.w - w) / 2, box.y + (box.h - h) / 2, w, h};
+        const struct ui_uv_rect part = {p->flip_x, 0, !p->flip_x, 1};
+        ui_image(b->ui, p->sensor, at, part, p->camera ? ROUND : 0, faint(0xffffffff, opacity));
+    }
+    if (!p->making)
+        return;
+    char text[64];
+    snprintf(text, sizeof text, "The body is being made, %.0f %%", 100 * s->avatar_progress);
+    const double w = fmin(ui_text_width(b->ui, FACE_STRONG, text) + 2 * MARGIN, box.w);
+    const struct ui_box word = {box.x + (box.w - w) / 2, box.y + box.h * 0.5 * (1 - share) + TARGET + 2 * MARGIN, w,
+                                40};
+    ui_fill(b->ui, word, 20, b->theme->glass);
+    label_centred(b, FACE_STRONG, word, b->theme->text, text);
 }
 
 void compositor_draw(const struct brush *b, struct ui_box box, const struct take_view_image *p,
@@ -258,20 +331,21 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         ui_image(b->ui, p->camera, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     else
         draw_studio(b, p, cover, box);
-    if (!p->camera && p->filmed) {
-        draw_hatching(b, box); // is seen where nothing was filmed
-        ui_image(b->ui, p->filmed, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
-    }
-    if (s->presence > 0 && p->has_skeleton) {
+    if (!p->camera)
+        draw_room(b, p, cover, box);
+    const bool waits = p->making && !p->camera; // the sensor's image is of another viewpoint than these
+    if (s->presence > 0 && p->has_skeleton && !waits) {
         if (s->moving)
             draw_ring(b, p, cover);
         draw_actor(b, box, p, s);
         if (s->skeleton)
             draw_skeleton(b, p, cover, s->presence);
     }
-    if (s->presence > 0 && p->overlay)
+    if (s->presence > 0 && p->overlay && !waits)
         ui_image(b->ui, p->overlay, whole_of(p, cover),
                  p->flip_x ? (struct ui_uv_rect){1, 0, 0, 1} : (struct ui_uv_rect){0, 0, 1, 1}, 0,
                  faint(0xffffffff, s->presence));
+    if (p->making || (p->sensor && s->crossfade < 1))
+        draw_sensor(b, box, p, s);
     ui_unclip(b->ui);
 }

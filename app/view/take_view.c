@@ -23,6 +23,7 @@ struct take_view {
     struct avatar_builder *builder;  // NULL: it has finished
     bool has_full, has_room;         // were taken from the builder
     bool drawn;                      // the actor was, once
+    bool stood_in;                   // what the sensor saw, for the body; until it is not asked for any more
     bool outdated;                   // another avatar or room was set since the last drawing
     struct frame_prefetch *prefetch; // NULL: the renderer has no avatar yet
     int64_t next[PREFETCH_MAX];      // frames predicted to be shown
@@ -280,7 +281,9 @@ static enum status draw_sources(struct take_view *s, int width, int height, stru
     return status;
 }
 
-static enum status upload_inset(struct take_view *s, int64_t frame, struct take_view_image *out)
+// The sensor's image, into what was asked for.
+static enum status upload_inset(struct take_view *s, const struct take_view_request *request, int64_t frame,
+                                struct take_view_image *out)
 {
     const struct lens *color = &take_calibration(s->inset_take)->color;
     if (frame < 0 || !take_entry(s->inset_take, frame)->has_color)
@@ -295,8 +298,9 @@ static enum status upload_inset(struct take_view *s, int64_t frame, struct take_
             return status;
         s->inset_frame = frame;
     }
-    out->inset = s->inset;
-    out->inset_aspect = (double)color->width / color->height;
+    out->inset = request->inset ? s->inset : NULL;
+    out->sensor = s->stood_in ? s->inset : NULL;
+    out->inset_aspect = out->sensor_aspect = (double)color->width / color->height;
     return OK;
 }
 
@@ -483,6 +487,12 @@ static struct ui_uv_rect part_within(const struct renderer_result *drawn, bool f
     return (struct ui_uv_rect){flip_x ? 1 - right : left, top, flip_x ? 1 - left : right, bottom};
 }
 
+// Nothing whole can be drawn yet, but will be.
+static bool makes_body(const struct take_view *s)
+{
+    return s->builder && !s->has_full && !(s->renderer && renderer_avatar(s->renderer));
+}
+
 static enum status draw_actor(struct take_view *s, const struct take_view_request *request, int64_t frame,
                               struct take_view_image *out)
 {
@@ -496,8 +506,7 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
                                                          ? &viewer_from_room
                                                          : NULL, // an empty ground shows none
                                  .room_front = !request->camera,
-                                 .within_ns = frame_tolerance_ns(s, request, frame),
-                                 .also_paper = request->former};
+                                 .within_ns = frame_tolerance_ns(s, request, frame)};
     struct renderer_result result;
     struct overlay overlay;
     if (request->overlay) {
@@ -519,12 +528,17 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
     out->actor = renderer_actor_texture(s->renderer);
     out->shadow = renderer_shadow_texture(s->renderer);
     out->overlay = renderer_overlay_texture(s->renderer);
-    out->former = request->former ? renderer_paper_texture(s->renderer) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
     out->full = out->prepared && s->has_full;
     out->actor_part = part_within(&result, request->placement.mirrored);
     out->flip_x = request->placement.mirrored;
     out->parts = result.parts;
+    out->making = makes_body(s);
+    if (out->making) { // parts with gaps between them are no body
+        out->actor = out->shadow = NULL;
+        out->parts = 0;
+        return OK;
+    }
     return request->sources ? draw_sources(s, result.width, result.height, out) : OK;
 }
 
@@ -536,11 +550,13 @@ enum status take_view_draw(struct take_view *s, const struct take_view_request *
     struct track_sample sample;
     bool has_skeleton = skeleton_track_at(s->track, request->time_ns, true, &sample) == OK;
     s->substituted = s->outdated = false;
+    out->making = makes_body(s) && !request->camera_lost;
     if (has_skeleton)
         place_skeleton(s, request, &sample, out);
     if (!request->camera_lost)
         status = draw_actor(s, request, has_skeleton ? sample.frame : -1, out);
-    if (status == OK && request->inset && has_skeleton)
-        status = upload_inset(s, sample.frame, out);
+    s->stood_in = out->making || (s->stood_in && request->sensor);
+    if (status == OK && (request->inset || s->stood_in) && has_skeleton)
+        status = upload_inset(s, request, sample.frame, out);
     return status;
 }

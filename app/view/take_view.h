@@ -22,8 +22,9 @@ struct take_view_options {
     void (*notify)(void *self); // called on another thread when the avatar has progressed; may be NULL
     void *notify_self;
 };
-// The take can be drawn immediately: with the avatar that the recording keeps; or at DETAIL_PAPER until, after the
-// first take_view_presented, a simple avatar and then the full one were built in the background. Errors: as
+// The take can be drawn immediately: with the avatar that the recording keeps; or without the actor, but with what the
+// sensor saw, until, after the first take_view_presented, a simple avatar and then the full one were built in the
+// background. At DETAIL_PAPER, which is in parts with gaps between them, where no avatar can be made. Errors: as
 // recording_open, take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
@@ -52,7 +53,7 @@ struct take_view_request {
     bool sources, inset;              // draw them, too
     bool camera_lost;                 // the camera is not localised: the actor is not drawn
     bool in_room;                     // an orbit in which the room hides the actor, where it faces the viewpoint
-    bool former;                      // also the actor at DETAIL_PAPER, as drawn before the avatar was there
+    bool sensor;                      // while the body comes: also what the sensor saw, which stood in for it
     const struct gpu_texture *camera; // the camera's image, of the lens's size; NULL: an orbit
     int64_t camera_number;            // number of that image
     const struct overlay *overlay;    // at its own depth over the actor, world axes; NULL: nothing
@@ -61,17 +62,24 @@ struct take_view_request {
 struct take_view_image {
     struct lens lens;
     struct pose world_from_camera;
-    const struct gpu_texture *camera;  // the request's
-    const struct gpu_texture *filmed;  // set by the viewer: the place's recorded views behind an orbit, premultiplied,
-                                       // transparent where nothing was filmed; NULL: none
-    const struct gpu_texture *actor;   // premultiplied alpha; NULL: not drawn
-    struct ui_uv_rect actor_part;      // bounds of the actor in shares of the image; all of it where unknown
-    const struct gpu_texture *shadow;  // occlusion shadow, to be drawn under the actor; NULL: none
+    const struct gpu_texture *camera; // the request's
+    const struct gpu_texture *filmed; // set by the viewer: the place's recorded views behind an orbit, premultiplied,
+                                      // transparent where nothing was filmed; NULL: none
+    const struct gpu_texture
+        *surface;                     // set by the viewer: the place's surface behind those views, likewise; NULL: none
+    struct vec3 room_low, room_high;  // with surface: of the room, world axes; what lies beyond is not its
+    const struct gpu_texture *actor;  // premultiplied alpha; NULL: not drawn
+    struct ui_uv_rect actor_part;     // bounds of the actor in shares of the image; all of it where unknown
+    const struct gpu_texture *shadow; // occlusion shadow, to be drawn under the actor; NULL: none
     const struct gpu_texture *overlay; // the request's strokes, premultiplied, where neither actor nor room hides them;
                                        // NULL: none, or the camera is lost
-    const struct gpu_texture *former;  // the actor at DETAIL_PAPER; NULL: not requested
-    bool prepared;                     // `actor` is better than DETAIL_PAPER
-    bool full;                         // and as good as it gets: the take's full avatar
+    bool making;                       // the actor's body is not whole yet, and nothing of it is given: not `actor`,
+                                       // nor `shadow`
+    const struct gpu_texture
+        *sensor;          // the sensor's colour image while `making`, and after it while it is asked for; NULL
+    double sensor_aspect; // its width divided by its height
+    bool prepared;        // `actor` is better than DETAIL_PAPER
+    bool full;            // and as good as it gets: the take's full avatar
     const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
     const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
     double inset_aspect;               // its width divided by its height

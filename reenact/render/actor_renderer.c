@@ -297,19 +297,13 @@ static enum status draw_actor(struct renderer *p, const struct renderer_view *vi
     if (status != OK)
         return status;
     draw_shadow(p, view, &moment.skeleton);
-    bool writes_source = p->writes_source;
-    if (result->level == DETAIL_PAPER || view->also_paper) {
-        p->writes_source = writes_source && result->level == DETAIL_PAPER;
+    if (result->level == DETAIL_PAPER) {
         p->actor = p->paper;
         begin_target(p, view, &state);
         status = draw_paper(p, &state, &result->parts);
-        p->writes_source = writes_source;
-        if (status < 0)
-            return status;
-        if (result->level == DETAIL_PAPER) {
+        if (status >= 0)
             result->source = status == OK ? state.whole.frame : -1;
-            return status;
-        }
+        return status;
     }
     p->actor = p->full;
     begin_target(p, view, &state);

@@ -64,7 +64,6 @@ struct renderer_view {
                        // time gives colours and deformation. 0: the nearest is loaded
     const struct overlay *overlay; // also drawn and asked for: viewer camera's axes. For renderer_overlay_texture and
                                    // renderer_read_seen (actor_renderer_live.h). NULL: nothing
-    bool also_paper;               // draw DETAIL_PAPER too, for renderer_paper_texture. Needs options.avatar_later
 };
 
 struct renderer_result {

@@ -34,7 +34,6 @@ int64_t renderer_nearest_resident_frame(const struct renderer *p, int64_t frame,
 
 const struct gpu_texture *renderer_actor_texture(struct renderer *p);   // the actor last drawn, alone
 const struct gpu_texture *renderer_shadow_texture(struct renderer *p);  // its shadow, to compose below it. NULL: none
-const struct gpu_texture *renderer_paper_texture(struct renderer *p);   // at DETAIL_PAPER, with view.also_paper
 const struct gpu_texture *renderer_overlay_texture(struct renderer *p); // view.overlay's strokes. NULL: none drawn
 
 // What was asked with the last view.overlay that had points: depth_overlay_read. ERR_DEVICE.

@@ -150,4 +150,3 @@ const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
     return p->shaded ? gpu_target_texture(p->shadow) : NULL;
 }
 
-const struct gpu_texture *renderer_paper_texture(struct renderer *p) { return gpu_target_texture(p->paper); }

@@ -271,6 +271,74 @@ static double difference_to_truth(const struct glass *g, const struct world *w, 
     return sum / count;
 }
 
+// What the orbit shows where no recorded view reaches: how much of the picture that was, and how much of it the map's
+// surface leaves open, which is hatched; and how far the surface is off from what a camera would have seen there.
+struct filling {
+    double unfilmed, open, off;
+};
+
+static struct filling filling_of(const struct glass *g, const struct world *w)
+{
+    const struct room_picture *p = room_worker_latest(g->viewer.room.worker);
+    const struct lens *lens = &g->viewer.room.surface_lens;
+    uint8_t *truth = malloc(3 * lens_pixels(&p->lens)), *surface = malloc(4 * lens_pixels(lens));
+    const struct world_shot shot = {p->lens, p->world_from_view, 0, false};
+    struct filling out = {0, 0, 0};
+    double count = 0;
+    EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.color = truth}), OK);
+    EXPECT_STATUS(gpu_target_read(g->viewer.room.surface, surface), OK);
+    for (int y = 0; y < p->lens.height; y++)
+        for (int x = 0; x < p->lens.width; x++) {
+            const int i = y * p->lens.width + x;
+            const struct pixel there = lens_project(lens, lens_ray(&p->lens, (struct pixel){x, y}));
+            const int sx = (int)lround(there.x), sy = (int)lround(there.y);
+            if (p->rgba[4 * i + 3] || sx < 0 || sy < 0 || sx >= lens->width || sy >= lens->height)
+                continue;
+            const uint8_t *filled = surface + 4 * (sy * lens->width + sx);
+            out.unfilmed++;
+            out.open += filled[3] < 128;
+            for (int c = 0; c < 3 && filled[3] >= 128; c++, count++)
+                out.off += abs(filled[c] - truth[3 * i + c]);
+        }
+    out.off /= fmax(count, 1);
+    out.unfilmed /= (double)lens_pixels(&p->lens);
+    out.open /= (double)lens_pixels(&p->lens);
+    free(truth);
+    free(surface);
+    return out;
+}
+
+// From round about, as far as the sensor's viewpoint is, and farther away: outside the room.
+static void test_the_map_fills_what_was_not_filmed(void **state)
+{
+    (void)state;
+    struct glass g;
+    struct world *world;
+    struct world_options options = world_default_options();
+    options.threads = 2;
+    EXPECT_STATUS(world_open(&world, &options), OK);
+    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    pause_at(&g, 0.5);
+    const double angle = g.viewer.state.orbit.angle_rad;
+    double unfilmed = 0, open = 0;
+    for (int i = 0; i < 4; i++) {
+        g.viewer.state.orbit.angle_rad = angle + i * 1.5707963267948966;
+        glass_wait_idle(&g);
+        wait_filmed(&g);
+        const struct filling f = filling_of(&g, world);
+        print_message("%3d degrees: %.3f of the picture not filmed, %.3f known by nothing; surface off by %.1f\n",
+                      90 * i, f.unfilmed, f.open, f.off);
+        EXPECT_AT_MOST(f.off, 40);
+        unfilmed += f.unfilmed / 4;
+        open += f.open / 4;
+    }
+    print_message("hatched: %.3f, without the surface %.3f\n", open, unfilmed);
+    EXPECT_AT_MOST(open, 0.1);
+    EXPECT_AT_MOST(open, 0.5 * unfilmed);
+    glass_close(&g);
+    world_close(&world);
+}
+
 static void test_an_orbit_shows_the_filmed_room(void **state)
 {
     (void)state;
@@ -493,6 +561,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_typing_finds_a_thing),
         cmocka_unit_test(test_the_map_is_beside_the_picture),
         cmocka_unit_test(test_an_orbit_shows_the_filmed_room),
+        cmocka_unit_test(test_the_map_fills_what_was_not_filmed),
         cmocka_unit_test(test_the_room_moves_with_the_viewpoint),
         cmocka_unit_test(test_what_the_actor_hides_is_an_outline),
     };

@@ -47,6 +47,7 @@ static void expect_camera_works(struct glass *g)
 {
     glass_wait_located(g, true);
     EXPECT_TRUE(g->viewer.state.presence == 1 && !view_state_hint(&g->viewer.state));
+    glass_body(g);
     EXPECT_TRUE(!g->viewer.state.orbiting && g->viewer.image.camera && g->viewer.image.parts > 0);
 }
 
@@ -57,6 +58,7 @@ static void test_missing_camera_is_awaited(void **state)
     open_glass(&g, "later");
     expect_hint(&g, "later");
     EXPECT_TRUE(g.viewer.state.orbiting && g.viewer.state.playback.playing); // the take can be watched all the same
+    glass_body(&g);
     EXPECT_AT_LEAST(g.viewer.image.parts, 1);
     move("viewer", "later");
     expect_camera_works(&g);
@@ -146,6 +148,7 @@ static void test_actor_without_a_position(void **state)
     open_file(&g, file, "viewer");
     expect_hint(&g, "recognised nothing of the place");
     EXPECT_TRUE(g.viewer.state.orbiting && !g.viewer.image.camera);
+    glass_body(&g);
     EXPECT_AT_LEAST(g.viewer.image.parts, 1);
     EXPECT_TRUE(g.viewer.state.room.filmed && !viewer_room_wants_filmed(&g.viewer)); // it would be seen from elsewhere
     EXPECT_TRUE(g.viewer.room.page.apart && !g.viewer.room.page.actor && !g.viewer.room.page.viewer_known);

@@ -412,7 +412,7 @@ static void fill_request(struct take_view_request *r)
     r->placement.mirrored = false;
     r->resolution_scale = 0.8;
     r->error_px = 1;
-    r->sources = r->inset = r->camera_lost = r->in_room = r->former = false;
+    r->sources = r->inset = r->camera_lost = r->in_room = r->sensor = false;
     r->camera = NULL;
     r->camera_number = 3;
     r->overlay = NULL;
@@ -461,7 +461,7 @@ static void test_every_field_causes_a_redraw(void **state)
     EXPECT_REDRAW(sources = true);
     EXPECT_REDRAW(inset = true);
     EXPECT_REDRAW(camera_lost = true);
-    EXPECT_REDRAW(former = true);
+    EXPECT_REDRAW(sensor = true);
     EXPECT_REDRAW(camera = (const struct gpu_texture *)&pixel);
     EXPECT_REDRAW(camera_number = 4);
     EXPECT_REDRAW(overlay = (const struct overlay *)(const void *)&pixel);

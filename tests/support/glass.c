@@ -44,6 +44,13 @@ void glass_draw_and_wait(struct glass *g)
         clock_sleep_until_ns(clock_now_ns() + 50000000);
 }
 
+void glass_body(struct glass *g)
+{
+    for (int64_t until = clock_now_ns() + 200000000000; g->viewer.image.making && clock_now_ns() < until;)
+        glass_draw_and_wait(g);
+    EXPECT_TRUE(!g->viewer.image.making);
+}
+
 void glass_prepare(struct glass *g)
 {
     for (int64_t until = clock_now_ns() + 200000000000;

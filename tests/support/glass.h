@@ -23,6 +23,9 @@ void glass_draw(struct glass *g);
 // Draws, and leaves the processors to the avatar builder while it runs.
 void glass_draw_and_wait(struct glass *g);
 
+// Draws until the actor's body is whole, and shown in place of what the sensor saw.
+void glass_body(struct glass *g);
+
 // Draws until the take is prepared and its avatar is shown.
 void glass_prepare(struct glass *g);
 
