@@ -44,6 +44,8 @@ static void pause_at(struct glass *g, double share)
     glass_draw(g);
     glass_seek(g, share);
     glass_draw(g);
+    glass_body(g);
+    glass_draw(g);
 }
 
 // Draws until the room behind the orbit is as good as it gets.
@@ -317,7 +319,7 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     struct world_options options = world_default_options();
     options.threads = 2;
     EXPECT_STATUS(world_open(&world, &options), OK);
-    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
+    open_glass(&g, LONG / 4, SHORT / 4, NULL);
     pause_at(&g, 0.5);
     const double angle = g.viewer.state.orbit.angle_rad;
     double unfilmed = 0, open = 0;
