@@ -2,6 +2,7 @@
 
 #include "platform/database_log.h"
 #include "platform/file.h"
+#include "platform/file_kind.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -45,7 +46,7 @@ static enum status fail_sqlite(const struct database *db, int code)
     int system_errno = db->handle ? sqlite3_system_errno(db->handle) : 0;
     switch (code & 0xff) {
     case SQLITE_NOMEM: return fail(ERR_MEMORY, "no memory to work on %s", path);
-    case SQLITE_NOTADB: return fail(ERR_FORMAT, "%s is not a recording: it is no SQLite file", path);
+    case SQLITE_NOTADB: return file_fail_not_recording(path);
     case SQLITE_CORRUPT: return fail(ERR_CORRUPT, "%s is damaged (%s); try reenact-capture repair", path, why);
     case SQLITE_FULL: return fail_to_grow(path);
     case SQLITE_BUSY:
@@ -92,6 +93,8 @@ static enum status check_path(const char *path, enum database_access access_want
 
 static enum status make_file(const char *path)
 {
+    if (file_check_name(path) != OK)
+        return ERR_INPUT;
     int file = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (file < 0 && errno == EEXIST)
         return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", path);

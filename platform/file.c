@@ -89,12 +89,29 @@ static enum status check_folder(const char *path, const char *folder)
     return OK;
 }
 
+enum status file_check_name(const char *path)
+{
+    size_t end = strlen(path);
+    while (end && path[end - 1] == '/')
+        end--;
+    size_t begin = end;
+    while (begin && path[begin - 1] != '/')
+        begin--;
+    if (!*path)
+        return fail(ERR_INPUT, "the output has no name");
+    if (path[begin] == '-')
+        return fail(ERR_INPUT,
+                    "'%s' looks like an option, not like the name of an output: give a name that does not begin with -",
+                    path);
+    return OK;
+}
+
 enum status file_check_output(const char *path, bool force)
 {
     struct stat about;
     char folder[FILE_PATH_BYTES];
-    if (!*path)
-        return fail(ERR_INPUT, "the output has no name");
+    if (file_check_name(path) != OK)
+        return ERR_INPUT;
     if (!stat(path, &about)) {
         if (S_ISDIR(about.st_mode))
             return fail(ERR_INPUT, "%s is a folder; give the name of a file", path);
@@ -113,6 +130,8 @@ enum status folder_check_output(const char *path, bool force)
 {
     struct stat about;
     char above[FILE_PATH_BYTES];
+    if (file_check_name(path) != OK)
+        return ERR_INPUT;
     if (!stat(path, &about)) {
         if (!S_ISDIR(about.st_mode))
             return fail(ERR_EXISTS, "%s is a file where a folder was wanted", path);
@@ -148,6 +167,8 @@ bool file_is_same(const char *a, const char *b)
 
 enum status file_begin(const char *path, char part[FILE_PATH_BYTES])
 {
+    if (file_check_name(path) != OK)
+        return ERR_INPUT;
     // Exclusive, under a name that cannot be foreseen: a link laid there beforehand would be written through.
     for (int tries = 0; tries < 100; tries++) {
         uint64_t number = 0;
@@ -208,6 +229,8 @@ enum status file_end(const char *path, const char *part, enum status status)
 enum status file_name_new(const char *from, const char *to)
 {
     struct stat about;
+    if (file_check_name(to) != OK)
+        return ERR_INPUT;
     if (link(from, to) == 0)
         unlink(from); // link() fails where the name is taken, rename() does not
     else if (errno == EEXIST || !lstat(to, &about))
@@ -324,6 +347,8 @@ bool file_is_at_largest(const char *path)
 enum status folder_make(const char *path)
 {
     char partial[4096];
+    if (!file_exists(path) && file_check_name(path) != OK)
+        return ERR_INPUT;
     if (snprintf(partial, sizeof partial, "%s", path) >= (int)sizeof partial)
         return fail(ERR_INPUT, "the path %.60s… is too long", path);
     for (char *at = partial + 1;; at++) {

@@ -23,6 +23,10 @@ MUST_CHECK enum status file_end(const char *path, const char *part, enum status 
 // cards), looking and renaming are two steps. ERR_EXISTS: the name is taken; ERR_IO. `from` stays then.
 MUST_CHECK enum status file_name_new(const char *from, const char *to);
 
+// No file and no folder is made whose name is empty or begins with -: it was meant as an option, and a shell's * gives
+// it to other programs as one. All that follows here and in output.h refuses it. ERR_INPUT.
+MUST_CHECK enum status file_check_name(const char *path);
+
 // Before long work: whether a file can be written there. ERR_EXISTS: there is a recording, which nothing overwrites; or
 // another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be written. Devices and
 // pipes can be written.

@@ -107,3 +107,12 @@ const char *file_kind(const char *path)
     close(file);
     return count < 0 ? NULL : file_kind_of(bytes, (size_t)count, (uint64_t)about.st_size);
 }
+
+enum status file_fail_not_recording(const char *path)
+{
+    const char *kind = file_kind(path);
+    if (kind)
+        return fail(ERR_FORMAT, "%s is not a recording: it is %s", path, kind);
+    return fail(ERR_FORMAT, "%s is not a recording, or where it begins it is destroyed; try reenact-capture repair",
+                path);
+}

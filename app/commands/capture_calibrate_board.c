@@ -30,28 +30,31 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+static const struct argp_option options[] = {
+    {"board", COMMAND_KEY, "FILE.pdf", 0, "the page to make: a board of circles, for --lens", 0},
+    {"discs", COMMAND_KEY + 1, NULL, 0, "instead the black discs for --color-depth, to be cut out", 0},
+    {"chequers", COMMAND_KEY + 4, NULL, 0, "instead a board of chequers, for --lens", 0},
+    {"paper", COMMAND_KEY + 2, "a4|letter", 0, "of the page (default a4)", 0},
+    {"force", COMMAND_KEY + 3, NULL, 0, "write over FILE.pdf", 0},
+    {0},
+};
+
+const struct argp calibrate_board_argp = {
+    options,
+    parse,
+    NULL,
+    "Boards to print for calibration.\vThe discs are glued on blocks 5 cm high, and "
+    "these on a white board, 4 across and "
+    "3 down, 12 cm from middle to middle.",
+    NULL,
+    NULL,
+    NULL};
+
 int capture_calibrate_board(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"board", COMMAND_KEY, "FILE.pdf", 0, "the page to make: a board of circles, for --lens", 0},
-        {"discs", COMMAND_KEY + 1, NULL, 0, "instead the black discs for --color-depth, to be cut out", 0},
-        {"chequers", COMMAND_KEY + 4, NULL, 0, "instead a board of chequers, for --lens", 0},
-        {"paper", COMMAND_KEY + 2, "SIZE", 0, "a4 (default) or letter", 0},
-        {"force", COMMAND_KEY + 3, NULL, 0, "write over FILE.pdf", 0},
-        {0},
-    };
-    static const struct argp argp = {options,
-                                     parse,
-                                     NULL,
-                                     "Boards to print for calibration.\vThe discs are glued on blocks 5 cm high, and "
-                                     "these on a white board, 4 across and "
-                                     "3 down, 12 cm from middle to middle.",
-                                     NULL,
-                                     NULL,
-                                     NULL};
     struct board_arguments a = {0};
     struct page *page;
-    command_parse(&argp, argc, argv, &a);
+    command_parse(&calibrate_board_argp, argc, argv, &a);
     const enum paper paper = (enum paper)a.paper;
     const struct paper_size size = paper_size(paper);
     const struct disc_board discs = disc_board_default();

@@ -320,23 +320,25 @@ static enum status calibrate(struct calibration_run *r)
     return status;
 }
 
+const struct argp calibrate_camera_argp = {
+    options,
+    parse,
+    NULL,
+    "Calibrates a camera or a sensor from what is held before it.\vA folder's "
+    "pictures, or a live camera until enough was "
+    "seen or Ctrl-C. The answer is in pixels and millimetres; where it fails, the "
+    "reason. --out makes a calibration.json, "
+    "as folders of pictures have it; without it the result is kept for this camera or "
+    "sensor, and used whenever it is opened.",
+    NULL,
+    NULL,
+    NULL};
+
 int capture_calibrate_camera(int argc, char **argv)
 {
-    static const struct argp argp = {options,
-                                     parse,
-                                     NULL,
-                                     "Calibrates a camera or a sensor from what is held before it.\vA folder's "
-                                     "pictures, or a live camera until enough was "
-                                     "seen or Ctrl-C. The answer is in pixels and millimetres; where it fails, the "
-                                     "reason. --out makes a calibration.json, "
-                                     "as folders of pictures have it; without it the result is kept for this camera or "
-                                     "sensor, and used whenever it is opened.",
-                                     NULL,
-                                     NULL,
-                                     NULL};
     static struct calibration_run run;
     struct camera_arguments a = {.board = printed_board(PAPER_A4), .views = 20};
-    command_parse(&argp, argc, argv, &a);
+    command_parse(&calibrate_camera_argp, argc, argv, &a);
     run = (struct calibration_run){.a = &a};
     return calibrate(&run) == OK ? 0 : command_failed(argv[0]);
 }

@@ -74,20 +74,21 @@ static enum status print_report(const struct stereo_rig *rig, const struct stere
     return command_print_json(&root);
 }
 
+const struct argp calibrate_stereo_argp = {
+    options,
+    parse,
+    "--stereo DIR [--out RIG.json]",
+    "Calibrate two cameras that are fixed to each other.\v"
+    "Hold a flat board of dark circles before both cameras, near and far, turned to each side, into "
+    "the pictures' corners; six pairs or more. The whole board must be seen by both in one at least.",
+    NULL,
+    NULL,
+    NULL};
+
 int capture_calibrate_stereo(int argc, char **argv)
 {
     struct stereo_arguments a = {0};
-    const struct argp argp = {
-        options,
-        parse,
-        "--stereo DIR [--out RIG.json]",
-        "Calibrate two cameras that are fixed to each other.\v"
-        "Hold a flat board of dark circles before both cameras, near and far, turned to each side, into "
-        "the pictures' corners; six pairs or more. The whole board must be seen by both in one at least.",
-        NULL,
-        NULL,
-        NULL};
-    command_parse(&argp, argc, argv, &a);
+    command_parse(&calibrate_stereo_argp, argc, argv, &a);
     struct stereo_rig rig;
     struct stereo_report report;
     int pairs = 0;

@@ -18,14 +18,15 @@ static const char *const what_names[] = {
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take; not for the place", 0},
-    {"as", KEY_AS, "FORMAT", 0,
+    {"as", KEY_AS, "joints-csv|bvh|glb|ply|mp4|folder", 0,
      "joints-csv (time, joint, position, confidence, standard deviation per axis), bvh (motion), glb (the actor, "
      "animated "
      "and textured), ply (points or a mesh), mp4 (the sensor's film) or folder (TUM RGB-D)",
      0},
     {"out", KEY_OUT, "PATH", 0, "the file, or folder, to write; - is standard output", 0},
-    {"axes", KEY_AXES, "AXES", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)", 0},
-    {"what", KEY_WHAT, "WHAT", 0,
+    {"axes", KEY_AXES, "sensor|room", 0, "of joints-csv: sensor (x right, y down, z forward; default) or room (z up)",
+     0},
+    {"what", KEY_WHAT, "points|actor|mesh|place", 0,
      "of ply: points (a frame's, default), actor (a frame's points of the actor), mesh (the actor's model at that "
      "instant) or place (the room)",
      0},

@@ -114,7 +114,7 @@ int capture_tags(int argc, char **argv)
         {"out", COMMAND_KEY, "FILE.pdf", 0, "the pages to make; FILE.json, the list of tags, goes beside them", 0},
         {"ids", COMMAND_KEY + 1, "LIST", 0, "numbers of tag36h11, as in 0-5,8 (default 0-5)", 0},
         {"side", COMMAND_KEY + 2, "MM", 0, "outer edge of the black square, millimetres (default 150)", 0},
-        {"paper", COMMAND_KEY + 3, "SIZE", 0, "a4 (default) or letter", 0},
+        {"paper", COMMAND_KEY + 3, "a4|letter", 0, "of the pages (default a4)", 0},
         {"force", COMMAND_KEY + 4, NULL, 0, "replace existing files", 0},
         {0},
     };

@@ -12,58 +12,6 @@
 #include <string.h>
 #include <unistd.h>
 
-void command_print_version(const char *program)
-{
-    printf("%.*s %s\n", (int)strcspn(program, " "), program, REENACT_VERSION);
-}
-
-static void print_commands(FILE *to, const char *about, const struct command *commands, size_t count,
-                           const char *program)
-{
-    fprintf(to, "%s\n\n", about);
-    for (size_t i = 0; i < count; i++)
-        fprintf(to, "  %s %-10s %s\n", program, commands[i].name, commands[i].about);
-    fprintf(to, "\n%s COMMAND --help says more; --version prints the version.\n", program);
-}
-
-static int run(const struct command *command, const char *program, int argc, char **argv)
-{
-    char name[128];
-    snprintf(name, sizeof name, "%s %s", program, command->name);
-    argv[0] = name;
-    const int code = command->run(argc, argv);
-    if (!fflush(stdout) && !ferror(stdout))
-        return code;
-    fprintf(stderr, "%s: the report could not be written: %s\n", name, strerror(errno));
-    return code ? code : 1;
-}
-
-int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
-                 int argc, char **argv)
-{
-    argp_err_exit_status = 2;
-    const char *slash = strrchr(argv[0], '/');
-    const char *program = slash ? slash + 1 : argv[0];
-    if (argc > 1) {
-        for (size_t i = 0; i < count; i++)
-            if (!strcmp(argv[1], commands[i].name))
-                return run(&commands[i], program, argc - 1, argv + 1);
-        if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
-            print_commands(stdout, about, commands, count, program);
-            return 0;
-        }
-        if (!strcmp(argv[1], "--version") || !strcmp(argv[1], "-V")) {
-            command_print_version(program);
-            return 0;
-        }
-        if (fallback)
-            return run(fallback, program, argc, argv);
-        fprintf(stderr, "%s: there is no command '%s'\n", program, argv[1]);
-    }
-    print_commands(stderr, about, commands, count, program);
-    return 2;
-}
-
 int command_failed(const char *program)
 {
     fprintf(stderr, "%s: %s\n", program, status_message());
@@ -105,6 +53,41 @@ static error_t parse_common(int key, char *value, struct argp_state *state)
     }
 }
 
+// --help and its like work wherever they stand, also where an option wants a value: nobody means a file of that name.
+static const char *asked_for(int argc, char **argv)
+{
+    static const char *const all[] = {"--help", "-h", "-?", "--usage", "--version", "-V"};
+    for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++)
+        for (size_t k = 0; k < COUNT_OF(all); k++)
+            if (!strcmp(argv[i], all[k]))
+                return all[k];
+    return NULL;
+}
+
+static const struct argp_option *find_option(const struct argp_option *options, const char *word)
+{
+    const size_t length = strcspn(word + 2, "=");
+    for (const struct argp_option *o = options; !strncmp(word, "--", 2) && length && o && (o->name || o->key); o++)
+        if (o->name && strlen(o->name) == length && !strncmp(o->name, word + 2, length))
+            return o;
+    return NULL;
+}
+
+// An option that wants a value and is followed by another option has lost its value: --sensor --out FILE.
+static void check_values(const struct argp_option *options, int argc, char **argv, const char *asked)
+{
+    for (int i = 1; i + 1 < argc && !asked && strcmp(argv[i], "--") != 0; i++) {
+        const struct argp_option *option = strchr(argv[i], '=') ? NULL : find_option(options, argv[i]);
+        if (!option || !option->arg)
+            continue;
+        if (find_option(options, argv[++i])) {
+            fprintf(stderr, "%s: %s needs a value, and %s is another option; %s=%s gives it that value\n", argv[0],
+                    argv[i - 1], argv[i], argv[i - 1], argv[i]);
+            exit(2);
+        }
+    }
+}
+
 void command_parse(const struct argp *argp, int argc, char **argv, void *input)
 {
     static const struct argp_option options[] = {
@@ -117,11 +100,21 @@ void command_parse(const struct argp *argp, int argc, char **argv, void *input)
     const struct argp_child children[] = {{argp, 0, NULL, 0}, {0}};
     const struct argp common = {.options = options, .parser = parse_common, .children = children};
     signal(SIGXFSZ, SIG_IGN);
-    const error_t error = argp_parse(&common, argc, argv, ARGP_NO_HELP, NULL, input);
+    char *alone[] = {argv[0], (char *)(uintptr_t)asked_for(argc, argv), NULL};
+    check_values(argp->options, argc, argv, alone[1]);
+    const error_t error = alone[1] ? argp_parse(&common, 2, alone, ARGP_NO_HELP, NULL, input)
+                                   : argp_parse(&common, argc, argv, ARGP_NO_HELP, NULL, input);
     if (!error)
         return;
     fprintf(stderr, "%s: the arguments cannot be read: %s\n", argv[0], strerror(error));
     exit(1);
+}
+
+void command_print_help(const struct argp *argp, const char *program)
+{
+    char name[128];
+    snprintf(name, sizeof name, "%s", program);
+    argp_help(argp, stdout, ARGP_HELP_SHORT_USAGE | ARGP_HELP_LONG | ARGP_HELP_PRE_DOC, name);
 }
 
 void command_require(const struct argp_state *state, const void *given, const char *option)

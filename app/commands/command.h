@@ -14,11 +14,15 @@ struct command {
     int (*run)(int argc, char **argv); // argv[0] is "program command"
 };
 
-// Runs the command that argv[1] names; prints the list for --help (0) or for
-// no or an unknown command (2). `fallback`, where not NULL, takes an argv[1]
-// that is no command's name.
+// Runs the command that argv[1] names; prints the list for --help (0) or for no command (2); for an unknown one says
+// which may have been meant (2). `fallback`, where not NULL, takes an argv[1] that is a file's name or an option; its
+// --help follows the list. When the program ends, exit handlers of libraries are not run. Threads have stacks of at
+// least 8 MB.
 int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
                  int argc, char **argv);
+
+// The name that was probably meant by a mistyped one; NULL: none is near.
+const char *command_nearest(const char *word, const char *const *names, size_t count);
 
 // For a command that picks its options by hand: "reenact-capture 0.1.0" for argv[0] "reenact-capture calibrate".
 void command_print_version(const char *program);
@@ -49,10 +53,13 @@ enum { COMMAND_KEY = 0x100 };
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
 
-// How every command begins: argp_parse for its arguments, and --help (-h), --usage, --version (-V), alike everywhere;
-// lack of memory in it ends the program with a sentence and exit code 1. From here on a file that may not grow
-// (SIGXFSZ) is an error and no longer kills.
+// How every command begins: argp_parse for its arguments, and --help (-h), --usage, --version (-V), alike everywhere
+// and in every place; lack of memory in it ends the program with a sentence and exit code 1. From here on a file that
+// may not grow (SIGXFSZ) is an error and no longer kills.
 void command_parse(const struct argp *argp, int argc, char **argv, void *input);
+
+// Prints the help of a part of a command whose options `argp` describes.
+void command_print_help(const struct argp *argp, const char *program);
 
 // --force of commands that write files.
 #define COMMAND_OPTION_FORCE(key)                                                                                      \

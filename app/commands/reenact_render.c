@@ -50,7 +50,7 @@ static const struct argp_option options[] = {
      "no camera, the place as it was filmed behind the actor",
      0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
-    {"detail", KEY_DETAIL, "LEVEL", 0,
+    {"detail", KEY_DETAIL, "paper|full|auto", 0,
      "paper: the 2014 method to the letter; full: the best quality (default); auto: as much as the eye can see", 0},
     {"layers", KEY_LAYERS, NULL, 0,
      "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "

@@ -4,6 +4,7 @@
 #include "capture/recording/little_endian.h"
 
 #include <stdio.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 const char *const recording_tables =
@@ -514,8 +515,10 @@ enum status recording_check_tables(struct database *db)
         status = database_number(db, "PRAGMA user_version", &schema);
     if (status != OK)
         return status;
+    struct stat about;
     if (application != RECORDING_APPLICATION)
-        return fail(ERR_FORMAT, "%s is not a recording", database_path(db));
+        return fail(ERR_FORMAT, "%s is not a recording: it is %s", database_path(db),
+                    !stat(database_path(db), &about) && !about.st_size ? "empty" : "another program's database");
     if (schema > RECORDING_SCHEMA)
         return fail(ERR_FORMAT, "%s has schema %lld and this program knows schemas up to %d; use a newer program",
                     database_path(db), (long long)schema, RECORDING_SCHEMA);
