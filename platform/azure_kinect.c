@@ -16,6 +16,7 @@
 #include "platform/azure_lens.h"
 #include "platform/ffmpeg_library.h"
 #include "platform/file.h"
+#include "platform/file_kind.h"
 #include "platform/jpeg.h"
 
 #include <inttypes.h>
@@ -375,6 +376,15 @@ static enum status alloc_images(struct kinect *k)
     return OK;
 }
 
+static enum status not_matroska(const char *path)
+{
+    const char *kind = file_kind(path);
+    if (kind && strstr(kind, "Matroska"))
+        return fail(ERR_INPUT, "%s is cut short or damaged where it begins", path);
+    return fail(ERR_INPUT, "%s is no film of an Azure Kinect (Matroska, .mkv)%s%s", path, kind ? ": it is " : "",
+                kind ? kind : "");
+}
+
 static enum status open_file(struct kinect *k)
 {
     if (!file_exists(k->path))
@@ -382,12 +392,11 @@ static enum status open_file(struct kinect *k)
     char url[FILE_PATH_BYTES + 8];
     if (snprintf(url, sizeof url, "file:%s", k->path) >= (int)sizeof url)
         return fail(ERR_INPUT, "the path %.60s… is too long", k->path);
-    ffmpeg->av_log_set_level(AV_LOG_FATAL); // what is wrong is said once, by us
     const int error = ffmpeg->avformat_open_input(&k->format, url, ffmpeg->av_find_input_format("matroska"), NULL);
     if (error == AVERROR(ENOMEM))
         return fail(ERR_MEMORY, "no memory to open %s", k->path);
     if (error < 0)
-        return fail(ERR_INPUT, "%s is no Matroska file (.mkv)", k->path);
+        return not_matroska(k->path);
     return OK;
 }
 

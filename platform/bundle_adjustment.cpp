@@ -402,6 +402,6 @@ enum status bundle_adjust(const struct ba_problem *problem)
         return fail(ERR_MEMORY, "no memory to adjust %d cameras and %d points", (int)problem->camera_count,
                     (int)problem->point_count);
     } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "the joint adjustment failed: %s", e.what());
+        return fail(ERR_SOLVER, "the joint adjustment failed (Ceres: %s)", e.what());
     }
 }

@@ -1,4 +1,5 @@
 #include "platform/chequers.h"
+#include "platform/opencv_quiet.hpp"
 
 #include <algorithm>
 #include <opencv2/calib3d.hpp>
@@ -14,7 +15,7 @@ enum status fail_current()
     } catch (const std::bad_alloc &) {
         return fail(ERR_MEMORY, "no memory to look for the board");
     } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "looking for the board failed: %s", e.what());
+        return fail(ERR_SOLVER, "looking for the board failed (OpenCV: %s)", e.what());
     }
 }
 

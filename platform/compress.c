@@ -42,7 +42,7 @@ enum status compress_bytes(struct compressor *c, int level, const void *bytes, s
 {
     size_t got = ZSTD_compressCCtx(c->pack, out, ZSTD_compressBound(count), bytes, count, level);
     if (ZSTD_isError(got))
-        return fail(ERR_MEMORY, "%zu bytes could not be compressed: %s", count, ZSTD_getErrorName(got));
+        return fail(ERR_MEMORY, "%zu bytes could not be compressed (%s)", count, ZSTD_getErrorName(got));
     *out_count = got;
     return OK;
 }
@@ -53,7 +53,7 @@ enum status decompress_bytes(struct compressor *c, const void *bytes, size_t cou
     if (ZSTD_isError(got)) {
         if (ZSTD_getErrorCode(got) == ZSTD_error_memory_allocation)
             return fail(ERR_MEMORY, "no memory to decompress %zu bytes", count);
-        return fail(ERR_CORRUPT, "compressed bytes are damaged: %s", ZSTD_getErrorName(got));
+        return fail(ERR_CORRUPT, "compressed bytes are damaged (%s)", ZSTD_getErrorName(got));
     }
     if (got != out_count)
         return fail(ERR_CORRUPT, "compressed bytes hold %zu bytes where %zu were expected", got, out_count);

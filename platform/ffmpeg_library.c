@@ -31,6 +31,8 @@ static void load(void)
         memcpy((char *)&library + functions[i].at, &found, sizeof found); // ISO C converts no object's pointer
         loaded = found != NULL;
     }
+    if (loaded)
+        library.av_log_set_level(AV_LOG_QUIET); // what is wrong is said once, by us
 }
 
 const struct ffmpeg_library *ffmpeg_library(void)

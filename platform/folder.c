@@ -21,6 +21,7 @@
 // refused, because the order of its frames is unknown.
 #include "base/text.h"
 #include "platform/file.h"
+#include "platform/file_kind.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "platform/source_internal.h"
@@ -460,6 +461,9 @@ static enum status open_steps(struct folder *f, enum source_wanted wanted)
     double unit_m;
     if (!file_exists(f->dir))
         return fail(ERR_MISSING, "there is no folder %s", f->dir);
+    const char *kind = file_kind(f->dir);
+    if (kind)
+        return fail(ERR_INPUT, "%s is no folder of pictures: it is %s", f->dir, kind);
     if (snprintf(path, sizeof path, "%s/calibration.json", f->dir) >= (int)sizeof path)
         return fail(ERR_INPUT, "the path %.60s… is too long", f->dir);
     enum status status = calibration_read_with_unit(path, c, &unit_m);

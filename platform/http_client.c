@@ -143,7 +143,7 @@ static enum status transfer_error(CURLcode code, const struct transfer *t, const
     case CURLE_SSL_CACERT_BADFILE:
         return fail(ERR_IO, "%s: its certificate is not trusted (%s)", url,
                     detail[0] ? detail : curl_easy_strerror(code));
-    default: return fail(ERR_IO, "%s: %s", url, detail[0] ? detail : curl_easy_strerror(code));
+    default: return fail(ERR_IO, "%s cannot be read (%s)", url, detail[0] ? detail : curl_easy_strerror(code));
     }
 }
 

@@ -1,4 +1,5 @@
 #include "platform/image_features.h"
+#include "platform/opencv_quiet.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -125,7 +126,7 @@ enum status fail_current_exception()
     } catch (const std::bad_alloc &) {
         return fail(ERR_MEMORY, "no memory to detect features");
     } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "the detection of features failed: %s", e.what());
+        return fail(ERR_SOLVER, "the detection of features failed (OpenCV: %s)", e.what());
     }
 }
 

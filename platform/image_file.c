@@ -1,6 +1,7 @@
 #include "platform/image_file.h"
 
 #include "platform/file.h"
+#include "platform/file_kind.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
 
@@ -44,7 +45,9 @@ enum status image_decode(const uint8_t *bytes, size_t count, const char *name, s
         return decode_png(bytes, count, name, out);
     if (count > sizeof jpeg && !memcmp(bytes, jpeg, sizeof jpeg))
         return decode_jpeg(bytes, count, name, out);
-    return fail(ERR_INPUT, "%s is neither a PNG nor a JPEG picture", name);
+    const char *kind = file_kind_of(bytes, count, count);
+    return fail(ERR_INPUT, "%s is neither a PNG nor a JPEG picture%s%s", name, kind ? ": it is " : "",
+                kind ? kind : "");
 }
 
 enum status image_read(const char *path, struct image *out)

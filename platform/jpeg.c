@@ -12,7 +12,7 @@ static enum status decode_failed(tjhandle handle)
     const char *why = tjGetErrorStr2(handle);
     if (strstr(why, "emory"))
         return fail(ERR_MEMORY, "no memory to decode a picture");
-    return fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", why);
+    return fail(ERR_CORRUPT, "a JPEG picture is damaged (%s)", why);
 }
 
 enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height)
@@ -25,6 +25,8 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
     *width = *height = 0; // stays so, without an error, when the data end before the image begins
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, width, height, &subsampling, &colorspace))
         status = decode_failed(handle);
+    else if (colorspace == TJCS_CMYK || colorspace == TJCS_YCCK)
+        status = fail(ERR_INPUT, "a JPEG picture has a printer's colours (CMYK); save it with a screen's (RGB)");
     else if (*width < 1 || *height < 1)
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: it ends before its picture begins");
     else if (!image_size_is_usable(*width, *height))
@@ -45,6 +47,8 @@ enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int wi
     // A warning ("premature end of file") means missing pixels: an error here.
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, &w, &h, &subsampling, &colorspace))
         status = decode_failed(handle);
+    else if (colorspace == TJCS_CMYK || colorspace == TJCS_YCCK)
+        status = fail(ERR_INPUT, "a JPEG picture has a printer's colours (CMYK); save it with a screen's (RGB)");
     else if (w != width || h != height)
         status =
             fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
@@ -64,7 +68,7 @@ enum status jpeg_encode(const uint8_t *rgb, int width, int height, int quality, 
     unsigned long size = 0;
     enum status status = OK;
     if (tjCompress2(handle, rgb, width, 0, height, TJPF_RGB, &coded, &size, TJSAMP_420, quality, TJFLAG_ACCURATEDCT)) {
-        status = fail(ERR_MEMORY, "a picture could not be encoded: %s", tjGetErrorStr2(handle));
+        status = fail(ERR_MEMORY, "a picture could not be encoded as JPEG (%s)", tjGetErrorStr2(handle));
     } else if (!(*bytes = malloc(size))) {
         status = fail(ERR_MEMORY, "no memory for an encoded picture of %lu bytes", size);
     } else {

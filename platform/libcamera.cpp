@@ -498,7 +498,7 @@ template <typename Work> enum status guarded(Work work) noexcept
     } catch (const std::bad_alloc &) {
         return fail(ERR_MEMORY, "no memory for the camera");
     } catch (const std::exception &error) {
-        return fail(ERR_DEVICE, "libcamera failed: %s", error.what());
+        return fail(ERR_DEVICE, "the camera failed (libcamera: %s)", error.what());
     } catch (...) {
         return fail(ERR_DEVICE, "libcamera failed and does not say why");
     }

@@ -55,7 +55,7 @@ static const char *last_error(char text[200])
     char *begin = text + strspn(text, " ");
     for (size_t n = strlen(begin); n && begin[n - 1] == ' '; n--)
         begin[n - 1] = 0;
-    return *begin ? begin : "OpenNI2 gives no reason";
+    return *begin ? begin : "no reason is given";
 }
 
 // The folder of OpenNI2's drivers: beside its own library, unless /etc/openni2/OpenNI.ini says otherwise.
@@ -146,12 +146,12 @@ static enum status make_stream(struct openni_sensor *s, struct image_stream *str
     char why[200];
     if (oniDeviceCreateStream(s->device, type, &stream->handle) != ONI_STATUS_OK) {
         stream->handle = NULL;
-        return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, last_error(why));
+        return fail(ERR_DEVICE, "%s gives no %s stream (OpenNI2: %s)", s->name, what, last_error(why));
     }
     if (!s->file && oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_VIDEO_MODE, &stream->mode,
                                          sizeof stream->mode) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, stream->mode.resolutionX,
-                    stream->mode.resolutionY, last_error(why));
+        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels (OpenNI2: %s)", s->name, what,
+                    stream->mode.resolutionX, stream->mode.resolutionY, last_error(why));
     OniBool mirrored = FALSE;
     int size = sizeof mirrored;
     if (!s->file)
@@ -159,7 +159,8 @@ static enum status make_stream(struct openni_sensor *s, struct image_stream *str
     if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
         stream->mirrored = mirrored; // some devices ignore the setting, and files cannot change it
     if (s->file && oniStreamSetFrameBuffersAllocator(stream->handle, gate_alloc, gate_free, stream) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, last_error(why));
+        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture (OpenNI2: %s)", s->name, what,
+                    last_error(why));
     return OK;
 }
 
@@ -272,11 +273,11 @@ static enum status start(struct openni_sensor *s)
         (oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat, sizeof repeat) !=
              ONI_STATUS_OK ||
          oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &paused, sizeof paused) != ONI_STATUS_OK))
-        return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, last_error(why));
+        return fail(ERR_DEVICE, "%s cannot be played picture by picture (OpenNI2: %s)", s->name, last_error(why));
     if (oniStreamStart(s->depth.handle) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, last_error(why));
+        return fail(ERR_DEVICE, "%s does not start its depth (OpenNI2: %s)", s->name, last_error(why));
     if (s->color.handle && oniStreamStart(s->color.handle) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, last_error(why));
+        return fail(ERR_DEVICE, "%s does not start its colour (OpenNI2: %s)", s->name, last_error(why));
     if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read, sizeof as_fast_as_read);
         for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
@@ -332,7 +333,7 @@ static enum status initialize(void)
     char why[200];
     if (oniInitialize(ONI_API_VERSION) == ONI_STATUS_OK)
         return OK;
-    enum status status = fail(ERR_DEVICE, "OpenNI2 does not start: %s", last_error(why));
+    enum status status = fail(ERR_DEVICE, "depth sensors cannot be used: OpenNI2 does not start (%s)", last_error(why));
     oniShutdown(); // it counts failed starts too
     return status;
 }
@@ -372,7 +373,7 @@ static enum status open_device(struct openni_sensor *s)
                               "%s is cut short or damaged: OpenNI2 does not play it; was it copied whole, and its "
                               "recording ended in good order?",
                               s->name)
-                       : fail(ERR_DEVICE, "%s does not open: %s", s->name, last_error(why));
+                       : fail(ERR_DEVICE, "%s does not open (OpenNI2: %s)", s->name, last_error(why));
     }
     if (s->file)
         clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS / 5);

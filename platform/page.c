@@ -40,7 +40,7 @@ static enum status open_surface(struct page *p, double width_mm, double height_m
     if (status != CAIRO_STATUS_SUCCESS)
         return status == CAIRO_STATUS_NO_MEMORY
                    ? fail(ERR_MEMORY, "no memory for a page")
-                   : fail(ERR_IO, "a page cannot be made: %s", cairo_status_to_string(status));
+                   : fail(ERR_IO, "a page cannot be made (cairo: %s)", cairo_status_to_string(status));
     p->cr = cairo_create(p->surface);
     cairo_scale(p->cr, per_mm, per_mm);
     cairo_select_font_face(p->cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
@@ -154,7 +154,8 @@ static enum status end_page(struct page **out, enum status status)
         cairo_surface_finish(p->surface);
         const cairo_status_t ended = cairo_surface_status(p->surface);
         if (status == OK && ended != CAIRO_STATUS_SUCCESS)
-            status = fail(ERR_IO, "the pages cannot be written: %s", cairo_status_to_string(ended));
+            status = fail(ERR_IO, "the pages cannot be written; is the disk full? (cairo: %s)",
+                          cairo_status_to_string(ended));
         cairo_surface_destroy(p->surface);
     }
     status = output_close(&p->out, status);

@@ -2,6 +2,7 @@
 
 #include "base/pixels.h"
 #include "platform/file.h"
+#include "platform/file_kind.h"
 
 #include <png.h>
 #include <setjmp.h>
@@ -90,12 +91,20 @@ static bool set_transforms(png_structp png, png_infop info, enum png_kind kind)
     return true;
 }
 
+static enum status not_png(const uint8_t *bytes, size_t count, const char *name)
+{
+    const char *kind = file_kind_of(bytes, count, count);
+    if (!kind || strstr(kind, "PNG"))
+        return fail(ERR_CORRUPT, "%s is damaged where it begins: it is no PNG picture", name);
+    return fail(ERR_INPUT, "%s is no PNG picture: it is %s", name, kind);
+}
+
 enum status png_size(const uint8_t *bytes, size_t count, const char *name, int *width, int *height)
 {
     // Width and height follow the header chunk's length and name. libpng, but not the standard, lets others go before.
     static const char begin[] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
     if (count < 24 || memcmp(bytes, begin, sizeof begin - 1))
-        return fail(ERR_CORRUPT, "%s is damaged: it is no PNG picture", name);
+        return not_png(bytes, count, name);
     uint32_t size[2];
     for (int i = 0; i < 2; i++) {
         const uint8_t *at = bytes + 16 + 4 * i;
@@ -131,7 +140,7 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
         png_destroy_read_struct(&png, &info, NULL);
         free(rows);
         return reader.out_of_memory ? fail(ERR_MEMORY, "no memory to read %s", name)
-                                    : fail(ERR_CORRUPT, "%s is damaged: %s", name, reader.message);
+                                    : fail(ERR_CORRUPT, "%s is damaged (%s)", name, reader.message);
     }
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
     png_set_chunk_malloc_max(png, CHUNK_BYTES_MAX);
@@ -139,8 +148,12 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, str
     png_set_read_fn(png, &reader, feed);
     png_read_info(png, info);
     if (!set_transforms(png, info, kind)) {
-        status = fail(ERR_INPUT, "%s has %d-bit samples; depth pictures have 16, all others 8", name,
-                      png_get_bit_depth(png, info));
+        status =
+            kind == PNG_GRAY16
+                ? fail(ERR_INPUT,
+                       "%s has %d bits a pixel's value, so it holds no distances: depth pictures have 16 (PNG, gray)",
+                       name, png_get_bit_depth(png, info))
+                : fail(ERR_INPUT, "%s has 16 bits a colour; save it as a PNG of 8 bits, or as JPEG", name);
     } else {
         size_t stride = (size_t)*width * pixel_bytes(kind);
         if (png_get_rowbytes(png, info) != stride) {
@@ -219,7 +232,7 @@ enum status png_encode(const struct png_layout *layout, const void *pixels, int 
     if (setjmp(png_jmpbuf(png))) {
         png_destroy_write_struct(&png, &info);
         free(memory.bytes);
-        return fail(ERR_MEMORY, "a picture could not be encoded: %s", complaint.message);
+        return fail(ERR_MEMORY, "a picture could not be encoded as PNG (%s)", complaint.message);
     }
     png_set_write_fn(png, &memory, grow, flush_nothing);
     png_set_compression_level(png, level);

@@ -236,7 +236,7 @@ enum status ros_robot_open(struct ros_robot **out, const char *master, const cha
     } catch (const std::bad_alloc &) {
         return fail(ERR_MEMORY, "out of memory");
     } catch (const std::exception &e) {
-        return fail(ERR_INPUT, "ROS: %s", e.what());
+        return fail(ERR_INPUT, "the robot's address or topics are not as ROS wants them (%s)", e.what());
     }
 }
 
@@ -266,7 +266,7 @@ enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to)
         return fail(ERR_MEMORY, "out of memory");
     } catch (const std::exception &e) {
         r->to = nullptr;
-        return fail(ERR_IO, "ROS: %s", e.what());
+        return fail(ERR_IO, "the robot cannot be driven (ROS: %s)", e.what());
     }
 }
 

@@ -1,4 +1,5 @@
 #include "platform/scale_features.h"
+#include "platform/opencv_quiet.hpp"
 
 #include <algorithm>
 #include <opencv2/features2d.hpp>
@@ -17,7 +18,7 @@ enum status fail_current()
     } catch (const std::bad_alloc &) {
         return fail(ERR_MEMORY, "no memory to detect features");
     } catch (const std::exception &e) {
-        return fail(ERR_SOLVER, "the detection of features failed: %s", e.what());
+        return fail(ERR_SOLVER, "the detection of features failed (OpenCV: %s)", e.what());
     }
 }
 

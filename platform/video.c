@@ -3,7 +3,9 @@
 #ifdef REENACT_FFMPEG
 #include "platform/ffmpeg_library.h"
 
+#include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 
 static const struct ffmpeg_library *_Atomic ffmpeg; // the same for all; set before the first writer is made
 
@@ -26,19 +28,34 @@ struct video_writer {
     int64_t first_ns, last_ticks; // last_ticks: -1 before the first image
     int64_t step_ticks;           // the shortest between two images; 0: there are no two
     bool begun;                   // the header is written
+    int write_errno;              // why the file could not be written; 0: it could
 };
 
-static enum status failed(const char *what, int error)
+static enum status failed(const struct video_writer *w, const char *what, int error)
 {
     char text[AV_ERROR_MAX_STRING_SIZE] = "";
+    const int cause = w->write_errno;
+    if (cause == ENOSPC || cause == EDQUOT)
+        return fail(ERR_IO, "the film could not be written: the disk is full");
+    if (cause == EFBIG)
+        return fail(ERR_IO, "the film could not be written: its file system, or a limit of this shell, takes no larger "
+                            "file");
+    if (cause)
+        return fail(ERR_IO, "the film could not be written: %s", strerror(cause));
+    if (error == AVERROR(ENOMEM))
+        return fail(ERR_MEMORY, "no memory for a film");
     ffmpeg->av_strerror(error, text, sizeof text);
-    return fail(error == AVERROR(ENOMEM) ? ERR_MEMORY : ERR_IO, "the film's %s: %s", what, text);
+    return fail(ERR_IO, "the film's %s cannot be made of these pictures (FFmpeg: %s)", what, text);
 }
 
 static int write_bytes(void *self, uint8_t *bytes, int count)
 {
-    const struct video_writer *w = self;
-    return fwrite(bytes, 1, (size_t)count, w->out) == (size_t)count ? count : AVERROR(EIO);
+    struct video_writer *w = self;
+    // Flushed each time, so that the disk's answer is known: the blocks are large.
+    if (fwrite(bytes, 1, (size_t)count, w->out) == (size_t)count && !fflush(w->out))
+        return count;
+    w->write_errno = errno ? errno : EIO;
+    return AVERROR(EIO);
 }
 
 static int64_t seek_to(void *self, int64_t offset, int whence)
@@ -77,7 +94,7 @@ static enum status open_codec(struct video_writer *w)
     ffmpeg->av_opt_set(c->priv_data, "crf", QUALITY, 0);
     ffmpeg->av_opt_set(c->priv_data, "preset", SPEED, 0);
     const int error = ffmpeg->avcodec_open2(c, codec, NULL);
-    return error < 0 ? failed("encoder", error) : OK;
+    return error < 0 ? failed(w, "encoder", error) : OK;
 }
 
 static enum status open_stream(struct video_writer *w)
@@ -94,7 +111,7 @@ static enum status open_stream(struct video_writer *w)
         error = ffmpeg->avformat_write_header(w->format, &options);
     ffmpeg->av_dict_free(&options);
     w->begun = error >= 0;
-    return error < 0 ? failed("header", error) : OK;
+    return error < 0 ? failed(w, "header", error) : OK;
 }
 
 static enum status open_images(struct video_writer *w)
@@ -142,7 +159,6 @@ enum status video_open(struct video_writer **out, FILE *file, const struct video
     struct video_writer *w = calloc(1, sizeof *w);
     if (!w)
         return fail(ERR_MEMORY, "no memory for a film");
-    ffmpeg->av_log_set_level(AV_LOG_ERROR);
     w->out = file;
     w->layout = *layout;
     w->row_bytes = 3 * layout->width;
@@ -178,7 +194,7 @@ static enum status encode(struct video_writer *w, const AVFrame *frame)
         w->packet->stream_index = w->stream->index;
         error = ffmpeg->av_interleaved_write_frame(w->format, w->packet);
     }
-    return failed("images", error);
+    return failed(w, "images", error);
 }
 
 enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_ns)
@@ -190,6 +206,12 @@ enum status video_add(struct video_writer *w, const uint8_t *rgb, int64_t time_n
     const int64_t ticks = ffmpeg->av_rescale(time_ns - w->first_ns, w->codec->time_base.den, 1000000000);
     if (ticks <= w->last_ticks)
         return fail(ERR_ORDER, "two images of a film have the same time");
+    if (w->last_ticks >= 0 && ticks - w->last_ticks > INT32_MAX)
+        return fail(
+            ERR_INPUT,
+            "two pictures that follow each other are %.1f hours apart, more than a film can say: the take's times "
+            "are wrong",
+            (double)(ticks - w->last_ticks) / w->codec->time_base.den / 3600);
     if (ffmpeg->av_frame_make_writable(w->frame) < 0)
         return fail(ERR_MEMORY, "no memory for a film");
     ffmpeg->sws_scale(w->convert, rows, stride, 0, w->layout.height, w->frame->data, w->frame->linesize);
@@ -210,7 +232,7 @@ enum status video_close(struct video_writer **out, enum status status)
     if (w->begun) {
         const int error = ffmpeg->av_write_trailer(w->format); // also after an error: it frees what the muxer holds
         if (error < 0 && status == OK)
-            status = failed("end", error);
+            status = failed(w, "end", error);
     }
     struct failure first;
     failure_keep(&first, status);

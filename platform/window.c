@@ -21,12 +21,15 @@ struct window {
     bool other_text; // what comes next as text is of a key that was pressed before it was
 };
 
-static enum status fail_open(struct window **s, const char *what)
+static enum status fail_open(struct window **s, const char *what, const char *why)
 {
-    enum status status = fail(ERR_DEVICE, "%s: %s", what, SDL_GetError());
+    enum status status = *why ? fail(ERR_DEVICE, "%s (SDL: %s)", what, why) : fail(ERR_DEVICE, "%s", what);
     window_close(s);
     return status;
 }
+
+static const char NO_DISPLAY[] =
+    "there is no display to show a window on: start it in a desktop, or on a console of its own without one";
 
 static bool make_window(struct window *s, const struct window_options *o)
 {
@@ -59,14 +62,15 @@ enum status window_open(struct window **out, const struct window_options *option
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // the program handles SIGINT itself
     SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
     if (SDL_Init(SDL_INIT_VIDEO))
-        return fail_open(&s, "no window can be opened; is there a display?");
+        return fail_open(&s, NO_DISPLAY, getenv("SDL_VIDEODRIVER") ? SDL_GetError() : "");
     // SDL falls back to drawing where nothing is seen; only who asks for that gets it.
     if (!getenv("SDL_VIDEODRIVER") &&
         (!strcmp(SDL_GetCurrentVideoDriver(), "offscreen") || !strcmp(SDL_GetCurrentVideoDriver(), "dummy") ||
          !strcmp(SDL_GetCurrentVideoDriver(), "evdev")))
-        return fail_open(&s, "there is no display to show it on");
+        return fail_open(&s, NO_DISPLAY, "");
     if (!make_window(s, options))
-        return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?");
+        return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?",
+                         SDL_GetError());
     // Text always comes, so that what is typed fast is not lost, but where it would bring up a keyboard on the screen.
     if (SDL_HasScreenKeyboardSupport())
         SDL_StopTextInput();

@@ -416,7 +416,7 @@ static void test_faulty_files(void **state)
     } cases[] = {{"none.mkv", "calibration.json", ERR_INPUT},
                  {"other.mkv", "no track DEPTH", ERR_INPUT},
                  {"wrong.mkv", "says nothing of the depth camera", ERR_INPUT},
-                 {"text.mkv", "no Matroska file", ERR_INPUT},
+                 {"text.mkv", "text.mkv is no film of an Azure Kinect (Matroska, .mkv): it is a text file", ERR_INPUT},
                  {"nowhere.mkv", "there is no file", ERR_MISSING}};
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
         EXPECT_STATUS(source_open(&s, uri_of(*state, cases[i].name), SOURCE_SENSOR), cases[i].status);

@@ -458,11 +458,11 @@ static void test_damaged_images(void **state)
     cut_short(test, "depth/2.png", 300);
     expect_second_fails(test, "depth/2.png", "damaged");
     scratch_text(&test->scratch, "depth/2.png", "this is no picture");
-    expect_second_fails(test, "depth/2.png", "damaged");
+    expect_second_fails(test, "depth/2.png", "no PNG picture: it is a text file");
     scratch_text(&test->scratch, "depth/2.png", "");
-    expect_second_fails(test, "depth/2.png", "damaged");
+    expect_second_fails(test, "depth/2.png", "no PNG picture: it is empty");
     put_color(test, "depth/2.png", 5);
-    expect_second_fails(test, "depth/2.png", "8-bit");
+    expect_second_fails(test, "depth/2.png", "8 bits a pixel");
     remove_file(test, "depth/2.png");
     expect_second_fails(test, "depth/2.png", "is missing");
     put_depth(test, "depth/2.png", 2);
