@@ -51,6 +51,18 @@ static bool make_window(struct window *s, const struct window_options *o)
     return s->context;
 }
 
+// Wayland's library writes a line of its own to stderr where the folder of its sockets has no name.
+static bool start_video(void)
+{
+    const bool nameless = !getenv("XDG_RUNTIME_DIR");
+    if (nameless)
+        setenv("XDG_RUNTIME_DIR", "/nonexistent", 0);
+    const bool good = !SDL_Init(SDL_INIT_VIDEO);
+    if (nameless)
+        unsetenv("XDG_RUNTIME_DIR");
+    return good;
+}
+
 enum status window_open(struct window **out, const struct window_options *options)
 {
     *out = NULL;
@@ -61,7 +73,7 @@ enum status window_open(struct window **out, const struct window_options *option
     s->requested_dpi = options->dpi;
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // the program handles SIGINT itself
     SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
-    if (SDL_Init(SDL_INIT_VIDEO))
+    if (!start_video())
         return fail_open(&s, NO_DISPLAY, getenv("SDL_VIDEODRIVER") ? SDL_GetError() : "");
     // SDL falls back to drawing where nothing is seen; only who asks for that gets it.
     if (!getenv("SDL_VIDEODRIVER") &&

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 // ---------------------------------------------------------------- the process
@@ -26,8 +27,8 @@ static void leave(int code, void *nothing)
 }
 
 // As large as Linux gives them by default, also where `ulimit -s` allows less, which is then also the size that threads
-// get: libraries' threads count on it.
-enum { THREAD_STACK_BYTES = 8 << 20 };
+// get: ours and libraries' count on it.
+enum { STACK_BYTES = 8 << 20 };
 
 static void prepare_process(void)
 {
@@ -36,8 +37,8 @@ static void prepare_process(void)
     on_exit(leave, NULL);
     if (pthread_getattr_default_np(&usual))
         return;
-    if (!pthread_attr_getstacksize(&usual, &bytes) && bytes < THREAD_STACK_BYTES &&
-        !pthread_attr_setstacksize(&usual, THREAD_STACK_BYTES))
+    if (!pthread_attr_getstacksize(&usual, &bytes) && bytes < STACK_BYTES &&
+        !pthread_attr_setstacksize(&usual, STACK_BYTES))
         (void)!pthread_setattr_default_np(&usual);
     pthread_attr_destroy(&usual);
 }
@@ -143,11 +144,21 @@ static bool is_word(const char *text)
            access(text, F_OK);
 }
 
-int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
-                 int argc, char **argv)
+struct choice {
+    const char *about;
+    const struct command *commands, *fallback;
+    size_t count;
+    int argc, code;
+    char **argv;
+};
+
+static int choose(const struct choice *c)
 {
-    argp_err_exit_status = 2;
-    prepare_process();
+    const struct command *const commands = c->commands, *const fallback = c->fallback;
+    const size_t count = c->count;
+    const int argc = c->argc;
+    char **const argv = c->argv;
+    const char *const about = c->about;
     const char *slash = strrchr(argv[0], '/');
     const char *program = slash ? slash + 1 : argv[0];
     const char *word = argc > 1 ? argv[1] : NULL;
@@ -175,4 +186,27 @@ int command_main(const char *about, const struct command *commands, size_t count
     if (fallback && (help || !is_word(word)))
         return run(fallback, program, argc, argv);
     return no_command(program, word, commands, count, fallback);
+}
+
+static void *choose_on_thread(void *self)
+{
+    struct choice *c = self;
+    c->code = choose(c);
+    return NULL;
+}
+
+int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
+                 int argc, char **argv)
+{
+    struct choice c = {about, commands, fallback, count, argc, 0, argv};
+    struct rlimit stack;
+    pthread_t thread;
+    argp_err_exit_status = 2;
+    prepare_process();
+    if (!getrlimit(RLIMIT_STACK, &stack) && stack.rlim_cur < STACK_BYTES &&
+        !pthread_create(&thread, NULL, choose_on_thread, &c)) {
+        pthread_join(thread, NULL);
+        return c.code;
+    }
+    return choose(&c);
 }
