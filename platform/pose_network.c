@@ -74,7 +74,7 @@ static enum status open_one(struct network **out, const char *folder, const char
     size_t count;
     snprintf(path, sizeof path, "%s/%s", folder, name);
     if (access(path, R_OK))
-        return fail(ERR_MISSING, "the network %s is not there; tools/models fetches it", path);
+        return fail(ERR_MISSING, "the network %s is not there; reenact-capture models --fetch fetches it", path);
     struct tflite_model model;
     enum status status = file_read(path, &bytes, &count);
     if (status != OK)
@@ -116,7 +116,7 @@ enum status pose_network_open(struct pose_network **out, const char *folder, enu
     if (status == OK && (!has_sizes(n->detector, 3 * DETECTOR_SIDE * DETECTOR_SIDE, detector_outputs, 2) ||
                          !has_sizes(n->landmarks, 3 * LANDMARK_SIDE * LANDMARK_SIDE, landmark_outputs, 4)))
         status =
-            fail(ERR_FORMAT, "the networks in %s are not those that tools/models fetches", folder ? folder : found);
+            fail(ERR_FORMAT, "the networks in %s are not those that reenact-capture models --fetch fetches", folder ? folder : found);
     if (status != OK)
         pose_network_close(out);
     return status;

@@ -1,6 +1,7 @@
 // reenact-capture devices: lists the sensors and cameras that can be opened.
 #include "app/commands/commands.h"
 
+#include "platform/installed.h"
 #include "platform/json.h"
 #include "platform/source.h"
 
@@ -42,6 +43,7 @@ int capture_devices(int argc, char **argv)
     bool json = false;
     command_parse(&argp, argc, argv, &json);
     struct source_device devices[64];
+    char text[INSTALLED_PATH_BYTES];
     int count;
     if (source_devices(devices, COUNT_OF(devices), &count) != OK)
         return command_failed(argv[0]);
@@ -53,8 +55,9 @@ int capture_devices(int argc, char **argv)
         struct source *s;
         if (source_open(&s, "openni", SOURCE_SENSOR) == OK)
             source_close(&s); // plugged in just now
-        else
-            fprintf(stderr, "%s: %s\n", argv[0], status_message()); // says where drivers were looked for
+        else                  // says where drivers were looked for
+            fprintf(stderr, "%s: %s; %s says what each sensor needs\n", argv[0], status_message(),
+                    installed_text("sensors.md", text));
     }
     for (int i = 0; i < count; i++)
         printf("%-14s %s\n", devices[i].uri, devices[i].name);

@@ -19,6 +19,7 @@ int capture_calibrate_camera(int argc, char **argv);
 int capture_calibrate_stereo(int argc, char **argv);
 // Their options, for the help of calibrate as a whole.
 extern const struct argp calibrate_board_argp, calibrate_camera_argp, calibrate_stereo_argp;
+int capture_models(int argc, char **argv);
 int capture_objects(int argc, char **argv);
 
 int reenact_render(int argc, char **argv);

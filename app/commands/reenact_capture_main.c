@@ -16,6 +16,8 @@ int main(int argc, char **argv)
         {"library", "list the takes of all recordings in a folder", capture_library},
         {"export", "write a take's joints for other programs", capture_export},
         {"calibrate", "a lens, colour to depth, a rolling shutter, two cameras", capture_calibrate},
+        {"models", "networks that find body points in colour: whether they are there, and fetching them",
+         capture_models},
         {"objects", "find known things before a stereo rig", capture_objects},
     };
     return command_main("reenact-capture films a person with one depth camera.", commands, COUNT_OF(commands), NULL,

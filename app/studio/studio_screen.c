@@ -4,6 +4,7 @@
 #include "app/studio/room_screen.h"
 #include "app/studio/studio_picture.h"
 #include "app/studio/studio_verdict.h"
+#include "platform/installed.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -222,15 +223,22 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
 
 // ---------------------------------------------------------------- sensors, review, trouble
 
+static void draw_no_sensor(const struct brush *b, struct ui_box in)
+{
+    char path[INSTALLED_PATH_BYTES], text[INSTALLED_PATH_BYTES + 300];
+    snprintf(text, sizeof text,
+             "No depth sensor was found. Plug one in (a Kinect also needs its own power supply), then look again. "
+             "A sensor that is plugged in and not found may need a udev rule; %s says which.",
+             installed_text("sensors.md", path));
+    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y}, in.w, b->theme->text, text);
+}
+
 static void draw_sensors(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                          int64_t now_ns)
 {
     char name[32];
     if (!v->device_count)
-        ui_text_lines(
-            b->ui, FACE_BODY, (struct ui_point){in.x, in.y}, in.w, b->theme->text,
-            "No depth sensor was found. Plug one in (a Kinect also needs its own power supply), then look again. "
-            "A sensor that is plugged in and not found may need a udev rule; docs/sensors.md says which.");
+        draw_no_sensor(b, in);
     for (int i = 0; i < v->device_count; i++) {
         struct ui_box row = {in.x, in.y + i * (ROW + GAP), fmin(in.w, 640), ROW};
         snprintf(name, sizeof name, "sensor-%d", i);

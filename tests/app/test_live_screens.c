@@ -85,7 +85,7 @@ static void test_the_same_again_is_right(void **state)
         EXPECT_AT_MOST(t.different[p], t.frames / 5);
     // That no body points are looked for is said, once, with what to do.
     EXPECT_TRUE(g.viewer.live.no_points_told);
-    EXPECT_TRUE(strstr(live_sensor_query(g.viewer.live.sensor).no_body_points, "tools/models"));
+    EXPECT_TRUE(strstr(live_sensor_query(g.viewer.live.sensor).no_body_points, "models --fetch"));
     EXPECT_AT_LEAST(g.viewer.live.shown.comparison.score, 75);
     glass_close(&g);
 }

@@ -117,7 +117,7 @@ static void test_networks_that_are_not_there(void **state)
     (void)state;
     struct pose_network *none;
     EXPECT_STATUS(pose_network_open(&none, "/nowhere", POSE_NETWORK_LITE), ERR_MISSING);
-    EXPECT_TRUE(!none && strstr(status_message(), "tools/models"));
+    EXPECT_TRUE(!none && strstr(status_message(), "reenact-capture models --fetch"));
     pose_network_close(&none);
 }
 

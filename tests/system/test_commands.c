@@ -96,8 +96,8 @@ static void expect_sentence(struct process_result said, const char *word, int li
 static void test_help_and_usage(void **state)
 {
     (void)state;
-    const char *const capture[] = {"devices", "map",  "record", "info",      "verify", "repair", "export",
-                                   "library", "tags", "studio", "calibrate", "take",   "objects"};
+    const char *const capture[] = {"devices", "map",  "record", "info",      "verify", "repair",  "export",
+                                   "library", "tags", "studio", "calibrate", "take",   "objects", "models"};
     for (size_t i = 0; i < COUNT_OF(capture); i++) {
         struct process_result said = PROCESS(CAPTURE, capture[i], "--help");
         if (said.exit_code || !strstr(said.out, "Usage"))

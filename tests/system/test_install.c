@@ -123,6 +123,102 @@ static void test_what_is_installed(void **state)
     EXPECT_TRUE(strstr(said.out, "--detail"));
 }
 
+// Every relative link of a text that was installed leads to a file that was, too.
+static int check_links(const char *folder, const char *name)
+{
+    char path[700], link[400], to[1200];
+    int links = 0;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    char *text = read_text(path);
+    for (const char *at = text; (at = strstr(at, "]("));) {
+        at += 2;
+        snprintf(link, sizeof link, "%.*s", (int)strcspn(at, ")#"), at);
+        if (!*link || strstr(link, "://"))
+            continue;
+        snprintf(to, sizeof to, "%s/%s", folder, link);
+        if (access(to, R_OK))
+            print_error("%s: %s was not installed\n", path, link);
+        EXPECT_INT(access(to, R_OK), 0);
+        links++;
+    }
+    free(text);
+    return links;
+}
+
+static void test_installed_texts_find_each_other(void **state)
+{
+    (void)state;
+    char prefix[300], folder[400], path[600], *page;
+    snprintf(prefix, sizeof prefix, "%s", scratch_file(&scratch, "usr"));
+    snprintf(folder, sizeof folder, "%s/share/doc/reenact", prefix);
+    EXPECT_AT_LEAST(check_links(folder, "README.md"), 5);
+    static const char *const texts[] = {"guide.md", "sensors.md", "limitations.md", "results.md", "method.md"};
+    snprintf(folder, sizeof folder, "%s/share/doc/reenact/docs", prefix);
+    for (size_t i = 0; i < COUNT_OF(texts); i++)
+        check_links(folder, texts[i]);
+    // What the programs themselves name.
+    snprintf(path, sizeof path, "%s/share/man/man1/reenact-capture.1", prefix); // unpacked above
+    page = read_text(path);
+    snprintf(path, sizeof path, "The guide, %s/guide.md.", folder);
+    char escaped[1200], *out = escaped; // as roff has a -
+    for (const char *at = path; *at; at++)
+        out += sprintf(out, "%s%c", *at == '-' ? "\\" : "", *at);
+    EXPECT_TRUE(strstr(page, escaped));
+    free(page);
+    unsetenv("REENACT_FAKE_SENSOR");
+    snprintf(path, sizeof path, "%s/bin/reenact-capture", prefix);
+    const struct process_result said = PROCESS(path, "devices");
+    print_message("%s%s", said.out, said.err);
+    snprintf(path, sizeof path, "%s/sensors.md says", folder);
+    EXPECT_TRUE(strstr(said.out, "openni") || strstr(said.err, path));
+}
+
+// The installed program fetches the networks, by whatever of npm, curl and wget there is: here scripts that give what
+// is in a folder, or nothing.
+static void test_networks_are_fetched(void **state)
+{
+    (void)state;
+    char program[400], command[8000];
+    const char *data = scratch_file(&scratch, "data");
+    static const char *const known = "\"${XDG_DATA_HOME:-$HOME/.local/share}/reenact/models\"";
+    snprintf(program, sizeof program, "%s", scratch_file(&scratch, "usr/bin/reenact-capture"));
+    static const char *const tools[] = {"npm", "curl", "wget"};
+    static const char *const writes[] = {"x.tgz", "package.tgz", "package.tgz"};
+    const struct process_result there = PROCESS("/usr/bin/bash", "-c",
+                                                "test -f \"${XDG_DATA_HOME:-$HOME/.local/share}"
+                                                "/reenact/models/pose_landmark_lite.tflite\"");
+    for (size_t i = 0; i < COUNT_OF(tools); i++)
+        for (int good = 0; good < 2; good++) {
+            if (good && there.exit_code)
+                continue; // none to give
+            // The tool finds only itself and what a shell has; the package is made of the networks, or of other files.
+            snprintf(
+                command, sizeof command,
+                "set -e; rm -rf '%s' '%s/t'; mkdir -p '%s/t/bin' '%s/t/package'; cd '%s/t'; "
+                "for f in pose_landmark_full.tflite pose_landmark_lite.tflite pose_detection.tflite; do "
+                "if [ %d = 1 ]; then cp %s/$f package/; else echo no > package/$f; fi; done; "
+                "mv package/pose_detection.tflite package/pose_solution_packed_assets.data; tar -czf all.tgz package; "
+                "for p in sh sha256sum tar gzip mktemp rm mv mkdir chmod cp; do ln -s \"$(command -v $p)\" bin/$p; "
+                "done; "
+                "printf '#!/bin/sh\nwhile [ $# -gt 0 ]; do case $1 in --output) o=$2;; --output-document=*) "
+                "o=${1#*=};; esac; shift; done\ncp %s/t/all.tgz ${o:-%s}\n' > bin/%s; chmod +x bin/%s; "
+                "export XDG_DATA_HOME='%s' PATH='%s/t/bin'; %s models --fetch && %s models",
+                data, scratch.path, scratch.path, scratch.path, scratch.path, good, known, scratch.path, writes[i],
+                tools[i], tools[i], data, scratch.path, program, program);
+            const struct process_result said = PROCESS("/usr/bin/bash", "-c", command);
+            if (said.exit_code != !good)
+                print_error("%s: %d, %s%s\n", tools[i], said.exit_code, said.out, said.err);
+            EXPECT_INT(said.exit_code, !good);
+            EXPECT_TRUE(strstr(good ? said.out : said.err, good ? "networks for body points are in" : "not those"));
+            snprintf(command, sizeof command, "%s/reenact/models/pose_landmark_full.tflite", data);
+            EXPECT_INT(!access(command, R_OK), good);
+        }
+    snprintf(command, sizeof command, "XDG_DATA_HOME='%s/none' %s models", scratch.path, program);
+    const struct process_result said = PROCESS("/usr/bin/bash", "-c", command);
+    EXPECT_INT(said.exit_code, 1);
+    EXPECT_TRUE(strstr(said.err, "reenact-capture models --fetch") && strstr(said.err, "/none/reenact/models"));
+}
+
 // A desktop tells a recording by what it holds, whatever it is called, and from other SQLite files; what opens it, and
 // the studio, are in the menu's own form.
 static void test_a_desktop_knows_recordings(void **state)
@@ -177,10 +273,14 @@ static void test_package_can_be_unpacked_and_run(void **state)
     if (said.exit_code)
         print_error("%s%s\n", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);
-    snprintf(path, sizeof path, "dpkg-deb -x %s/reenact_*.deb %s/root && dpkg-deb -f %s/reenact_*.deb Depends", folder,
-             folder, folder);
+    snprintf(path, sizeof path,
+             "dpkg-deb -x %s/reenact_*.deb %s/root && dpkg-deb -f %s/reenact_*.deb Depends Maintainer", folder, folder,
+             folder);
     said = PROCESS("/usr/bin/bash", "-c", path);
     EXPECT_INT(said.exit_code, 0);
+    const char *maintainer = strstr(said.out, "Maintainer: ");
+    print_message("%s\n", maintainer ? maintainer : "no maintainer");
+    EXPECT_TRUE(maintainer && strchr(maintainer, '<') && strchr(maintainer, '@') && !strstr(maintainer, "README"));
     EXPECT_TRUE(strstr(said.out, "libsqlite3-0") && strstr(said.out, "libopenni2-0"));
     snprintf(path, sizeof path, "%s/root/usr/bin/reenact", folder);
     said = PROCESS(path, "--version");
@@ -209,6 +309,8 @@ int main(void)
         cmocka_unit_test(test_help_and_version_are_alike),
 #ifndef EMULATED
         cmocka_unit_test(test_what_is_installed),
+        cmocka_unit_test(test_installed_texts_find_each_other),
+        cmocka_unit_test(test_networks_are_fetched),
         cmocka_unit_test(test_a_desktop_knows_recordings),
         cmocka_unit_test(test_package_can_be_unpacked_and_run),
 #endif
