@@ -115,8 +115,8 @@ enum status pose_network_open(struct pose_network **out, const char *folder, enu
         status = open_one(&n->landmarks, folder ? folder : found, landmarks, 1 | 2 | 8);
     if (status == OK && (!has_sizes(n->detector, 3 * DETECTOR_SIDE * DETECTOR_SIDE, detector_outputs, 2) ||
                          !has_sizes(n->landmarks, 3 * LANDMARK_SIDE * LANDMARK_SIDE, landmark_outputs, 4)))
-        status =
-            fail(ERR_FORMAT, "the networks in %s are not those that reenact-capture models --fetch fetches", folder ? folder : found);
+        status = fail(ERR_FORMAT, "the networks in %s are not those that reenact-capture models --fetch fetches",
+                      folder ? folder : found);
     if (status != OK)
         pose_network_close(out);
     return status;
