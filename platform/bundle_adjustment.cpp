@@ -1,4 +1,5 @@
 // bundle_adjustment.h with Ceres. In names, by_x is the derivative with respect to x.
+#include "platform/bundle_lens.hpp"
 #include "platform/bundle_parameters.hpp"
 #include "platform/memory_reserve.hpp"
 
@@ -256,8 +257,44 @@ void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &pro
         problem.AddResidualBlock(t.add<depth_scale_error>(in.depth_scale_sigma), nullptr, &c.depth_scale);
 }
 
+// The same kinds of errors in the same order, with the lens as a block of each.
+void add_errors_of_lens(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
+{
+    for (int32_t i = 0; i < in.corner_count; i++) {
+        const ba_corners &seen = in.corners[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        const double half = in.squares[seen.square].side_m / 2;
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_corner_error, 8, 3, 3, 3, 3, 5>>(
+                                     new lens_corner_error{&seen, &camera, &square, half, in.fx, in.fy}),
+                                 &t.corner_loss, camera.gibbs, camera.shift, square.gibbs, square.shift, c.lens);
+    }
+    for (int32_t i = 0; i < in.plane_depth_count; i++) {
+        const ba_plane_depth &seen = in.plane_depths[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_plane_error, 1, 3, 3, 3, 3, 5, 1>>(
+                                     new lens_plane_error{&seen, &camera, &square}),
+                                 &t.depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift, c.lens,
+                                 &c.depth_scale);
+    }
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &seen = in.observations[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera];
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_point_error, 3, 3, 3, 3, 5, 1>>(
+                                     new lens_point_error(&seen, &camera, in.fx, in.fy)),
+                                 &t.point_loss, camera.gibbs, camera.shift, &c.points[(size_t)seen.point].x, c.lens,
+                                 &c.depth_scale);
+    }
+    problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_prior, 5, 5>>(new lens_prior), nullptr, c.lens);
+    if (in.depth_scale)
+        problem.AddResidualBlock(t.add<depth_scale_error>(in.depth_scale_sigma), nullptr, &c.depth_scale);
+}
+
 void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
 {
+    if (in.lens) {
+        add_errors_of_lens(in, c, problem, t);
+        return;
+    }
     for (int32_t i = 0; i < in.corner_count; i++) {
         const ba_corners &seen = in.corners[i];
         pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
@@ -286,8 +323,12 @@ bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem
         add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
     for (int32_t i = 0; i < in.square_count; i++)
         add_pose(c.squares[(size_t)i], in.squares[i].held);
-    if (in.depth_scale)
+    if (problem.HasParameterBlock(&c.depth_scale))
         order.AddElementToGroup(&c.depth_scale, 1);
+    if (in.lens)
+        order.AddElementToGroup(c.lens, 1);
+    if (in.lens && !in.depth_scale && problem.HasParameterBlock(&c.depth_scale))
+        problem.SetParameterBlockConstant(&c.depth_scale);
     for (int32_t i = 0; i < in.point_count; i++) {
         double *block = &c.points[(size_t)i].x;
         if (!problem.HasParameterBlock(block))
@@ -384,7 +425,7 @@ enum status solve(const ba_problem &in)
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
     if (in.cost)
         *in.cost = summary.final_cost;
-    if (in.square_covariance && in.square_count)
+    if ((in.square_covariance && in.square_count) || in.lens)
         find_covariance(in, c, problem);
     c.write_back(in);
     return OK;

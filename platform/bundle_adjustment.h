@@ -43,8 +43,19 @@ struct ba_observation {
     double z, sigma_m;
 };
 
+// How the lens differs from the one by which rays were made: a point in direction (x, y, 1) appears in (focal[0] x b +
+// shift[0], focal[1] y b + shift[1], 1) with b = 1 + bend (x^2 + y^2). Focal lengths and principal point are thus those
+// of the true lens relative to the given one's, in units of the focal length.
+enum { BA_LENS_NUMBERS = 5 };
+struct ba_lens {
+    double focal[2], shift[2], bend;
+    // Out: row-major, in the order above; all 0 where the problem leaves something undetermined.
+    double covariance[BA_LENS_NUMBERS * BA_LENS_NUMBERS];
+};
+
 struct ba_problem {
     double fx, fy;
+    struct ba_lens *lens; // in and out: the lens is estimated, too; NULL: it is as given
     struct ba_camera *cameras;
     struct ba_square *squares;
     struct vec3 *points; // in and out

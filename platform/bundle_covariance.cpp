@@ -1,5 +1,5 @@
-// The covariance of the squares' poses after bundle adjustment: the inverse of the poses' information with points
-// marginalised (Schur complement), scaled by estimated variance components.
+// The covariance of the squares' poses and of the lens after bundle adjustment: the inverse of the poses' information
+// with points marginalised (Schur complement), scaled by estimated variance components.
 #include "platform/bundle_parameters.hpp"
 
 #include <algorithm>
@@ -14,6 +14,7 @@ namespace
 struct jacobian_columns {
     std::vector<double *> blocks;
     std::vector<int> square; // first of its six columns (rotation, translation); -1: held or not observed
+    int lens = -1;           // first of its columns
     int points = 0, all = 0;
 
     jacobian_columns(const ba_problem &in, solver_state &c, const ceres::Problem &problem)
@@ -33,6 +34,10 @@ struct jacobian_columns {
         }
         if (in.depth_scale)
             add(problem, &c.depth_scale, 1);
+        if (in.lens) {
+            lens = all;
+            add(problem, c.lens, BA_LENS_NUMBERS);
+        }
     }
 
   private:
@@ -77,15 +82,14 @@ void add_point(const sparse_jacobian &jacobian, const std::vector<int> &rows, Ei
         out.setZero();
 }
 
-// Kinds of residuals, in the order in which they are added. PRIOR: of the depth scale.
+// Kinds of residuals, in the order in which they are added. PRIOR: of the depth scale and the lens.
 enum kind { CORNERS, PLANE_DEPTHS, OBSERVATIONS, PRIOR, KINDS };
 
-kind kind_of_row(const ba_problem &in, int row, int rows)
+kind kind_of_row(const ba_problem &in, int row)
 {
-    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count;
-    if (in.depth_scale && row == rows - 1)
-        return PRIOR;
-    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : OBSERVATIONS;
+    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count,
+              observations = plane_depths + 3 * in.observation_count;
+    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : row < observations ? OBSERVATIONS : PRIOR;
 }
 
 // The poses' information from each kind of residuals, with points marginalised. Lower triangles.
@@ -98,7 +102,7 @@ std::array<Eigen::MatrixXd, KINDS> information_of_poses(const ba_problem &in, co
     Eigen::MatrixXd some(poses, 3 * POINTS_AT_A_TIME);
     std::vector<std::vector<int>> rows((size_t)count); // of each point
     for (int r = 0; r < jacobian.all.num_rows; r++) {
-        Eigen::MatrixXd &own = information[kind_of_row(in, r, jacobian.all.num_rows)];
+        Eigen::MatrixXd &own = information[kind_of_row(in, r)];
         int point = -1;
         for (int i = jacobian.begin(r); i < jacobian.end(r); i++) {
             if (jacobian.column(i) < jacobian.points)
@@ -137,7 +141,7 @@ std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vect
     const double min_redundancy = 20;
     std::array<double, KINDS> squares{}, redundancy{}, factors;
     for (size_t r = 0; r < errors.size(); r++) {
-        const kind k = kind_of_row(in, (int)r, (int)errors.size());
+        const kind k = kind_of_row(in, (int)r);
         squares[k] += errors[r] * errors[r];
         redundancy[k] += is_informative(in, (int)r);
     }
@@ -150,6 +154,31 @@ std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vect
     return factors;
 }
 
+// The Jacobian from each square's own axes, and from the lens's numbers, to the parameters.
+Eigen::MatrixXd motions(const ba_problem &in, const solver_state &c, const jacobian_columns &which, int squares)
+{
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(which.all - which.points, squares + (in.lens ? BA_LENS_NUMBERS : 0));
+    for (int s = 0; 6 * s < squares; s++) {
+        const Matrix3 rotation =
+            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
+        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
+            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = rotation;
+    }
+    if (in.lens)
+        moves.block<BA_LENS_NUMBERS, BA_LENS_NUMBERS>(which.lens - which.points, squares).setIdentity();
+    return moves;
+}
+
+// all: of the squares, then of the lens.
+void write_covariances(const ba_problem &in, int squares, const Eigen::MatrixXd &all)
+{
+    if (squares)
+        Eigen::Map<Eigen::MatrixXd>(in.square_covariance, squares, squares) = all.topLeftCorner(squares, squares);
+    if (in.lens)
+        Eigen::Map<Eigen::Matrix<double, BA_LENS_NUMBERS, BA_LENS_NUMBERS>>(in.lens->covariance) =
+            all.bottomRightCorner<BA_LENS_NUMBERS, BA_LENS_NUMBERS>();
+}
+
 } // namespace
 
 // The covariance of weighted least squares whose weights come from the assumed variances, while the residuals have the
@@ -160,9 +189,10 @@ void bundle::find_covariance(const ba_problem &in, solver_state &c, ceres::Probl
     ceres::Problem::EvaluateOptions options;
     sparse_jacobian jacobian = {{}, which.points};
     std::vector<double> errors, whole;
-    const int n = 6 * in.square_count, poses = which.all - which.points;
-    Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
-    out.setZero();
+    const int squares = in.square_covariance ? 6 * in.square_count : 0, n = squares + (in.lens ? BA_LENS_NUMBERS : 0),
+              poses = which.all - which.points;
+    Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+    write_covariances(in, squares, out);
     options.parameter_blocks = which.blocks;
     if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &jacobian.all))
         return;
@@ -176,19 +206,13 @@ void bundle::find_covariance(const ba_problem &in, solver_state &c, ceres::Probl
     if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
         return;
     for (int r = 0; r < (int)errors.size(); r++)
-        if (kind_of_row(in, r, (int)errors.size()) == OBSERVATIONS)
+        if (kind_of_row(in, r) == OBSERVATIONS)
             errors[(size_t)r] = whole[(size_t)r];
     const std::array<double, KINDS> factors = variance_factors(in, errors, which.points, information, covariance);
-    Eigen::MatrixXd moves =
-        Eigen::MatrixXd::Zero(poses, n); // the Jacobian from each square's own axes to the parameters
-    for (int s = 0; s < in.square_count; s++) {
-        const Matrix3 rotation =
-            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
-        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
-            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = rotation;
-    }
+    const Eigen::MatrixXd moves = motions(in, c, which, squares);
     const Eigen::MatrixXd covariance_of_moves = covariance * moves;
     for (size_t k = 0; k < KINDS; k++)
         out += factors[k] * (covariance_of_moves.transpose() *
                              (information[k].selfadjointView<Eigen::Lower>() * covariance_of_moves));
+    write_covariances(in, squares, out);
 }

@@ -3,6 +3,7 @@
 #pragma once
 #include "platform/bundle_adjustment.h"
 
+#include <algorithm>
 #include <ceres/ceres.h>
 #include <vector>
 
@@ -71,10 +72,17 @@ struct solver_state {
     std::vector<pose_block> cameras, squares;
     std::vector<vec3> points;
     double depth_scale;
+    double lens[BA_LENS_NUMBERS];
 
     explicit solver_state(const ba_problem &in)
-        : points(in.points, in.points + in.point_count), depth_scale(in.depth_scale ? *in.depth_scale : 1)
+        : points(in.points, in.points + in.point_count),
+          depth_scale(in.depth_scale ? *in.depth_scale : 1), lens{1, 1, 0, 0, 0}
     {
+        if (in.lens) {
+            const ba_lens &l = *in.lens;
+            const double start[BA_LENS_NUMBERS] = {l.focal[0], l.focal[1], l.shift[0], l.shift[1], l.bend};
+            std::copy(start, start + BA_LENS_NUMBERS, lens);
+        }
         for (int32_t i = 0; i < in.camera_count; i++)
             cameras.push_back(pose_block_from(in.cameras[i].camera_from_world));
         for (int32_t i = 0; i < in.square_count; i++)
@@ -91,10 +99,16 @@ struct solver_state {
             in.points[i] = points[(size_t)i];
         if (in.depth_scale)
             *in.depth_scale = depth_scale;
+        if (in.lens) {
+            std::copy(lens, lens + 2, in.lens->focal);
+            std::copy(lens + 2, lens + 4, in.lens->shift);
+            in.lens->bend = lens[4];
+        }
     }
 };
 
-// Fills in.square_covariance, at the solution in `c`. bundle_covariance.cpp.
+// Fills in.square_covariance and the lens's, as far as they are asked for, at the solution in `c`.
+// bundle_covariance.cpp.
 void find_covariance(const ba_problem &in, solver_state &c, ceres::Problem &problem);
 
 } // namespace bundle

@@ -24,20 +24,29 @@ static const struct place_tag *rarely_observed(const struct place *place)
     return NULL;
 }
 
+// How the side looks, the common fault of lens and depth taken out, that the other tags show.
 static void say_side(const struct mapper_report *r, struct map_advice *out)
 {
     if (r->all_wrong_side)
         say(out,
             "by the sensor's depth most tags are not as wide as the list says: tag %d looks "
             "%.3f m wide, the list says %.3f m; measure the black squares, correct the list and map "
-            "again, else the place may have the wrong scale",
-            (int)r->first_wrong, r->measured_m, r->listed_side_m);
+            "again, else the place has the wrong scale; if they are right, the depth's unit is %.2f times too large",
+            (int)r->first_wrong, r->measured_m, r->listed_side_m, r->measured_m / r->listed_side_m);
     else
         say(out,
             "tag %d looks %.3f m wide, the list says %.3f m; %s left out: measure the black square, "
             "correct the list and map again",
             (int)r->first_wrong, r->measured_m, r->listed_side_m,
             r->tags_wrong_side > 1 ? "it and others like it are" : "it is");
+}
+
+static void say_lens(const struct place *place, const struct mapper_report *r, struct map_advice *out)
+{
+    char text[LENS_TEXT_BYTES];
+    if (r->lens.fault != LENS_FITS)
+        say(out, "%s: calibrate the lens and map again%s", lens_verdict_text(&r->lens, text),
+            place->tag_count ? ", before you change anything about the tags" : "");
 }
 
 static void say_tags(const struct mapper_report *r, struct map_advice *out)
@@ -56,7 +65,7 @@ static void say_tags(const struct mapper_report *r, struct map_advice *out)
             "tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
             "have this number; hang it firmly and film again",
             (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
-    if (r->tags_wrong_side)
+    if (r->tags_wrong_side && !(r->all_wrong_side && r->lens.fault != LENS_FITS))
         say_side(r, out);
     if (r->tags_moved)
         say(out,
@@ -93,6 +102,7 @@ void map_advise(const struct place *place, const struct mapper_report *r, const 
     summarise(place, out);
     if (*trouble->cut)
         say(out, "%s: the map is of what was swept until then", trouble->cut);
+    say_lens(place, r, out);
     if (!place->point_count)
         say(out, "there are no landmarks, so a camera is found only where it sees a tag; film "
                  "what can be recognised from two places");

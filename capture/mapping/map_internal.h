@@ -77,8 +77,10 @@ struct map {
     bool has_prior;      // the sweep adds to a place, whose tags and landmarks are constant
     bool has_depth;      // at least one frame has
     bool list_is_wrong;  // most tags' sides are, by the depth
+    double side_ratio;   // the sides that the depth shows over the listed ones, their median; 0: not known
     double depth_scale;  // true depth = the sensor's depth times this
     double rms_px, rms_m;
+    double expected_m; // rms_m, if depth were as exact as depth_absolute_sigma_m says
 };
 
 // Reprojection error of a feature, pixels; p: its landmark in camera axes.
@@ -107,6 +109,14 @@ MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
 // wrong, unless most are. ERR_MEMORY.
 MUST_CHECK enum status map_check_tag_sides(struct map *m);
 
+// ---- map_plausibility.c
+// Before anything of the map: whether depth is mirrored or upside down against the colour, by the tags that both show.
+enum map_depth_turn map_find_depth_turn(const struct map *m);
+// Once the map no longer moves: the lens, and depth against the list of tags. ERR_MEMORY, ERR_SOLVER.
+MUST_CHECK enum status map_judge(struct map *m, struct mapper_report *report);
+// ERR_INPUT, with the likeliest cause: the map is of no use.
+MUST_CHECK enum status map_check_use(const struct map *m, const struct mapper_report *report);
+
 // ---- map_outlier_tags.c
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.
 void map_remove_outlier_tags(struct map *m);
@@ -122,6 +132,10 @@ MUST_CHECK enum status map_bundle_adjust_relaxed(struct map *m, int rounds, doub
 MUST_CHECK enum status map_bundle_adjust_depth_scale(struct map *m, int rounds);
 // Only with the landmarks for which included[point]; the others move rigidly with the first frame that shows them.
 MUST_CHECK enum status map_bundle_adjust_subset(struct map *m, int rounds, const bool *included);
+// The lens that fits best, with everything else free; the map stays as it is.
+MUST_CHECK enum status map_fit_lens(struct map *m, int rounds, struct ba_lens *lens);
+// Corrects all depth by a factor.
+void map_scale_depth(struct map *m, double times);
 // The joint covariance of all tags at their present poses. tags: 6 tag_count on a side, row-major; each tag's six
 // numbers are in its own axes, rotation (rad), then translation (m), as bundle_adjustment.h has them.
 MUST_CHECK enum status map_joint_tag_covariance(struct map *m, double *tags);

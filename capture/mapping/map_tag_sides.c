@@ -12,7 +12,8 @@
 
 // All chosen by hand.
 enum { MIN_SIGHTINGS = 2, MAX_SIGHTINGS = 64, MIN_SAMPLES = 8 };
-static const double FAR_M = 7;          // a Kinect measures no farther
+static const double FAR_M = 60;         // no sensor measures so far, but depth in another unit is said to be
+                                        // as far
 static const double SLANT_COSINE = 0.5; // a tag seen at 60 degrees or less from its normal
 // A depth sensor's common scale error is below 3 %, and tags are not printed so inexactly.
 static const double WRONG_SHARE = 0.06;
@@ -92,7 +93,7 @@ static bool side_of_tag(const struct map *m, int32_t tag, double *side_m, double
     return true;
 }
 
-// The median ratio of measured to listed sides; 1 where no side was measured.
+// The median ratio of measured to listed sides; 0 where no side was measured.
 static double common_ratio(const struct map *m)
 {
     double ratio[MAPPER_MAX_TAGS];
@@ -101,7 +102,7 @@ static double common_ratio(const struct map *m)
         if (m->tags[t].measured_side_m > 0 && count < MAPPER_MAX_TAGS)
             ratio[count++] = m->tags[t].measured_side_m / m->tags[t].side_m;
     if (!count)
-        return 1;
+        return 0;
     qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
     return ratio[count / 2];
 }
@@ -130,8 +131,10 @@ enum status map_check_tag_sides(struct map *m)
         if (!side_of_tag(m, t, &m->tags[t].measured_side_m, &sigma[t]))
             m->tags[t].measured_side_m = 0;
     // What most tags agree on is the sensor's scale, unless no sensor is so wrong: then it is the list's, as when the
-    // printer scaled the pages. There would be too little left to map by, so that these tags stay.
-    const double ratio = common_ratio(m);
+    // printer scaled the pages, or depth is in another unit, or the lens is another one. There would be too little left
+    // to map by, so that these tags stay, and depth is fitted to them: which of the three it is shows in the map.
+    m->side_ratio = common_ratio(m);
+    const double ratio = m->side_ratio > 0 ? m->side_ratio : 1;
     const bool list_is_wrong = fabs(ratio - 1) > WRONG_SHARE;
     const double scale = list_is_wrong ? 1 : ratio;
     m->list_is_wrong = list_is_wrong;
@@ -144,6 +147,8 @@ enum status map_check_tag_sides(struct map *m)
         for (int32_t i = 0; i < m->frame_count && tag->wrong && !list_is_wrong; i++)
             forget_observations(&m->frames[i], t);
     }
+    if (list_is_wrong)
+        map_scale_depth(m, 1 / ratio);
     free(sigma);
     return OK;
 }

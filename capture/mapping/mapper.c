@@ -393,6 +393,7 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *prior = m->options.prior;
+    report->depth_turn = map_find_depth_turn(&m->map);
     status = map_check_tag_sides(&m->map);
     if (status == OK && prior)
         status = map_release_moved_tags(&m->map);
@@ -406,6 +407,10 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         status = map_refine_landmarks(&m->map, m->options.most_points);
     if (status == OK)
         map_compute_residuals(&m->map);
+    if (status == OK)
+        status = map_judge(&m->map, report);
+    if (status == OK)
+        status = map_check_use(&m->map, report);
     if (status == OK && prior) {
         map_merge_residuals(&m->map, prior);
         report->floor_from_depth = true;

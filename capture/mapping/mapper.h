@@ -14,6 +14,7 @@
 // features in the images while the next ones come. Memory is bounded: at most 240 frames' features, 96 images.
 #pragma once
 #include "capture/mapping/sweep_plan.h"
+#include "locate/lens_verdict.h"
 #include "platform/source.h"
 
 struct mapper;
@@ -70,6 +71,9 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out);
 // Valid until the next call.
 const struct sweep_plan *mapper_plan(struct mapper *m);
 
+// How the depth picture lies on the colour picture.
+enum map_depth_turn { DEPTH_STRAIGHT, DEPTH_MIRRORED, DEPTH_FLIPPED, DEPTH_TURNED };
+
 struct mapper_report {
     int32_t frames; // used, of frames_seen
     int32_t frames_seen;
@@ -92,13 +96,19 @@ struct mapper_report {
     double listed_side_m, measured_m; // of that one
     bool all_wrong_side; // most are, often by one factor, as when the printer scaled them: nothing of the list is left
                          // out
+    struct lens_verdict lens; // the given one against the pictures
+    // Distances by the depth over those by the tags' listed sides and the lens, its fault taken out; 0: not known. Near
+    // 1 if the depth's unit and the list are right.
+    double depth_ratio;
+    enum map_depth_turn depth_turn;
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest landmark. With `prior`: true
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.
 // ERR_INPUT: no listed tag was seen, or none could be placed; without tags: too little to
-// recognise; with `prior`: nothing of it was seen. ERR_MEMORY, ERR_SOLVER.
-// On error *out is zeroed. Call it once.
+// recognise; with `prior`: nothing of it was seen; tags, depth and lens contradict each other so much that the map
+// would be of no use (the message names the likeliest cause). ERR_MEMORY, ERR_SOLVER. On error *out is zeroed. Call it
+// once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 
 // After mapper_finish: where the camera was at a frame of the sweep, in the place's world. False: that frame was not

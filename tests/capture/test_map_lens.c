@@ -1,0 +1,204 @@
+// What the mapper says of a sweep whose lens, depth or list of tags is wrong: the cause, and nothing of a right one.
+// The sweep is the small world's, whose lens and tags are exact.
+#include "capture/mapping/map_advice.h"
+#include "tests/support/test.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { IMAGES = 24, MOST_TAGS = 32 };
+
+static struct {
+    struct world *world;
+    struct calibration calibration;
+    struct mapper_tag tags[MOST_TAGS];
+    int32_t tag_count;
+    uint8_t *color[IMAGES];
+    uint16_t *depth[IMAGES];
+} room;
+
+static int64_t time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S / 2 * i / IMAGES); }
+
+static int film_room(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&room.world, &o), OK);
+    room.calibration = world_calibration(0.5);
+    const struct place_tag *tags = world_tags(room.world, &room.tag_count);
+    for (int32_t i = 0; i < room.tag_count; i++)
+        room.tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    const size_t pixels = lens_pixels(&room.calibration.color);
+    for (int i = 0; i < IMAGES; i++) {
+        const struct world_shot shot = {room.calibration.color, world_sweep_pose(room.world, (double)time_ns(i) * 1e-9),
+                                        0, false};
+        room.color[i] = malloc(pixels * 3);
+        room.depth[i] = malloc(pixels * sizeof *room.depth[i]);
+        EXPECT_TRUE(room.color[i] && room.depth[i]);
+        struct world_image image = {.color = room.color[i], .depth = room.depth[i]};
+        EXPECT_STATUS(world_render(room.world, &shot, &image), OK);
+        world_color_noise(room.color[i], shot.lens.width, shot.lens.height, 100 + (uint64_t)i);
+        EXPECT_STATUS(world_depth_noise(&shot.lens, room.depth[i], 50 + (uint64_t)i, room.depth[i]), OK);
+    }
+    return 0;
+}
+
+static int leave_room(void **state)
+{
+    (void)state;
+    for (int i = 0; i < IMAGES; i++) {
+        free(room.color[i]);
+        free(room.depth[i]);
+    }
+    world_close(&room.world);
+    return 0;
+}
+
+// What is done to the sweep before it is mapped.
+struct wrong {
+    double focal, centre_x;  // of the lens over the true one; added, a share of the width
+    double unit;             // of depth
+    double sides;            // of the list
+    bool mirrored, upturned; // depth alone
+};
+
+static enum status map_wrongly(const struct wrong *w, struct mapper_report *report, struct map_advice *advice)
+{
+    struct calibration c = room.calibration;
+    struct mapper_tag tags[MOST_TAGS];
+    struct mapper_options options = mapper_default_options();
+    struct mapper *m;
+    struct place place;
+    const int width = c.color.width, height = c.color.height;
+    uint16_t *depth = malloc(lens_pixels(&c.color) * sizeof *depth);
+    options.most_points = 1500;
+    for (int32_t i = 0; i < room.tag_count; i++)
+        tags[i] = (struct mapper_tag){room.tags[i].id, room.tags[i].side_m * w->sides};
+    c.color.fx *= w->focal, c.color.fy *= w->focal, c.color.cx += w->centre_x * width;
+    c.depth.fx *= w->focal, c.depth.fy *= w->focal, c.depth.cx += w->centre_x * width;
+    EXPECT_STATUS(mapper_open(&m, &c, tags, room.tag_count, &options), OK);
+    for (int i = 0; i < IMAGES; i++) {
+        for (int y = 0; y < height; y++)
+            for (int x = 0; x < width; x++) {
+                const int from_x = w->mirrored ? width - 1 - x : x, from_y = w->upturned ? height - 1 - y : y;
+                depth[y * width + x] = (uint16_t)fmin(w->unit * room.depth[i][from_y * width + from_x] + 0.5, 65535);
+            }
+        EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = time_ns(i), .color = room.color[i], .depth = depth}),
+                      OK);
+    }
+    const enum status status = mapper_finish(m, &place, report);
+    memset(advice, 0, sizeof *advice);
+    if (status == OK)
+        map_advise(&place, report, &(struct sweep_trouble){.damaged = 0}, advice);
+    place_free(&place);
+    mapper_close(&m);
+    free(depth);
+    return status;
+}
+
+static const struct wrong right = {.focal = 1, .unit = 1, .sides = 1};
+
+static bool is_said(const struct map_advice *advice, const char *words)
+{
+    for (int i = 0; i < advice->count; i++)
+        if (strstr(advice->line[i], words))
+            return true;
+    return false;
+}
+
+static void test_right_sweep_is_not_blamed(void **state)
+{
+    (void)state;
+    struct mapper_report r;
+    struct map_advice advice;
+    struct wrong half_percent = right;
+    half_percent.focal = 1.005;
+    for (int i = 0; i < 2; i++) {
+        EXPECT_STATUS(map_wrongly(i ? &half_percent : &right, &r, &advice), OK);
+        printf("lens %.3f long: fault %d, depth ratio %.3f\n", i ? 1.005 : 1, (int)r.lens.fault, r.depth_ratio);
+        EXPECT_INT(r.lens.fault, LENS_FITS);
+        EXPECT_INT(r.depth_turn, DEPTH_STRAIGHT);
+        EXPECT_NEAR(r.depth_ratio, 1, 0.03);
+        EXPECT_TRUE(!is_said(&advice, "calibrat") && !is_said(&advice, "measure the black"));
+    }
+}
+
+// The lens is named first, and the tags are not blamed.
+static void test_wrong_lens_is_named(void **state)
+{
+    (void)state;
+    const struct {
+        struct wrong how;
+        enum lens_fault fault;
+        double by;
+    } lenses[] = {
+        {{.focal = 1.04, .unit = 1, .sides = 1}, LENS_FOCAL, 0.04},
+        {{.focal = 0.93, .unit = 1, .sides = 1}, LENS_FOCAL, -0.07},
+        {{.focal = 1, .centre_x = 0.06, .unit = 1, .sides = 1}, LENS_CENTRE, 0.06},
+    };
+    for (size_t i = 0; i < COUNT_OF(lenses); i += SANITIZED ? 2 : 1) {
+        struct mapper_report r;
+        struct map_advice advice;
+        EXPECT_STATUS(map_wrongly(&lenses[i].how, &r, &advice), OK);
+        printf("fault %d by %.4f (sigma %.4f), in truth %.4f: %s\n", (int)r.lens.fault, r.lens.by, r.lens.sigma,
+               lenses[i].by, advice.line[0]);
+        EXPECT_INT(r.lens.fault, lenses[i].fault);
+        EXPECT_NEAR(r.lens.by, lenses[i].by, 0.015);
+        EXPECT_TRUE(strstr(advice.line[0], "calibrate the lens") != NULL);
+        EXPECT_TRUE(!is_said(&advice, "correct the list"));
+        EXPECT_NEAR(r.depth_ratio, 1, 0.04);
+    }
+}
+
+static void test_useless_maps_are_refused(void **state)
+{
+    (void)state;
+    const struct {
+        struct wrong how;
+        const char *words;
+    } sweeps[] = {
+        {{.focal = 1, .unit = 5, .sides = 1}, "unit_m"},
+        {{.focal = 1, .unit = 0.5, .sides = 1}, "unit_m"},
+        {{.focal = 1, .unit = 1, .sides = 1, .mirrored = true}, "mirrored"},
+        {{.focal = 1, .unit = 1, .sides = 1, .mirrored = true, .upturned = true}, "upside down"},
+        {{.focal = 1.6, .unit = 1, .sides = 1}, "focal length"},
+        {{.focal = 1, .unit = 1, .sides = 0.7}, "list of tags"},
+    };
+    for (size_t i = 0; i < COUNT_OF(sweeps); i += SANITIZED ? 2 : 1) {
+        struct mapper_report r;
+        struct map_advice advice;
+        EXPECT_STATUS(map_wrongly(&sweeps[i].how, &r, &advice), ERR_INPUT);
+        printf("%s\n", status_message());
+        EXPECT_TRUE(strstr(status_message(), sweeps[i].words) != NULL);
+    }
+}
+
+// All sides of the list off alike: the list is named, and the unit as the other cause.
+static void test_scaled_list_is_named(void **state)
+{
+    (void)state;
+    struct mapper_report r;
+    struct map_advice advice;
+    struct wrong printed = right;
+    printed.sides = 0.9;
+    EXPECT_STATUS(map_wrongly(&printed, &r, &advice), OK);
+    printf("ratio %.3f, in truth %.3f; %d tags\n", r.depth_ratio, 1 / 0.9, (int)r.tags_mapped);
+    EXPECT_INT(r.lens.fault, LENS_FITS);
+    EXPECT_NEAR(r.depth_ratio, 1 / 0.9, 0.03);
+    EXPECT_INT(r.tags_outlier, 0);
+    EXPECT_TRUE(is_said(&advice, "correct the list"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_right_sweep_is_not_blamed),
+        cmocka_unit_test(test_wrong_lens_is_named),
+        cmocka_unit_test(test_useless_maps_are_refused),
+        cmocka_unit_test(test_scaled_list_is_named),
+    };
+    return cmocka_run_group_tests_name("map_lens", tests, film_room, leave_room);
+}
