@@ -4,6 +4,7 @@
 #include "app/commands/place_input.h"
 #include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
+#include "locate/picture_check.h"
 #include "base/text.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -79,6 +80,14 @@ static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose 
     return OK;
 }
 
+// What localises the camera, and what checks it.
+struct locate_work {
+    struct place place;
+    struct source *camera;
+    struct camera_tracker *track;
+    struct picture_check *check;
+};
+
 struct locate_summary {
     int64_t images, placed, not_found, ambiguous, damaged;
     int64_t tags_used, tags_rejected;
@@ -86,18 +95,22 @@ struct locate_summary {
     bool focal_wrong;
     double focal_scale; // the focal length that fits, divided by the calibration's
     int32_t tags_moved, first_moved;
-    struct lens lens; // as estimated at the end
-    bool learnt;      // self-calibration made it more accurate than the calibration
+    struct lens lens;               // as estimated at the end
+    bool learnt;                    // self-calibration made it more accurate than the calibration
+    char cause[PICTURE_TEXT_BYTES]; // why pictures are placed wrongly or not at all; "": not known
 };
 
 // One image. Only errors that end the run are returned.
-static enum status locate_image(struct camera_tracker *track, const struct frame *frame, struct text_buffer *lines,
+static enum status locate_image(const struct locate_work *work, const struct frame *frame, struct text_buffer *lines,
                                 struct locate_summary *s)
 {
     struct location found;
     struct camera_motion motion;
     s->images++;
-    enum status status = camera_tracker_process(track, frame->color, NULL, frame->time_ns, &found, &motion);
+    enum status status = picture_check_add(work->check, frame->color);
+    if (status != OK)
+        return status;
+    status = camera_tracker_process(work->track, frame->color, NULL, frame->time_ns, &found, &motion);
     if (status < 0)
         return status;
     if (status == NOTHING) {
@@ -115,7 +128,7 @@ static enum status locate_image(struct camera_tracker *track, const struct frame
     return add_line(lines, frame->time_ns, found.world_from_camera);
 }
 
-static enum status run(struct camera_tracker *track, struct source_frames *camera, struct text_buffer *lines,
+static enum status run(const struct locate_work *work, struct source_frames *camera, struct text_buffer *lines,
                        struct locate_summary *s)
 {
     struct progress_bar bar;
@@ -123,7 +136,7 @@ static enum status run(struct camera_tracker *track, struct source_frames *camer
     enum status status;
     progress_bar_start(&bar, "finding the camera", source_remaining(camera->source));
     while ((status = source_frames_next(camera, &frame)) == OK) {
-        if (frame.color && (status = locate_image(track, &frame, lines, s)) != OK)
+        if (frame.color && (status = locate_image(work, &frame, lines, s)) != OK)
             break;
         progress_bar_step(&bar);
     }
@@ -166,29 +179,51 @@ static enum status report(const struct locate_arguments *a, const struct locate_
 
 static void warn(const char *program, const struct locate_summary *s)
 {
+    if (*s->cause)
+        fprintf(stderr, "%s: warning: %s\n", program, s->cause);
     command_warn_moved_tags(program, s->tags_moved, s->first_moved);
-    if (s->focal_wrong)
+    if (s->focal_wrong && !*s->cause)
         fprintf(stderr,
                 "%s: warning: the pictures fit a focal length %.1f %% %s than the calibration's; calibrate the camera "
                 "again\n",
                 program, fabs(s->focal_scale - 1) * 100, s->focal_scale > 1 ? "longer" : "shorter");
 }
 
-static enum status open_inputs(const struct locate_arguments *a, struct camera_tracker **track, struct source **camera)
+// Whether lens and pictures belong together. ERR_INPUT: no pose is of use.
+static enum status check_pictures(const struct locate_work *work, struct locate_summary *s)
 {
-    struct place place = {0};
+    struct picture_verdict verdict;
+    bool useless;
+    const enum status status = picture_check_judge(work->check, camera_tracker_lens(work->track), &verdict);
+    if (status != OK)
+        return status;
+    picture_verdict_text(&verdict, 2 * s->placed < s->images, s->cause, &useless);
+    return useless ? fail(ERR_INPUT, "%s; where the camera was cannot be told, and nothing was written", s->cause) : OK;
+}
+
+static enum status open_inputs(const struct locate_arguments *a, struct locate_work *work)
+{
     struct locator_options wanted = locator_default_options();
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
-    enum status status = place_input_read(a->file, &place);
+    enum status status = place_input_read(a->file, &work->place);
     if (status == NOTHING)
         status = fail(ERR_INPUT, "%s holds no place; make one with reenact-capture map", a->file);
     if (status == OK)
-        status = source_open(camera, a->camera, SOURCE_CAMERA);
-    if (status == OK)
-        status = camera_tracker_open(track, &place, &source_calibration(*camera)->color, &wanted);
-    place_free(&place);
-    return status;
+        status = source_open(&work->camera, a->camera, SOURCE_CAMERA);
+    if (status != OK)
+        return status;
+    const struct lens *lens = &source_calibration(work->camera)->color;
+    status = camera_tracker_open(&work->track, &work->place, lens, &wanted);
+    return status == OK ? picture_check_open(&work->check, &work->place, lens) : status;
+}
+
+static void close_inputs(struct locate_work *work)
+{
+    picture_check_close(&work->check);
+    camera_tracker_close(&work->track);
+    source_close(&work->camera);
+    place_free(&work->place);
 }
 
 int reenact_locate(int argc, char **argv)
@@ -202,37 +237,37 @@ int reenact_locate(int argc, char **argv)
                               NULL,
                               NULL};
     command_parse(&argp, argc, argv, &a);
-    struct camera_tracker *track = NULL;
-    struct source *camera = NULL;
+    struct locate_work work = {.camera = NULL};
     struct source_frames frames = {0};
     struct text_buffer lines = {0};
     struct locate_summary s = {0};
     enum status status = file_check_output(a.out, a.force);
     if (status == OK)
-        status = open_inputs(&a, &track, &camera);
+        status = open_inputs(&a, &work);
     if (status == OK) {
         command_catch_signals();
-        frames.source = camera;
-        status = run(track, &frames, &lines, &s);
+        frames.source = work.camera;
+        status = run(&work, &frames, &lines, &s);
     }
+    if (status == OK)
+        status = check_pictures(&work, &s);
     if (status == OK)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK) {
-        s.focal_wrong = camera_tracker_focal_is_wrong(track, &s.focal_scale);
-        s.tags_moved = camera_tracker_moved_tags(track, &s.first_moved);
-        s.lens = *camera_tracker_lens(track);
-        s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
+        s.focal_wrong = camera_tracker_focal_is_wrong(work.track, &s.focal_scale);
+        s.tags_moved = camera_tracker_moved_tags(work.track, &s.first_moved);
+        s.lens = *camera_tracker_lens(work.track);
+        s.learnt = s.lens.focal_sigma < source_calibration(work.camera)->color.focal_sigma;
         status = report(&a, &s);
         warn(argv[0], &s);
-        if (!source_is_live(camera))
-            command_warn_times(argv[0], source_dropped(camera));
-        const enum status kept = source_save_lens(camera, &s.lens);
+        if (!source_is_live(work.camera))
+            command_warn_times(argv[0], source_dropped(work.camera));
+        const enum status kept = source_save_lens(work.camera, &s.lens);
         status = kept < 0 ? kept : status;
     }
     if (status == OK)
         status = source_frames_end(&frames);
     free(lines.bytes);
-    camera_tracker_close(&track);
-    source_close(&camera);
+    close_inputs(&work);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -4,6 +4,7 @@
 #include "app/commands/filmed_path.h"
 #include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
+#include "locate/picture_check.h"
 #include "base/clock.h"
 #include "base/text.h"
 #include "platform/file.h"
@@ -108,7 +109,8 @@ struct render_run {
     struct source *camera;
     struct source_frames frames; // of the camera
     struct camera_tracker *track;
-    struct filmed_path path; // instead of a camera; count 0: there is a camera
+    struct picture_check *check; // of the camera's pictures
+    struct filmed_path path;     // instead of a camera; count 0: there is a camera
     struct gpu *gpu;
     struct renderer *renderer;
     FILE *trajectory; // in memory, so that a run that fails leaves none
@@ -162,7 +164,7 @@ static enum status open_locator(struct render_run *r)
         r->lens = source_calibration(r->camera)->color;
     if (status == OK)
         status = camera_tracker_open(&r->track, &r->place, &r->lens, &how);
-    return status;
+    return status == OK ? picture_check_open(&r->check, &r->place, &r->lens) : status;
 }
 
 // A take with a person who has no place among the place's things: wherever they were drawn would be wrong.
@@ -263,6 +265,7 @@ static void close_run(struct render_run *r)
     free(r->rgba);
     renderer_close(&r->renderer);
     gpu_close(&r->gpu);
+    picture_check_close(&r->check);
     camera_tracker_close(&r->track);
     filmed_path_close(&r->path);
     place_free(&r->place);
@@ -323,7 +326,10 @@ static enum status draw(struct render_run *r, const struct frame *frame)
     struct camera_motion motion;
     if (r->path.count)
         return draw_placed(r, frame, r->path.poses[r->images - 1].pose);
-    enum status found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
+    enum status found = picture_check_add(r->check, frame->color);
+    if (found != OK)
+        return found;
+    found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
     lap(r, STAGE_LOCATE);
     if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return found;
@@ -444,6 +450,23 @@ static enum status write_stats(struct render_run *r)
     return status;
 }
 
+// Whether the camera's lens and pictures belong together. ERR_INPUT: the actor is drawn where they were not.
+static enum status check_pictures(const struct render_run *r, const char *program)
+{
+    struct picture_verdict verdict;
+    char cause[PICTURE_TEXT_BYTES];
+    bool useless;
+    const enum status status = picture_check_judge(r->check, camera_tracker_lens(r->track), &verdict);
+    if (status != OK)
+        return status;
+    picture_verdict_text(&verdict, 2 * r->placed < r->images, cause, &useless);
+    if (useless)
+        return fail(ERR_INPUT, "%s; the actor may be drawn in wrong places or not at all", cause);
+    if (*cause)
+        fprintf(stderr, "%s: warning: %s\n", program, cause);
+    return OK;
+}
+
 int reenact_render(int argc, char **argv)
 {
     struct render_arguments arguments = {.detail = renderer_default_options().detail,
@@ -479,6 +502,8 @@ int reenact_render(int argc, char **argv)
     if (status == OK && !arguments.json)
         printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.images, run.placed,
                run.with_actor);
+    if (status == OK && run.camera)
+        status = check_pictures(&run, argv[0]);
     if (status == OK && run.camera) {
         int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);

@@ -1,0 +1,45 @@
+// Whether a camera's pictures and its lens belong together, from a few pictures of a known place: a wrong lens puts a
+// camera metres away from where it is, and so do pictures that are mirrored or squeezed between black bars.
+//
+// Landmarks are recognised without regard to the lens; then the lens is found by which most of them agree, from the
+// given one or one several times as long or short, with the poses free and the place held
+// (platform/bundle_adjustment.h).
+//
+//     struct picture_check *check;
+//     if (picture_check_open(&check, &place, &lens) == OK)
+//         for each picture:
+//             picture_check_add(check, color)
+//     picture_check_judge(check, &verdict)
+//
+// Deterministic; one thread at a time. Looks at ever fewer pictures of a long film: some 40 ms for each of those.
+#pragma once
+#include "capture/recording/place.h"
+#include "locate/lens_verdict.h"
+
+struct picture_check;
+
+// Borrows the place; copies the lens. ERR_MEMORY.
+MUST_CHECK enum status picture_check_open(struct picture_check **out, const struct place *place,
+                                          const struct lens *lens);
+void picture_check_close(struct picture_check **c); // NULL is fine; sets *c = NULL
+
+// The next picture, RGB of the lens's size. ERR_MEMORY, ERR_SOLVER.
+MUST_CHECK enum status picture_check_add(struct picture_check *c, const uint8_t *color);
+
+struct picture_verdict {
+    int looked_at, recognised; // pictures; those in which enough landmarks agree on a pose, with whatever lens
+    struct lens_verdict lens;  // LENS_FITS, too, where too little is recognised
+    bool mirrored;             // most are recognised only in a mirror
+    bool barred;               // black bars above and below, or on both sides, in all of them
+    bool overexposed, dark;    // most of them, largely
+};
+
+// lens: the one to judge, as estimated at the end; of the size given before. ERR_MEMORY, ERR_SOLVER.
+MUST_CHECK enum status picture_check_judge(struct picture_check *c, const struct lens *lens,
+                                           struct picture_verdict *out);
+
+// The likeliest cause why pictures are placed wrongly or not at all, and what to do, in one sentence; "": none is
+// known. badly_placed: fewer pictures could be placed than should be. *useless: no pose is of use. Returns `out`.
+enum { PICTURE_TEXT_BYTES = 400 };
+const char *picture_verdict_text(const struct picture_verdict *v, bool badly_placed, char out[PICTURE_TEXT_BYTES],
+                                 bool *useless);
