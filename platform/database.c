@@ -1,6 +1,7 @@
 #include "platform/database.h"
 
-#include "platform/database_log.h"
+#include "platform/database_files.h"
+#include "platform/database_pages.h"
 #include "platform/file.h"
 #include "platform/file_kind.h"
 
@@ -17,6 +18,7 @@
 
 struct database {
     sqlite3 *handle;
+    struct database_files *files;
     char *path;
     int writer_lock; // descriptor of the log, locked while this is the only writer; -1: not locked
 };
@@ -42,6 +44,9 @@ static enum status fail_to_grow(const char *path)
 static enum status fail_sqlite(const struct database *db, int code)
 {
     const char *path = db->path;
+    const enum status beside = database_files_trouble(db->files);
+    if (beside != OK)
+        return beside;
     const char *why = db->handle ? sqlite3_errmsg(db->handle) : sqlite3_errstr(code);
     int system_errno = db->handle ? sqlite3_system_errno(db->handle) : 0;
     switch (code & 0xff) {
@@ -104,34 +109,18 @@ static enum status make_file(const char *path)
     return OK;
 }
 
-// file:PATH?immutable=1: no locks, no log, for a file that no process can be changing.
-static char *immutable_uri(const char *path)
-{
-    static const char hex[] = "0123456789abcdef";
-    char *uri = malloc(strlen(path) * 3 + 32), *at = uri;
-    if (!uri)
-        return NULL;
-    at += sprintf(at, "file:");
-    for (; *path; path++) {
-        unsigned char c = (unsigned char)*path;
-        if ((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || strchr("/._-", c)) {
-            *at++ = (char)c;
-        } else {
-            *at++ = '%';
-            *at++ = hex[c >> 4];
-            *at++ = hex[c & 15];
-        }
-    }
-    sprintf(at, "?immutable=1");
-    return uri;
-}
-
 // Opens and reads the first page. Returns SQLite's code.
-static int connect_to(struct database *db, const char *name, enum database_access access_wanted, bool immutable)
+static int connect_to(struct database *db, enum database_access access_wanted)
 {
-    bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
-    int flags = SQLITE_OPEN_NOMUTEX | (reads ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE);
-    int code = sqlite3_open_v2(name, &db->handle, flags | (immutable ? SQLITE_OPEN_URI : 0), NULL);
+    const bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
+    const int flags = SQLITE_OPEN_NOMUTEX | (reads ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE);
+    // SQLite may be built so that it takes a name that begins with file: for an address, which may name another layer.
+    char *name = malloc(strlen(db->path) + 3);
+    if (!name)
+        return SQLITE_NOMEM;
+    sprintf(name, "%s%s", db->path[0] == '/' ? "" : "./", db->path);
+    int code = sqlite3_open_v2(name, &db->handle, flags, database_files_layer(db->files));
+    free(name);
     if (code != SQLITE_OK)
         return code;
     sqlite3_extended_result_codes(db->handle, 1);
@@ -174,70 +163,18 @@ static bool is_empty_beside(const char *path, const char *ending)
     if (!name)
         return false;
     struct stat about;
-    bool empty = stat(name, &about) ? errno == ENOENT : about.st_size == 0;
+    bool empty = lstat(name, &about) ? errno == ENOENT : S_ISREG(about.st_mode) && about.st_size == 0;
     free(name);
     return empty;
 }
 
-static enum status fail_beside(const struct database *db, const char *ending)
+// A reader shares an index with the writer, which it must be able to write to.
+static enum status fail_beside_writer(const struct database *db)
 {
-    char *name = database_beside(db->path, ending);
-    const enum status status =
-        fail(ERR_IO,
-             "%s was not closed in good order and its last part lies in %s, which can only be read where "
-             "the folder can be written: copy both into a folder of yours",
-             db->path, name ? name : ending);
-    free(name);
-    return status;
-}
-
-static enum status check_log(const char *path)
-{
-    if (is_empty_beside(path, LOG))
-        return OK;
-    char *log = database_beside(path, LOG);
-    if (!log)
-        return fail(ERR_MEMORY, "no memory to open %s", path);
-    // Checked twice: another program may close the file and open it again between the log and the header being read.
-    const bool foreign = database_log_is_foreign(path, log) && (usleep(20000), database_log_is_foreign(path, log));
-    const enum status status =
-        foreign ? fail(ERR_IO,
-                       "%s holds the last part of another file that was called so, not of %s, which would be damaged "
-                       "by it: put it beside that file, or remove it",
-                       log, path)
-                : OK;
-    free(log);
-    return status;
-}
-
-// SQLite creates PATH-shm beside a file in write-ahead mode, even to read it. In
-// a folder where that is refused the file can still be read if its log is empty.
-static enum status open_without_log(struct database *db, enum database_access access_wanted)
-{
-    if (!is_empty_beside(db->path, LOG))
-        return fail_beside(db, LOG);
-    if (!is_empty_beside(db->path, JOURNAL)) // without it the file would be read as the change left it
-        return fail_beside(db, JOURNAL);
-    sqlite3_close(db->handle);
-    db->handle = NULL;
-    char *uri = immutable_uri(db->path);
-    if (!uri)
-        return fail(ERR_MEMORY, "no memory to open %s", db->path);
-    int code = connect_to(db, uri, access_wanted, true);
-    free(uri);
-    return code == SQLITE_OK ? OK : fail_sqlite(db, code);
-}
-
-// A program that was killed while it changed the file has left its journal. What it had overwritten is put back, which
-// only a writer may do, before the file is read. Returns SQLite's code of reading it then.
-static int roll_back(struct database *db, enum database_access access_wanted)
-{
-    sqlite3_close(db->handle);
-    db->handle = NULL;
-    (void)connect_to(db, db->path, DATABASE_WRITE, false); // if it fails, so does reading
-    sqlite3_close(db->handle);
-    db->handle = NULL;
-    return connect_to(db, db->path, access_wanted, false);
+    return fail(ERR_IO,
+                "%s is being written by another program, and can be read meanwhile only where its folder can be "
+                "written; try again when that has ended",
+                db->path);
 }
 
 // A column that is computed (GENERATED ALWAYS) can claim 120 MB and the time to fill them in each row of a file of a
@@ -254,10 +191,9 @@ static enum status refuse_computed_columns(struct database *db, enum database_ac
 
 enum status database_open(struct database **out, const char *path, enum database_access access_wanted)
 {
+    const bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
     *out = NULL;
     enum status status = access_wanted == DATABASE_CREATE ? make_file(path) : check_path(path, access_wanted);
-    if (status == OK && access_wanted != DATABASE_CREATE)
-        status = check_log(path);
     if (status != OK)
         return status;
     struct database *db = calloc(1, sizeof *db);
@@ -265,15 +201,15 @@ enum status database_open(struct database **out, const char *path, enum database
         db->path = strdup(path);
         db->writer_lock = -1;
     }
-    if (!db || !db->path) {
+    if (!db || !db->path)
         status = fail(ERR_MEMORY, "no memory to open %s", path);
-    } else {
-        int code = connect_to(db, path, access_wanted, false);
-        bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
-        if (reads && code == SQLITE_READONLY_ROLLBACK)
-            code = roll_back(db, access_wanted);
-        if (reads && ((code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_READONLY))
-            status = open_without_log(db, access_wanted);
+    else
+        status = database_files_open(&db->files, db->path, !reads);
+    if (status == OK) {
+        const int code = connect_to(db, access_wanted);
+        if (reads && database_files_are_live(db->files) &&
+            ((code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_READONLY))
+            status = fail_beside_writer(db);
         else if (code != SQLITE_OK)
             status = fail_sqlite(db, code);
         if (status == OK)
@@ -295,6 +231,7 @@ void database_close(struct database **db)
     int code = sqlite3_close((*db)->handle);
     assert(code == SQLITE_OK && "a statement is still open");
     (void)code;
+    database_files_close(&(*db)->files);
     if ((*db)->writer_lock >= 0)
         close((*db)->writer_lock);
     free((*db)->path);
@@ -354,6 +291,21 @@ enum status database_has_column(struct database *db, const char *table, const ch
 
 bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
 
+// Readers of a log that was left share a lock on it while they read (database_files.h); a writer keeps it.
+static enum status take_log(const struct database *db)
+{
+    enum { STEP_US = 10000, MOST_STEPS = 300 }; // as long as SQLite's own locks are waited for
+    for (int i = 0; flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK; i++) {
+        if (flock(db->writer_lock, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK)
+            return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
+        flock(db->writer_lock, LOCK_UN);
+        if (i == MOST_STEPS)
+            return fail(ERR_IO, "%s is in use by another program; try again when that has ended", db->path);
+        usleep(STEP_US);
+    }
+    return OK;
+}
+
 // SQLite locks the file and PATH-shm, never the log, so a lock on the log cannot collide with SQLite's. NOTHING: there
 // is no log.
 static enum status lock_log(struct database *db)
@@ -368,9 +320,7 @@ static enum status lock_log(struct database *db)
     free(name);
     if (opened != OK)
         return opened;
-    if (flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
-        return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
-    return OK;
+    return take_log(db);
 }
 
 enum status database_lock_writer(struct database *db)
@@ -382,23 +332,54 @@ enum status database_lock_writer(struct database *db)
                          "PRAGMA cache_size = -65536; BEGIN IMMEDIATE; COMMIT");
     if (status == OK)
         status = lock_log(db);
+    if (status == OK)
+        status = database_begin(db);
+    if (status == OK)
+        status = database_run(db, "COMMIT");
     return status == NOTHING ? fail(ERR_IO, "%s: its log cannot be made", db->path) : status;
+}
+
+static enum status add_mark(struct database *db)
+{
+    uint8_t bits[DATABASE_MARK_DIGITS / 2];
+    char sql[sizeof DATABASE_MARK_BEGIN + DATABASE_MARK_DIGITS + 2];
+    size_t used = (size_t)snprintf(sql, sizeof sql, DATABASE_MARK_BEGIN);
+    sqlite3_randomness((int)sizeof bits, bits);
+    for (size_t i = 0; i < sizeof bits; i++)
+        used += (size_t)snprintf(sql + used, sizeof sql - used, "%02x", bits[i]);
+    snprintf(sql + used, sizeof sql - used, "'");
+    return database_run(db, sql);
+}
+
+static enum status write_page_one(struct database *db)
+{
+    int64_t version = 0;
+    char same[48];
+    const enum status status = database_number(db, "PRAGMA user_version", &version);
+    snprintf(same, sizeof same, "PRAGMA user_version = %" PRId64, version);
+    return status == OK ? database_run(db, same) : status;
+}
+
+enum status database_begin(struct database *db)
+{
+    int64_t marks = 0;
+    enum status status = database_run(db, "BEGIN IMMEDIATE");
+    if (status == OK)
+        status = database_number(db, "SELECT count(*) FROM sqlite_schema WHERE name = 'identity'", &marks);
+    if (status != OK)
+        return status;
+    return marks ? write_page_one(db) : add_mark(db);
 }
 
 enum status database_check_change(struct database *db)
 {
-    int64_t version = 0;
-    char same[48];
     enum status status = lock_log(db);
     if (status >= OK)
-        status = database_number(db, "PRAGMA user_version", &version);
-    if (status == OK)
         status = database_run(db, "BEGIN IMMEDIATE");
     if (status != OK)
         return status;
     // A first change is what makes the files that SQLite needs beside this one.
-    snprintf(same, sizeof same, "PRAGMA user_version = %" PRId64, version);
-    status = database_run(db, same);
+    status = write_page_one(db);
     struct failure first;
     failure_keep(&first, status);
     const enum status back = database_run(db, "ROLLBACK");
@@ -412,7 +393,8 @@ enum status database_close_wal(struct database *db)
     if (status != OK)
         return status;
     sqlite3_busy_timeout(db->handle, 0);
-    int code = sqlite3_exec(db->handle, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
+    // FULL: the journal of this change is on the disk before its header says how much of it counts.
+    int code = sqlite3_exec(db->handle, "PRAGMA synchronous = FULL; PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : fail_sqlite(db, code);
 }
 

@@ -17,11 +17,12 @@ enum database_access {
     DATABASE_CREATE,  // a new file; ERR_EXISTS when the name is taken
 };
 
-// What a program that was killed while it changed the file had overwritten is put back first, to read it, too.
-// ERR_MISSING: no such file. ERR_FORMAT: a folder, not a database. ERR_CORRUPT:
-// cut or damaged. ERR_IO: no permission; writing, and the file has another name (a hard link); or PATH-wal or
-// PATH-journal holds a part of it and the folder is not writable, which reading them needs; or PATH-wal is another
-// file's. ERR_MEMORY. On error *out is NULL, and DATABASE_CREATE leaves no file.
+// Reading changes nothing: what a program that was killed had overwritten, or left in its log, is read from
+// PATH-journal or PATH-wal; only a writer puts it back into the file. No file of another name is touched
+// (database_files.h). ERR_MISSING: no such file. ERR_FORMAT: a folder, not a database. ERR_CORRUPT: cut or damaged.
+// ERR_IO: no permission; writing, and the file has another name (a hard link); another program writes it and its folder
+// cannot be written, which reading it meanwhile needs; or PATH-wal or PATH-journal is not proved to be this file's, or
+// is damaged. ERR_MEMORY. On error *out is NULL, and DATABASE_CREATE leaves no file.
 MUST_CHECK enum status database_open(struct database **out, const char *path, enum database_access access);
 
 // Closes a database of one file (no log) and gives it another name, synced, so that it appears whole or not at all.
@@ -45,6 +46,10 @@ MUST_CHECK enum status database_has_column(struct database *db, const char *tabl
 
 // After a BEGIN that has been neither committed nor rolled back.
 bool database_in_transaction(const struct database *db);
+
+// BEGIN IMMEDIATE of a change: gives the file its mark, if it has none, and writes page 1, so that every journal, and
+// every log from its beginning, holds it and can be proved to be the file's (database_journal.h, database_log.h).
+MUST_CHECK enum status database_begin(struct database *db);
 
 // Makes this connection the file's only writer until it is closed; others can
 // still read. Changes go to a write-ahead log (PATH-wal). ERR_IO: there is another

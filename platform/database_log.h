@@ -1,10 +1,10 @@
-// Whether a write-ahead log that lies beside an SQLite file is that file's.
+// SQLite's write-ahead log (fileformat2.html, section 4), read beside the file whose last part it should hold.
 #pragma once
-#include "base/status.h"
+#include "platform/database_pages.h"
 
-// False where the log holds nothing that the file lacks, or the file says that it is in write-ahead mode: SQLite writes
-// that into the file before it writes a log, and takes it out when the log is gone. So a file that was closed in good
-// order has a log only where the power failed before its removal was on the disk, and then all of the log is in the
-// file, too; or where it is a copy that was put in the place of a file whose log this is. Any thread may ask; other
-// connections of this process keep their locks.
-bool database_log_is_foreign(const char *path, const char *log);
+// Where the file's header says that there is a log (SQLite writes that before it writes a log, and takes it out when
+// the log is gone), it is proved to be the file's, BESIDE_OWN: no two marks differ, and the file's page 1 has the
+// header of one in the log, or of the one before those. Where the header says that there is none, the log is
+// BESIDE_EMPTY if the file has all of it: the power failed before its removal was on the disk; else BESIDE_FOREIGN: it
+// is a copy that was put in the place of a file whose log this is. *out is freed by the caller in any case.
+enum beside database_log_read(struct page_overlay *out, const struct byte_source *log, const struct byte_source *file);

@@ -122,7 +122,7 @@ static void empty(struct batch *b)
 // One transaction: on any error the file remains as the last commit left it.
 static enum status write_batch(struct async_writer *s, const struct batch *b)
 {
-    enum status status = database_run(s->db, "BEGIN IMMEDIATE");
+    enum status status = database_begin(s->db);
     for (const struct pending *p = b->first; status == OK && p; p = p->next)
         status = insert_frame(s, &p->row);
     if (status == OK && b->has_take)

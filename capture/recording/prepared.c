@@ -157,7 +157,9 @@ enum status prepared_write(const char *path, const struct take *take, enum prepa
     if (status == OK)
         status = pack(bytes, count, &packed, &packed_count);
     if (status == OK)
-        status = database_run(db, "BEGIN IMMEDIATE; " PREPARED_TABLE);
+        status = database_begin(db);
+    if (status == OK)
+        status = database_run(db, PREPARED_TABLE);
     if (status == OK)
         status = insert(db, take, row_id(take, kind), version, packed, packed_count);
     if (status == OK)

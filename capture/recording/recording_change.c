@@ -13,7 +13,7 @@ enum status recording_change(const char *path, const char *statements,
         status = database_lock_writer(db);
     const bool locked = status == OK;
     if (status == OK)
-        status = database_run(db, "BEGIN IMMEDIATE");
+        status = database_begin(db);
     if (status == OK)
         status = database_run(db, statements);
     if (status == OK)

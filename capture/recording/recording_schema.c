@@ -499,7 +499,7 @@ enum status recording_make_tables(struct database *db)
     char sql[200];
     snprintf(sql, sizeof sql, "PRAGMA application_id = %d; PRAGMA user_version = %d;", RECORDING_APPLICATION,
              RECORDING_SCHEMA);
-    enum status status = database_run(db, "BEGIN IMMEDIATE");
+    enum status status = database_begin(db);
     if (status == OK)
         status = database_run(db, recording_tables);
     if (status == OK)

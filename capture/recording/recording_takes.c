@@ -22,7 +22,7 @@ static enum status begin(struct database **db, const char *path)
         status = database_run(*db, "PRAGMA secure_delete = ON; PRAGMA synchronous = FULL");
     if (status == OK)
         status = recording_add_columns(*db);
-    return status == OK ? database_run(*db, "BEGIN IMMEDIATE") : status;
+    return status == OK ? database_begin(*db) : status;
 }
 
 static enum status end(struct database **db, enum status status)

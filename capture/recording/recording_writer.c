@@ -253,7 +253,9 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
         return status;
     status = async_writer_pause(w->async_writer);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
+        status = database_begin(w->db);
+    if (status == OK)
+        status = database_run(w->db, "DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
                                      "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
     if (status == OK)
         status = put_place_row(w->db, place);
@@ -355,12 +357,16 @@ static enum status remove_take(struct recording_writer *w)
     struct statement *s = NULL;
     enum status status = async_writer_pause(w->async_writer);
     if (status == OK)
+        status = database_begin(w->db);
+    if (status == OK)
         status = statement_open(&s, w->db, "DELETE FROM take WHERE rowid = ?");
     if (status == OK) {
         statement_bind_number(s, 1, w->take.id);
         status = statement_run(s);
     }
     statement_close(&s);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
     return async_writer_resume(w->async_writer, status);
 }
 
@@ -462,7 +468,7 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
             return fail(ERR_INPUT, "a skeleton holds a number that is not finite");
     enum status status = async_writer_pause(w->async_writer);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE");
+        status = database_begin(w->db);
     if (status == OK)
         status = open_skeleton_statements(&statements, w->db);
     for (int64_t i = 0; status == OK && i < count; i++)
