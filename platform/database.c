@@ -20,6 +20,7 @@ struct database {
     sqlite3 *handle;
     struct database_files *files;
     char *path;
+    bool may_write;
     int writer_lock; // descriptor of the log, locked while this is the only writer; -1: not locked
 };
 
@@ -199,6 +200,7 @@ enum status database_open(struct database **out, const char *path, enum database
     struct database *db = calloc(1, sizeof *db);
     if (db) {
         db->path = strdup(path);
+        db->may_write = !reads;
         db->writer_lock = -1;
     }
     if (!db || !db->path)
@@ -240,6 +242,8 @@ void database_close(struct database **db)
 }
 
 const char *database_path(const struct database *db) { return db->path; }
+
+bool database_may_write(const struct database *db) { return db->may_write; }
 
 enum status database_rename(struct database **db, const char *to)
 {
@@ -349,6 +353,15 @@ static enum status add_mark(struct database *db)
         used += (size_t)snprintf(sql + used, sizeof sql - used, "%02x", bits[i]);
     snprintf(sql + used, sizeof sql - used, "'");
     return database_run(db, sql);
+}
+
+bool database_is_mark(const char *name, const char *sql)
+{
+    static const char begin[] = DATABASE_MARK_BEGIN;
+    const size_t before = sizeof begin - 1;
+    return !strcmp(name, "identity") && !strncmp(sql, begin, before) &&
+           strspn(sql + before, "0123456789abcdef") == DATABASE_MARK_DIGITS &&
+           !strcmp(sql + before + DATABASE_MARK_DIGITS, "'");
 }
 
 static enum status write_page_one(struct database *db)

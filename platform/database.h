@@ -33,6 +33,7 @@ MUST_CHECK enum status database_rename(struct database **db, const char *to);
 void database_close(struct database **db);
 
 const char *database_path(const struct database *db);
+bool database_may_write(const struct database *db);
 
 // Runs one or more statements and discards their rows. ERR_IO: disk full, locked by
 // another program, unreadable. ERR_CORRUPT. ERR_MEMORY.
@@ -50,6 +51,9 @@ bool database_in_transaction(const struct database *db);
 // BEGIN IMMEDIATE of a change: gives the file its mark, if it has none, and writes page 1, so that every journal, and
 // every log from its beginning, holds it and can be proved to be the file's (database_journal.h, database_log.h).
 MUST_CHECK enum status database_begin(struct database *db);
+
+// Whether that is the view that holds the mark.
+bool database_is_mark(const char *name, const char *sql);
 
 // Makes this connection the file's only writer until it is closed; others can
 // still read. Changes go to a write-ahead log (PATH-wal). ERR_IO: there is another

@@ -153,6 +153,8 @@ enum status prepared_write(const char *path, const struct take *take, enum prepa
     size_t packed_count = 0;
     enum status status = database_open(&db, path, DATABASE_WRITE);
     if (status == OK)
+        status = recording_check_tables(db);
+    if (status == OK)
         status = check_idle(db);
     if (status == OK)
         status = pack(bytes, count, &packed, &packed_count);

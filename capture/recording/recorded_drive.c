@@ -83,8 +83,5 @@ enum status recording_write_drive(const char *path, const struct recorded_drive 
 {
     if (!is_good(drive))
         return fail(ERR_INPUT, "a number of a robot's path is not finite");
-    return recording_change(path,
-                            "CREATE TABLE IF NOT EXISTS drive(id INTEGER PRIMARY KEY, numbers BLOB, path BLOB, "
-                            "crc INTEGER); DELETE FROM drive",
-                            insert, drive);
+    return recording_change(path, DRIVE_TABLE "DELETE FROM drive", insert, drive);
 }

@@ -327,16 +327,11 @@ static enum status insert(struct database *db, const void *what)
     return status == OK ? insert_contents(db, all->things, all->count) : status;
 }
 
-static const char thing_tables[] =
-    "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, note TEXT, "
-    "knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"
-    "CREATE TABLE IF NOT EXISTS thing_content(id INTEGER PRIMARY KEY, thing INTEGER, kind TEXT, bytes BLOB, "
-    "crc INTEGER);"
-    "DELETE FROM thing; DELETE FROM thing_content";
-
 enum status recording_write_things(const char *path, const struct recorded_thing *things, int count)
 {
     const struct things all = {things, count};
     const enum status status = check_things(things, count);
-    return status != OK ? status : recording_change(path, thing_tables, insert, &all);
+    return status != OK
+               ? status
+               : recording_change(path, THING_TABLES "DELETE FROM thing; DELETE FROM thing_content", insert, &all);
 }

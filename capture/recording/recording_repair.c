@@ -1,4 +1,5 @@
 // Saves what can be read of a damaged recording into a new one.
+#include "capture/recording/exact_schema.h"
 #include "capture/recording/place_copier.h"
 #include "capture/recording/recording_reader.h"
 
@@ -305,11 +306,24 @@ static enum status salvage(const char *path, const char *part, const char *to, s
     return first.status == OK ? written : failure_restore(&first);
 }
 
+// A sound file that is not as these programs make it is not written to: what is in it is copied.
+static enum status check_exact(const char *path)
+{
+    struct database *db;
+    enum status status = database_open(&db, path, DATABASE_READ);
+    if (status == OK)
+        status = exact_schema_check(db);
+    database_close(&db);
+    return status;
+}
+
 enum status recording_repair(const char *path, const char *to, struct recording_report *out)
 {
     struct recording_report found;
     enum status status = recording_verify(path, &found);
     *out = found;
+    if (status == OK)
+        status = check_exact(path);
     if (status == OK)
         return NOTHING;
     if (status != ERR_CORRUPT)

@@ -4,7 +4,6 @@
 #include "capture/recording/little_endian.h"
 
 #include <stdio.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 const char *const recording_tables =
@@ -117,6 +116,15 @@ static const struct table_columns {
     [TABLE_JOINT_ERROR] = {"joint_error", JOINT_ERROR_COLUMNS, {{"seal", "INTEGER"}}},
     [TABLE_IMAGE] = {"picture", IMAGE_COLUMNS, {{"seal", "INTEGER"}}},
 };
+
+bool recording_column_is_optional(const char *table, const char *column)
+{
+    for (int t = 0; t < TABLE_COUNT; t++)
+        for (const struct optional_column *c = table_columns[t].optional; c->name; c++)
+            if (!strcmp(table_columns[t].name, table) && !strcmp(c->name, column))
+                return true;
+    return false;
+}
 
 enum status recording_add_columns(struct database *db)
 {
@@ -505,28 +513,4 @@ enum status recording_make_tables(struct database *db)
     if (status == OK)
         status = database_run(db, sql);
     return status == OK ? database_run(db, "COMMIT") : status;
-}
-
-enum status recording_check_tables(struct database *db)
-{
-    int64_t application = 0, schema = 0, tables = 0;
-    enum status status = database_number(db, "PRAGMA application_id", &application);
-    if (status == OK)
-        status = database_number(db, "PRAGMA user_version", &schema);
-    if (status != OK)
-        return status;
-    struct stat about;
-    if (application != RECORDING_APPLICATION)
-        return fail(ERR_FORMAT, "%s is not a recording: it is %s", database_path(db),
-                    !stat(database_path(db), &about) && !about.st_size ? "empty" : "another program's database");
-    if (schema > RECORDING_SCHEMA)
-        return fail(ERR_FORMAT, "%s has schema %lld and this program knows schemas up to %d; use a newer program",
-                    database_path(db), (long long)schema, RECORDING_SCHEMA);
-    if (schema < 1)
-        return fail(ERR_CORRUPT, "%s has no valid schema number (%lld)", database_path(db), (long long)schema);
-    status = database_number(db, COUNT_TABLES("'place', 'place_view', 'take', 'frame', 'picture'"), &tables);
-    if (status == OK && tables != 5)
-        status = fail(ERR_CORRUPT, "%s is damaged: %lld of the 5 tables of a recording are there", database_path(db),
-                      (long long)tables);
-    return status;
 }

@@ -50,6 +50,14 @@ extern const char *const recording_tables; // CREATE TABLE ...
 #define VERDICT_TABLE                                                                                                  \
     "CREATE TABLE IF NOT EXISTS verdict(id INTEGER PRIMARY KEY, purpose INTEGER, seen INTEGER, spoilt INTEGER,"        \
     " index_crc INTEGER, lines TEXT, crc INTEGER);"
+// Things and what is known of them (recorded_things.c), and where a robot was driven (recorded_drive.c); made when
+// there are such.
+#define THING_TABLES                                                                                                   \
+    "CREATE TABLE IF NOT EXISTS thing(id INTEGER PRIMARY KEY, name TEXT, url TEXT, etag TEXT, note TEXT, "             \
+    "knowledge TEXT, numbers BLOB, sightings INTEGER, gone INTEGER, crc INTEGER);"                                     \
+    "CREATE TABLE IF NOT EXISTS thing_content(id INTEGER PRIMARY KEY, thing INTEGER, kind TEXT, bytes BLOB, "          \
+    "crc INTEGER);"
+#define DRIVE_TABLE "CREATE TABLE IF NOT EXISTS drive(id INTEGER PRIMARY KEY, numbers BLOB, path BLOB, crc INTEGER);"
 // Counts the tables of these names (lower case, quoted). Real tables only: a view of such a name could compute without
 // end. Names compare as SQLite compares them, which finds a table whose kind or name a damaged byte made "tAble" or a
 // blob.
@@ -60,6 +68,8 @@ enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_S
 // Columns that older files lack. `seal` is a CRC-32 over the row's id and crc (and what else is named below), so that a
 // damaged id is found: crc does not cover it.
 enum recording_table { TABLE_PLACE, TABLE_VIEW, TABLE_TAKE, TABLE_FRAME, TABLE_JOINT_ERROR, TABLE_IMAGE, TABLE_COUNT };
+// Whether files may lack the column.
+bool recording_column_is_optional(const char *table, const char *column);
 // Adds them to a file that is opened to write.
 MUST_CHECK enum status recording_add_columns(struct database *db);
 // Opens SELECT of the table's columns below, then its optional ones (NULL where the file lacks them), then `tail`.
@@ -176,8 +186,8 @@ static inline size_t depth_pixels(const struct calibration *c)
 // Removes the file, its write-ahead log and the log's index, those that exist.
 void recording_remove_files(const char *path);
 
-// Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
-// newer schema; ERR_CORRUPT: tables are missing.
 MUST_CHECK enum status recording_raise_schema(struct database *db); // of an older file that is added to
-MUST_CHECK enum status recording_make_tables(struct database *db);
+MUST_CHECK enum status recording_make_tables(struct database *db);  // in an empty database
+// Checks that a file is a recording (exact_schema.c). ERR_FORMAT: another file type or a newer schema; ERR_CORRUPT:
+// tables are missing, or it is opened to write and not exactly as made.
 MUST_CHECK enum status recording_check_tables(struct database *db);

@@ -299,22 +299,6 @@ static void test_two_rows_of_one_take(void **state)
     EXPECT_INT(report.takes, 2);
 }
 
-static void test_triggers_do_nothing(void **state)
-{
-    (void)state;
-    const char *path = copy_of("sealed");
-    const struct calibration calibration = sample_calibration();
-    struct recording_report report;
-    struct recording_writer *w;
-    run_sql(path, "CREATE TRIGGER x AFTER INSERT ON frame BEGIN DELETE FROM frame; DELETE FROM picture; END");
-    EXPECT_STATUS(recording_append(&w, path), OK);
-    EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
-    sample_frames_add(w, 0, 4);
-    EXPECT_STATUS(recording_close(&w), OK);
-    EXPECT_STATUS(recording_verify(path, &report), OK);
-    EXPECT_INT(report.frames, OLD_FRAMES + 4);
-}
-
 static void test_impossible_numbers(void **state)
 {
     (void)state;
@@ -415,7 +399,6 @@ int main(void)
         cmocka_unit_test(test_damage_costs_itself_alone),
         cmocka_unit_test(test_two_takes_of_one_name),
         cmocka_unit_test(test_two_rows_of_one_take),
-        cmocka_unit_test(test_triggers_do_nothing),
         cmocka_unit_test(test_impossible_numbers),
         cmocka_unit_test(test_code_that_does_not_decode),
         cmocka_unit_test(test_computed_columns_are_refused),
