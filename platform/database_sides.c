@@ -215,7 +215,7 @@ static bool look_into_log(struct database_sides *s, const struct main_file *file
     struct stat about;
     bool there;
     const bool held = flock(side->file, LOCK_SH | LOCK_NB) != 0;
-    if ((held || s->writes) && !find_side(s, SIDE_INDEX, &about, &there))
+    if (held && !find_side(s, SIDE_INDEX, &about, &there))
         return false;
     if (held) {
         s->live = !s->writes;
@@ -236,7 +236,7 @@ static bool look_at_log(struct database_sides *s, const struct main_file *file)
     struct side *side = &s->side[SIDE_LOG];
     struct stat about;
     bool there;
-    if (!find_side(s, SIDE_LOG, &about, &there))
+    if ((s->writes && !find_side(s, SIDE_INDEX, &about, &there)) || !find_side(s, SIDE_LOG, &about, &there))
         return false;
     // A writer leaves its log's name in the header; where the log is gone, it enters write-ahead mode anew.
     s->without_log = there ? !s->writes : !s->wrote_header;
