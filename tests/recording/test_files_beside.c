@@ -246,13 +246,116 @@ static void test_log_whose_removal_was_lost(void **state)
     free(bytes);
 }
 
+static int64_t frames_of(struct recording *r, const char *name)
+{
+    struct take *t = NULL;
+    EXPECT_STATUS(take_open(&t, r, name), OK);
+    int64_t frames = 0;
+    for (; t && frames < take_frame_count(t); frames++) {
+        struct take_images images;
+        EXPECT_STATUS(take_read(t, frames, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &images), OK);
+    }
+    take_close(&t);
+    return frames;
+}
+
+// How many frames a handle sees that was opened earlier; the file is sound to it.
+static int64_t all_frames_of(struct recording *r)
+{
+    int64_t frames = -1;
+    EXPECT_STATUS(database_check(recording_database(r)), OK);
+    EXPECT_STATUS(database_number(recording_database(r), "SELECT count(*) FROM frame", &frames), OK);
+    return frames;
+}
+
+// Who looks at a file whose last part is in the log of a killed writer keeps nobody from filming into it, and sees what
+// comes to it. Only while it is reading, a writer waits.
+static void test_reader_of_a_log_that_was_left(void **state)
+{
+    (void)state;
+    char path[128];
+    struct recording *watching;
+    struct recording_writer *w;
+    const struct calibration calibration = sample_calibration();
+    snprintf(path, sizeof path, "%s/watched.reenact", folder);
+    sample_recording_write(path);
+    add_and_die(path, "last");
+    EXPECT_STATUS(recording_open(&watching, path), OK);
+    EXPECT_INT(frames_of(watching, "last"), 20);
+
+    EXPECT_STATUS(database_run(recording_database(watching), "BEGIN; SELECT count(*) FROM take"), OK);
+    EXPECT_STATUS(recording_append(&w, path), ERR_IO);
+    EXPECT_SAYS("is in use by another program");
+    EXPECT_STATUS(database_run(recording_database(watching), "COMMIT"), OK);
+
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "now", &calibration), OK);
+    sample_frames_add(w, 0, 30);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_INT(frames_of(watching, "last"), 20); // beside the writer
+    EXPECT_INT(all_frames_of(watching), FRAMES + 3 + 20 + 30);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_INT(all_frames_of(watching), FRAMES + 3 + 20 + 30);
+    recording_free(&watching);
+    EXPECT_STATUS(verify(path, 4), OK);
+    EXPECT_STATUS(recording_rename_take(path, "now", "then"), OK);
+    EXPECT_TRUE(database_is_single_file(path));
+}
+
+// Of a change that was not finished, likewise: put back by a writer, it is the same to who had it open.
+static void test_reader_of_a_journal_that_was_left(void **state)
+{
+    (void)state;
+    char path[128];
+    struct recording *watching;
+    snprintf(path, sizeof path, "%s/halfway.reenact", folder);
+    sample_recording_write(path);
+    fflush(NULL);
+    const pid_t child = fork();
+    if (!child) {
+        struct database *db;
+        _exit(database_open(&db, path, DATABASE_WRITE) != OK ||
+              database_run(db, "PRAGMA cache_size = 4; BEGIN; UPDATE picture SET depth = randomblob(70000)") != OK);
+    }
+    int how;
+    waitpid(child, &how, 0);
+    EXPECT_TRUE(WIFEXITED(how) && !WEXITSTATUS(how));
+    EXPECT_STATUS(recording_open(&watching, path), OK);
+    EXPECT_INT(frames_of(watching, "höher"), FRAMES);
+    EXPECT_TRUE(!database_is_single_file(path));
+    EXPECT_STATUS(recording_rename_take(path, "second", "other"), OK);
+    EXPECT_TRUE(database_is_single_file(path));
+    EXPECT_INT(frames_of(watching, "höher"), FRAMES);
+    EXPECT_INT(all_frames_of(watching), FRAMES + 3);
+    recording_free(&watching);
+}
+
+// The name is a file's, not an address with settings in it, which could name another layer than ours.
+static void test_name_that_looks_like_an_address(void **state)
+{
+    (void)state;
+    char here[512];
+    EXPECT_TRUE(getcwd(here, sizeof here) != NULL && !chdir(folder));
+    sample_recording_write("file:odd?vfs=unix-none&mode=memory");
+    EXPECT_STATUS(verify("file:odd?vfs=unix-none&mode=memory", 2), OK);
+    EXPECT_TRUE(file_exists(sample_path("file:odd?vfs=unix-none&mode=memory")));
+    EXPECT_INT(chdir(here), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_takes_are_changed_and_added),    cmocka_unit_test(test_the_check_changes_nothing),
-        cmocka_unit_test(test_second_writer_is_refused),       cmocka_unit_test(test_hard_links_are_only_read),
-        cmocka_unit_test(test_last_part_of_a_killed_writer),   cmocka_unit_test(test_log_of_another_recording),
-        cmocka_unit_test(test_copy_beside_the_log_of_another), cmocka_unit_test(test_log_whose_removal_was_lost),
+        cmocka_unit_test(test_takes_are_changed_and_added),
+        cmocka_unit_test(test_the_check_changes_nothing),
+        cmocka_unit_test(test_second_writer_is_refused),
+        cmocka_unit_test(test_hard_links_are_only_read),
+        cmocka_unit_test(test_last_part_of_a_killed_writer),
+        cmocka_unit_test(test_log_of_another_recording),
+        cmocka_unit_test(test_copy_beside_the_log_of_another),
+        cmocka_unit_test(test_log_whose_removal_was_lost),
+        cmocka_unit_test(test_reader_of_a_log_that_was_left),
+        cmocka_unit_test(test_reader_of_a_journal_that_was_left),
+        cmocka_unit_test(test_name_that_looks_like_an_address),
     };
     return cmocka_run_group_tests(tests, set_up, sample_folder_remove);
 }
