@@ -142,33 +142,6 @@ static int connect_to(struct database *db, enum database_access access_wanted)
     return code == SQLITE_OK ? sqlite3_exec(db->handle, "SELECT count(*) FROM sqlite_schema", NULL, NULL, NULL) : code;
 }
 
-// SQLite's files beside the database: its write-ahead log, and the rollback journal with what a change that was not
-// finished has overwritten.
-static const char LOG[] = "-wal", JOURNAL[] = "-journal";
-
-char *database_beside(const char *path, const char *ending)
-{
-    char *real = realpath(path, NULL);
-    const char *file = real ? real : path;
-    char *name = !real && errno == ENOMEM ? NULL : malloc(strlen(file) + strlen(ending) + 1);
-    if (name)
-        sprintf(name, "%s%s", file, ending);
-    free(real);
-    return name;
-}
-
-// There is none, or nothing in it.
-static bool is_empty_beside(const char *path, const char *ending)
-{
-    char *name = database_beside(path, ending);
-    if (!name)
-        return false;
-    struct stat about;
-    bool empty = lstat(name, &about) ? errno == ENOENT : S_ISREG(about.st_mode) && about.st_size == 0;
-    free(name);
-    return empty;
-}
-
 // A reader shares an index with the writer, which it must be able to write to.
 static enum status fail_beside_writer(const struct database *db)
 {
@@ -314,7 +287,7 @@ static enum status take_log(const struct database *db)
 // is no log.
 static enum status lock_log(struct database *db)
 {
-    char *name = database_beside(db->path, LOG);
+    char *name = database_beside(db->path, "-wal");
     if (!name)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
     enum status opened = OK;
@@ -409,39 +382,6 @@ enum status database_close_wal(struct database *db)
     // FULL: the journal of this change is on the disk before its header says how much of it counts.
     int code = sqlite3_exec(db->handle, "PRAGMA synchronous = FULL; PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : fail_sqlite(db, code);
-}
-
-enum status database_check_name(const char *path)
-{
-    static const char *const endings[] = {LOG, JOURNAL};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char *name = database_beside(path, endings[i]);
-        const bool left = name && !is_empty_beside(path, endings[i]);
-        const enum status status =
-            !name  ? fail(ERR_MEMORY, "no memory to make %s", path)
-            : left ? fail(ERR_EXISTS,
-                          "%s holds the last part of another file that was called so: put it back beside that file, or "
-                          "remove it, or choose another name",
-                          name)
-                   : OK;
-        free(name);
-        if (status != OK)
-            return status;
-    }
-    return OK;
-}
-
-bool database_is_single_file(const char *path)
-{
-    static const char *const endings[] = {LOG, "-shm", JOURNAL};
-    bool alone = true;
-    for (size_t i = 0; i < COUNT_OF(endings) && alone; i++) {
-        char *name = database_beside(path, endings[i]);
-        struct stat about;
-        alone = name && stat(name, &about);
-        free(name);
-    }
-    return alone;
 }
 
 enum status database_checkpoint(struct database *db, int64_t *left)
