@@ -128,7 +128,7 @@ bool recording_column_is_optional(const char *table, const char *column)
 
 enum status recording_add_columns(struct database *db)
 {
-    enum status status = OK;
+    enum status status = database_run(db, JOINT_ERROR_TABLE); // older files lack it
     for (int t = 0; t < TABLE_COUNT; t++)
         for (const struct optional_column *c = table_columns[t].optional; c->name && status == OK; c++) {
             char sql[200];

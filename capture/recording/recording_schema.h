@@ -70,7 +70,7 @@ enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_S
 enum recording_table { TABLE_PLACE, TABLE_VIEW, TABLE_TAKE, TABLE_FRAME, TABLE_JOINT_ERROR, TABLE_IMAGE, TABLE_COUNT };
 // Whether files may lack the column.
 bool recording_column_is_optional(const char *table, const char *column);
-// Adds them to a file that is opened to write.
+// Adds them, and the table joint_error, to a file that is opened to write.
 MUST_CHECK enum status recording_add_columns(struct database *db);
 // Opens SELECT of the table's columns below, then its optional ones (NULL where the file lacks them), then `tail`.
 MUST_CHECK enum status select_open(struct statement **out, struct database *db, enum recording_table table,

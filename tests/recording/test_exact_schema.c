@@ -154,6 +154,7 @@ static void test_files_of_older_versions_are_written_to(void **state)
         snprintf(from, sizeof from, SOURCE_DIR "/tests/recording/data/%s.reenact", older[i]);
         copy_file(from, path);
         const uint64_t hash = hash_of(path);
+        EXPECT_STATUS(recording_annotate_take(path, "one", "a note", NULL), OK);
         for (int times = 0; times < 2; times++) // the second time with what the first has added
             EXPECT_STATUS(append(path), OK);
         EXPECT_STATUS(drive_in(path), OK);
