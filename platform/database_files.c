@@ -172,6 +172,23 @@ static int unlock_file(sqlite3_file *file, int kind)
     return code;
 }
 
+// Locks in the log's index: the first is that of a commit, the second that of moving the log into the file. Neither may
+// be done under a reader of a log that was left, whom SQLite does not know of.
+static int lock_index(sqlite3_file *file, int first, int count, int flags)
+{
+    enum { CHANGES_UP_TO = 1 };
+    struct opened *o = opened_of(file);
+    struct database_sides *sides = &o->files->sides;
+    const bool changes = is_main(o) && sides->writes && first <= CHANGES_UP_TO && flags & SQLITE_SHM_EXCLUSIVE;
+    const bool takes = changes && flags & SQLITE_SHM_LOCK;
+    if (takes && !database_sides_claim_log(sides))
+        return SQLITE_BUSY;
+    const int code = o->system->pMethods->xShmLock(o->system, first, count, flags);
+    if (changes && (!takes || code != SQLITE_OK))
+        database_sides_give_log(sides);
+    return code;
+}
+
 // A reader of a log that was left removes nothing.
 static int unmap_index(sqlite3_file *file, int removes)
 {
@@ -196,7 +213,6 @@ PASS(xSectorSize, (sqlite3_file * f), (system_of(f)))
 PASS(xDeviceCharacteristics, (sqlite3_file * f), (system_of(f)))
 PASS(xShmMap, (sqlite3_file * f, int part, int size, int grows, void volatile **to),
      (system_of(f), part, size, grows, to))
-PASS(xShmLock, (sqlite3_file * f, int first, int count, int flags), (system_of(f), first, count, flags))
 PASS(xUnfetch, (sqlite3_file * f, sqlite3_int64 at, void *page), (system_of(f), at, page))
 
 static void pass_barrier(sqlite3_file *f) { system_of(f)->pMethods->xShmBarrier(system_of(f)); }
@@ -207,7 +223,7 @@ static void pass_barrier(sqlite3_file *f) { system_of(f)->pMethods->xShmBarrier(
         .xSync = pass_xSync, .xFileSize = size_of_file, .xLock = lock_file, .xUnlock = unlock_file,                    \
         .xCheckReservedLock = pass_xCheckReservedLock, .xFileControl = pass_xFileControl,                              \
         .xSectorSize = pass_xSectorSize, .xDeviceCharacteristics = pass_xDeviceCharacteristics,                        \
-        .xShmMap = pass_xShmMap, .xShmLock = pass_xShmLock, .xShmBarrier = pass_barrier, .xShmUnmap = unmap_index,     \
+        .xShmMap = pass_xShmMap, .xShmLock = lock_index, .xShmBarrier = pass_barrier, .xShmUnmap = unmap_index,        \
         .xFetch = fetch, .xUnfetch = pass_xUnfetch                                                                     \
     }
 static const sqlite3_io_methods methods[] = {METHODS(1), METHODS(2), METHODS(3)};

@@ -13,7 +13,7 @@
 
 void database_sides_init(struct database_sides *s, const char *path, bool writes)
 {
-    *s = (struct database_sides){.path = path, .writes = writes};
+    *s = (struct database_sides){.path = path, .writes = writes, .claim = -1};
     for (int i = 0; i < SIDE_COUNT; i++)
         s->side[i].file = -1;
 }
@@ -282,4 +282,28 @@ void database_sides_let_go(struct database_sides *s)
 {
     if (s->side[SIDE_LOG].file >= 0)
         flock(s->side[SIDE_LOG].file, LOCK_UN);
+}
+
+bool database_sides_claim_log(struct database_sides *s)
+{
+    if (s->claims++)
+        return true;
+    s->claim = open(s->side[SIDE_LOG].name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+    if (s->claim < 0 || !flock(s->claim, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
+        return true;
+    // Where it is a writer that holds it, no reader does.
+    const bool is_read = !flock(s->claim, LOCK_SH | LOCK_NB);
+    close(s->claim);
+    s->claim = -1;
+    s->claims -= is_read;
+    return !is_read;
+}
+
+void database_sides_give_log(struct database_sides *s)
+{
+    if (--s->claims)
+        return;
+    if (s->claim >= 0)
+        close(s->claim);
+    s->claim = -1;
 }

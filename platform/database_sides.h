@@ -23,6 +23,7 @@ struct database_sides {
     bool without_log;    // the header's word that there is a log is not passed on
     bool wrote_header;   // this connection has
     uint32_t generation; // how often what is read has become another, by what lies beside the file
+    int claim, claims;   // descriptor of the log while it is being changed; -1: there is none, or a writer holds it
     enum status trouble; // of the last look
     char sentence[5000];
 };
@@ -45,6 +46,11 @@ bool database_sides_is(const struct database_sides *s, enum side_kind kind, cons
 MUST_CHECK bool database_sides_look(struct database_sides *s, const struct main_file *file);
 // Before that lock is let go.
 void database_sides_let_go(struct database_sides *s);
+
+// Around a change of the log, or of the file by it, by a connection for which database_lock_writer may not have been
+// called. False: somebody reads a log that was left.
+MUST_CHECK bool database_sides_claim_log(struct database_sides *s);
+void database_sides_give_log(struct database_sides *s);
 
 // Whether a reader takes pages from beside the file; *bytes: the size of the file with them.
 bool database_sides_have_pages(const struct database_sides *s, int64_t *bytes);
