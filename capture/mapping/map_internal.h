@@ -109,6 +109,11 @@ MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
 // wrong, unless most are. ERR_MEMORY.
 MUST_CHECK enum status map_check_tag_sides(struct map *m);
 
+// ---- map_no_tags.c
+// No listed tag is in any picture: ERR_INPUT with the likeliest cause. pictures_with_tag: of each number, listed or
+// not. ERR_MEMORY.
+enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag);
+
 // ---- map_plausibility.c
 // Before anything of the map: whether depth is mirrored or upside down against the colour, by the tags that both show.
 enum map_depth_turn map_find_depth_turn(const struct map *m);

@@ -192,13 +192,47 @@ static void test_scaled_list_is_named(void **state)
     EXPECT_TRUE(is_said(&advice, "correct the list"));
 }
 
+// Why no listed tag is in any picture.
+static void test_missing_tags_are_explained(void **state)
+{
+    (void)state;
+    static const char *const words[] = {"mirrored", "correct the numbers", "overexposed", "too dark"};
+    const struct lens *lens = &room.calibration.color;
+    uint8_t *changed = malloc(lens_pixels(lens) * 3);
+    for (int how = 0; how < 4; how++) {
+        struct mapper_tag tags[MOST_TAGS];
+        struct mapper_report report;
+        struct mapper *m;
+        struct place place;
+        for (int32_t i = 0; i < room.tag_count; i++)
+            tags[i] = (struct mapper_tag){how == 1 ? 300 + i : room.tags[i].id, 0.2};
+        EXPECT_STATUS(mapper_open(&m, &room.calibration, tags, room.tag_count, NULL), OK);
+        for (int i = 0; i < 8; i++) {
+            for (size_t k = 0; k < lens_pixels(lens); k++)
+                for (size_t c = 0; c < 3; c++) {
+                    const size_t x = k % (size_t)lens->width, mirrored = k - x + (size_t)lens->width - 1 - x;
+                    const int value = room.color[i][3 * (how ? k : mirrored) + c];
+                    changed[3 * k + c] = (uint8_t)(how == 2   ? fmin(4 * value + 120, 255)
+                                                   : how == 3 ? value / 40
+                                                              : value);
+                }
+            EXPECT_STATUS(
+                mapper_add(m, &(struct frame){.time_ns = time_ns(i), .color = changed, .depth = room.depth[i]}), OK);
+        }
+        EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT);
+        printf("%s\n", status_message());
+        EXPECT_TRUE(strstr(status_message(), words[how]) != NULL);
+        mapper_close(&m);
+    }
+    free(changed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_right_sweep_is_not_blamed),
-        cmocka_unit_test(test_wrong_lens_is_named),
-        cmocka_unit_test(test_useless_maps_are_refused),
-        cmocka_unit_test(test_scaled_list_is_named),
+        cmocka_unit_test(test_right_sweep_is_not_blamed),  cmocka_unit_test(test_wrong_lens_is_named),
+        cmocka_unit_test(test_useless_maps_are_refused),   cmocka_unit_test(test_scaled_list_is_named),
+        cmocka_unit_test(test_missing_tags_are_explained),
     };
     return cmocka_run_group_tests_name("map_lens", tests, film_room, leave_room);
 }
