@@ -30,6 +30,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 enum { PATH_BYTES = 4096 };
 
@@ -461,9 +462,10 @@ static enum status open_steps(struct folder *f, enum source_wanted wanted)
     double unit_m;
     if (!file_exists(f->dir))
         return fail(ERR_MISSING, "there is no folder %s", f->dir);
+    struct stat about;
     const char *kind = file_kind(f->dir);
-    if (kind)
-        return fail(ERR_INPUT, "%s is no folder of pictures: it is %s", f->dir, kind);
+    if (!stat(f->dir, &about) && !S_ISDIR(about.st_mode))
+        return fail(ERR_INPUT, "%s is no folder of pictures: it is %s", f->dir, kind ? kind : "a file");
     if (snprintf(path, sizeof path, "%s/calibration.json", f->dir) >= (int)sizeof path)
         return fail(ERR_INPUT, "the path %.60s… is too long", f->dir);
     enum status status = calibration_read_with_unit(path, c, &unit_m);

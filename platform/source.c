@@ -1,9 +1,11 @@
 #include "platform/source.h"
 
+#include "platform/file_kind.h"
 #include "platform/source_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 struct source {
     const struct source_kind *kind;
@@ -40,6 +42,18 @@ static const char *uri_argument(const char *uri, const char *name)
     return uri[length] ? NULL : uri + length;
 }
 
+// The scheme that is missing before the path of a file or folder that is there; NULL: it is none that could be opened.
+static const char *missing_scheme(const char *path, enum source_wanted wanted)
+{
+    struct stat about;
+    const char *kind = file_kind(path);
+    if (!stat(path, &about) && S_ISDIR(about.st_mode))
+        return "folder";
+    if (!kind || wanted != SOURCE_SENSOR)
+        return NULL;
+    return strstr(kind, "oni:FILE") ? "oni" : strstr(kind, "mkv:FILE") ? "mkv" : NULL;
+}
+
 enum status source_open(struct source **out, const char *uri, enum source_wanted wanted)
 {
     assert(out && uri);
@@ -69,6 +83,9 @@ enum status source_open(struct source **out, const char *uri, enum source_wanted
         *out = s;
         return OK;
     }
+    const char *scheme = missing_scheme(uri, wanted);
+    if (scheme)
+        return fail(ERR_INPUT, "'%s' does not say what it is: write %s:%s", uri, scheme, uri);
     return fail(ERR_INPUT, "'%s' names no %s; a %s is %s", uri, what, what, choice);
 }
 
