@@ -60,17 +60,18 @@ static enum status fail_sqlite(const struct database *db, int code)
     case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN:
-        return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
+        return fail(ERR_IO, "%s cannot be opened: %s", path,
+                    system_errno ? strerror(system_errno) : "the system gives no reason");
     case SQLITE_IOERR:
         // SQLite reads errno late and may find it overwritten with 0.
         if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
             (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
             return fail_to_grow(path);
-        return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
-                    system_errno ? strerror(system_errno) : "");
+        return fail(ERR_IO, "%s cannot be read or written to its end: %s (SQLite: %s)", path,
+                    system_errno ? strerror(system_errno) : "the system gives no reason", why);
     case SQLITE_TOOBIG:
         return fail(ERR_CORRUPT, "%s holds or would hold a piece of more than %d MB", path, DATABASE_BLOB_MAX >> 20);
-    default: return fail(ERR_CORRUPT, "%s does not hold what a recording holds: %s", path, why);
+    default: return fail(ERR_CORRUPT, "%s does not hold what a recording holds (SQLite: %s)", path, why);
     }
 }
 

@@ -6,6 +6,7 @@
 #include "platform/file.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum {
@@ -54,7 +55,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_KNOWLEDGE: a->knowledge = value; return 0;
     case KEY_FORCE: a->force = true; return 0;
     case KEY_JSON: a->json = true; return 0;
-    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
+    case ARGP_KEY_ARG:
+        exit(command_unknown(state->name, "action", value, (const char *const[]){"list", "note", "serve"}, 3));
     case ARGP_KEY_END:
         command_require(state, a->objects, "--objects OBJECTS.json");
         if (a->camera) {

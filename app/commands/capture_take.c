@@ -186,6 +186,8 @@ int capture_take(int argc, char **argv)
         }
         return actions[i].run(&a) == OK ? 0 : command_failed(argv[0]);
     }
-    fprintf(stderr, "%s: '%s' is none of rename, delete, trim, copy and note\n", argv[0], a.action);
-    return 2;
+    const char *names[COUNT_OF(actions)];
+    for (size_t i = 0; i < COUNT_OF(actions); i++)
+        names[i] = actions[i].name;
+    return command_unknown(argv[0], "action", a.action, names, COUNT_OF(actions));
 }

@@ -118,23 +118,34 @@ const char *command_nearest(const char *word, const char *const *names, size_t c
     return best;
 }
 
+static int unknown(const char *program, const char *what, const char *also, const char *word, const char *const *names,
+                   size_t count)
+{
+    char shown[80];
+    const char *meant = command_nearest(word, names, count);
+    snprintf(shown, sizeof shown, "%s", word);
+    text_make_printable(shown);
+    fprintf(stderr, "%s: there is no %s '%s'%s; ", program, what, shown, also);
+    if (meant)
+        fprintf(stderr, "did you mean %s?\n", meant);
+    else
+        fprintf(stderr, "%s --help lists them\n", program);
+    return 2;
+}
+
+int command_unknown(const char *program, const char *what, const char *word, const char *const *names, size_t count)
+{
+    return unknown(program, what, "", word, names, count);
+}
+
 static int no_command(const char *program, const char *word, const struct command *commands, size_t count,
                       bool file_too)
 {
     const char *names[64];
-    char shown[80];
     count = count < COUNT_OF(names) ? count : COUNT_OF(names);
     for (size_t i = 0; i < count; i++)
         names[i] = commands[i].name;
-    snprintf(shown, sizeof shown, "%s", word);
-    text_make_printable(shown);
-    const char *meant = command_nearest(word, names, count);
-    fprintf(stderr, "%s: there is no command '%s'%s; ", program, shown, file_too ? " and no such file" : "");
-    if (meant)
-        fprintf(stderr, "did you mean %s?\n", meant);
-    else
-        fprintf(stderr, "%s --help lists the commands\n", program);
-    return 2;
+    return unknown(program, "command", file_too ? " and no such file" : "", word, names, count);
 }
 
 // Whether a word was meant as a command's name rather than a file's or an option.

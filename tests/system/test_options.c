@@ -234,6 +234,10 @@ static void test_a_mistyped_command(void **state)
             print_error("%s: %d, %s\n", cases[i].word, said.exit_code, said.err);
         EXPECT_TRUE(said.exit_code == 2 && strstr(said.err, cases[i].says) && !*said.out);
     }
+    const struct process_result action = PROCESS(CAPTURE, "take", "trmi", "x.reenact", "--take", "x");
+    EXPECT_TRUE(action.exit_code == 2 && strstr(action.err, "take: there is no action 'trmi'; did you mean trim?"));
+    const struct process_result thing = PROCESS(CAPTURE, "objects", "serv", "x");
+    EXPECT_TRUE(thing.exit_code == 2 && strstr(thing.err, "objects: there is no action 'serv'; did you mean serve?"));
     // A file's name is a file's.
     const struct process_result said = PROCESS(REENACT, "nowhere.reenact");
     EXPECT_INT(said.exit_code, 1);
