@@ -310,7 +310,16 @@ static struct filling filling_of(const struct glass *g, const struct world *w)
     return out;
 }
 
-// From round about, as far as the sensor's viewpoint is, and farther away: outside the room.
+static void expect_filled(const char *when, struct filling f, double least)
+{
+    print_message("%s: %.3f of the picture not filmed, %.3f known by nothing; surface off by %.1f\n", when, f.unfilmed,
+                  f.open, f.off);
+    EXPECT_AT_LEAST(f.unfilmed, least);
+    EXPECT_AT_MOST(f.open, 0.12); // of it the ceiling, which is not seen anywhere
+    EXPECT_AT_MOST(f.off, 40);
+}
+
+// The first picture, of two recorded views, and then all of them, from round about.
 static void test_the_map_fills_what_was_not_filmed(void **state)
 {
     (void)state;
@@ -322,21 +331,19 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     open_glass(&g, LONG / 4, SHORT / 4, NULL);
     pause_at(&g, 0.5);
     const double angle = g.viewer.state.orbit.angle_rad;
-    double unfilmed = 0, open = 0;
+    while (!room_worker_latest(g.viewer.room.worker) || !g.viewer.room.surface) {
+        glass_draw(&g);
+        clock_sleep_until_ns(clock_now_ns() + 5000000);
+    }
+    const struct filling first = filling_of(&g, world);
+    expect_filled("first picture", first, 0.1);
+    EXPECT_AT_MOST(first.open, 0.5 * first.unfilmed);
     for (int i = 0; i < 4; i++) {
         g.viewer.state.orbit.angle_rad = angle + i * 1.5707963267948966;
         glass_wait_idle(&g);
         wait_filmed(&g);
-        const struct filling f = filling_of(&g, world);
-        print_message("%3d degrees: %.3f of the picture not filmed, %.3f known by nothing; surface off by %.1f\n",
-                      90 * i, f.unfilmed, f.open, f.off);
-        EXPECT_AT_MOST(f.off, 40);
-        unfilmed += f.unfilmed / 4;
-        open += f.open / 4;
+        expect_filled("another side", filling_of(&g, world), 0);
     }
-    print_message("hatched: %.3f, without the surface %.3f\n", open, unfilmed);
-    EXPECT_AT_MOST(open, 0.1);
-    EXPECT_AT_MOST(open, 0.5 * unfilmed);
     glass_close(&g);
     world_close(&world);
 }
