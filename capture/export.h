@@ -42,9 +42,11 @@ MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);
 MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch,
                                        int64_t *damaged);
 
-// A TUM RGB-D folder that platform/folder.c reads: rgb/, depth/ and mask/ with their lists, calibration.json,
-// trajectory.txt (world_from_camera of frames whose sensor was located) and joints.csv. Colour images are the sensor's
-// own bytes. Written as `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop;
-// nothing remains then, nor after an error.
+// A TUM RGB-D folder that platform/folder.c reads: rgb/, depth/ and mask/ with their lists, associations.txt (time and
+// file of colour, time and file of depth), calibration.json, trajectory.txt (world_from_camera of frames whose sensor
+// was located) and joints.csv. Colour images are the sensor's own, coded pixels byte for byte, without what a file
+// holds beside them (platform/jpeg_metadata.h): an orientation would turn them beside their depth. Written as
+// `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop; nothing remains then, nor
+// after an error.
 MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch,
                                      int64_t *damaged);

@@ -3,6 +3,7 @@
 
 #include "base/text.h"
 #include "platform/file.h"
+#include "platform/jpeg_metadata.h"
 #include "platform/output.h"
 #include "platform/png.h"
 #include "platform/source.h"
@@ -11,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum list { LIST_COLOR, LIST_DEPTH, LIST_MASK, LIST_TRAJECTORY, LIST_JOINTS, LIST_COUNT };
+enum list { LIST_COLOR, LIST_DEPTH, LIST_MASK, LIST_PAIRS, LIST_TRAJECTORY, LIST_JOINTS, LIST_COUNT };
 
 static const struct folder_list {
     const char *file, *images, *heading; // images: the folder of this list's images; NULL: none
@@ -19,6 +20,7 @@ static const struct folder_list {
     [LIST_COLOR] = {"rgb.txt", "rgb", "# timestamp filename"},
     [LIST_DEPTH] = {"depth.txt", "depth", "# timestamp filename (PNG, 16 bits: millimetres, 0: no reading)"},
     [LIST_MASK] = {"mask.txt", "mask", "# timestamp filename (PNG, 8 bits: 255 the actor)"},
+    [LIST_PAIRS] = {"associations.txt", NULL, NULL}, // as other programs pair images; they take no comment
     [LIST_TRAJECTORY] =
         {"trajectory.txt", NULL,
          "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right, y down, z forward)"},
@@ -101,8 +103,15 @@ static enum status write_color(struct folder_export *e, int64_t frame)
 {
     const uint8_t *jpeg;
     size_t count;
-    const enum status status = take_read_jpeg(e->take, frame, &jpeg, &count);
-    return status == OK ? write_image(e, LIST_COLOR, frame, jpeg, count) : status == NOTHING ? OK : status;
+    enum status status = take_read_jpeg(e->take, frame, &jpeg, &count);
+    if (status != OK)
+        return status;
+    uint8_t *plain;
+    status = jpeg_without_metadata(jpeg, count, &plain, &count);
+    if (status == OK)
+        status = write_image(e, LIST_COLOR, frame, plain, count);
+    free(plain);
+    return status;
 }
 
 static void write_pose(struct folder_export *e, const struct take_entry *entry)
@@ -114,26 +123,43 @@ static void write_pose(struct folder_export *e, const struct take_entry *entry)
             p->rotation.y, p->rotation.z, p->rotation.w);
 }
 
+// A frame's image in `list`. NOTHING: it has none.
+static enum status write_list_image(struct folder_export *e, enum list list, int64_t frame)
+{
+    struct take_images images;
+    if (list == LIST_COLOR)
+        return write_color(e, frame);
+    const enum status status = take_read(e->take, frame, list == LIST_DEPTH ? TAKE_DEPTH : TAKE_MASK, &images);
+    if (status != OK)
+        return status;
+    if (list == LIST_DEPTH)
+        return images.depth ? write_png(e, LIST_DEPTH, frame, images.depth) : NOTHING;
+    return images.mask ? write_mask(e, frame, images.mask) : NOTHING;
+}
+
+static void write_pair(struct folder_export *e, int64_t frame)
+{
+    char time[SECONDS_TEXT_BYTES];
+    seconds_text(take_entry(e->take, frame)->time_ns, 9, time);
+    fprintf(output_file(e->list[LIST_PAIRS]), "%s %s/%06lld.jpg %s %s/%06lld.png\n", time, lists[LIST_COLOR].images,
+            (long long)frame, time, lists[LIST_DEPTH].images, (long long)frame);
+}
+
 // Each image on its own, so that a damaged one costs no other. *damaged: whether there was one.
 static enum status write_frame(struct folder_export *e, int64_t frame, bool *damaged)
 {
     const struct take_entry *entry = take_entry(e->take, frame);
-    struct take_images images;
+    bool written[LIST_MASK + 1];
     *damaged = false;
     for (enum list list = LIST_COLOR; list <= LIST_MASK; list++) {
-        enum status status = OK;
-        if (list == LIST_COLOR)
-            status = write_color(e, frame);
-        else
-            status = take_read(e->take, frame, list == LIST_DEPTH ? TAKE_DEPTH : TAKE_MASK, &images);
-        if (status == OK && list == LIST_DEPTH && images.depth)
-            status = write_png(e, LIST_DEPTH, frame, images.depth);
-        if (status == OK && list == LIST_MASK && images.mask)
-            status = write_mask(e, frame, images.mask);
+        const enum status status = write_list_image(e, list, frame);
+        written[list] = status == OK;
         *damaged |= status == ERR_CORRUPT;
-        if (status != OK && status != ERR_CORRUPT)
+        if (status < 0 && status != ERR_CORRUPT)
             return status;
     }
+    if (written[LIST_COLOR] && written[LIST_DEPTH])
+        write_pair(e, frame);
     if (entry->located)
         write_pose(e, entry);
     return OK;

@@ -22,6 +22,7 @@
 #include "base/text.h"
 #include "platform/file.h"
 #include "platform/file_kind.h"
+#include "platform/image_file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "platform/source_internal.h"
@@ -244,10 +245,21 @@ static enum status check_size(const char *path, int width, int height, const str
 // A damaged image is bad input: ERR_CORRUPT becomes ERR_INPUT, and the sentence names the file.
 static enum status damaged(enum status status, const char *path)
 {
-    if (status != ERR_CORRUPT)
+    if (status != ERR_CORRUPT && status != ERR_INPUT)
         return status;
     const char *sentence = status_message();
     return strstr(sentence, path) ? fail(ERR_INPUT, "%s", sentence) : fail(ERR_INPUT, "%s: %s", path, sentence);
+}
+
+static bool is_png(const uint8_t *bytes, size_t count)
+{
+    static const uint8_t mark[4] = {0x89, 'P', 'N', 'G'};
+    return count >= sizeof mark && !memcmp(bytes, mark, sizeof mark);
+}
+
+static enum status refuse_kind(bool color, const uint8_t *bytes, size_t count, const char *path)
+{
+    return image_refuse(bytes, count, path, color ? "PNG or JPEG" : "PNG");
 }
 
 // Colour as 8-bit RGB, depth as 16 bit.
@@ -257,7 +269,8 @@ static enum status read_png(const struct folder *f, bool color, const char *path
     const struct calibration *c = &f->facts->calibration;
     struct png_layout layout = {.kind = color ? PNG_RGB8 : PNG_GRAY16};
     int width, height;
-    enum status status = damaged(png_size(bytes, count, path, &width, &height), path);
+    enum status status = is_png(bytes, count) ? damaged(png_size(bytes, count, path, &width, &height), path)
+                                              : refuse_kind(color, bytes, count, path);
     if (status == OK) // before it is decoded, which may take a thousand times the file's bytes
         status = check_size(path, width, height, color ? &c->color : &c->depth, color ? "color" : "depth");
     return status == OK ? damaged(png_decode(bytes, count, path, &layout, pixels), path) : status;
@@ -324,7 +337,7 @@ static enum status read_depth(struct folder *f, const struct image_entry *entry,
     return OK;
 }
 
-// Refuses a folder of the wrong image size on opening, by its first image. Other
+// Refuses a folder of the wrong image size, or of images of another kind, on opening, by its first image. Other
 // faults of that image are reported when it is read.
 static enum status check_first(struct folder *f, const struct image_list *list, const struct lens *lens,
                                const char *what)
@@ -336,9 +349,13 @@ static enum status check_first(struct folder *f, const struct image_list *list, 
     if (!list->count || read_bytes(f, list, list->entries, path, &bytes, &count) != OK)
         return OK;
     enum status status = OK;
-    if (is_jpeg(bytes, count)) {
-        if (jpeg_size(bytes, count, &width, &height) == OK)
-            status = check_size(path, width, height, lens, what);
+    if (list == &f->color && is_jpeg(bytes, count)) {
+        status = jpeg_size(bytes, count, &width, &height);
+        status = status == OK          ? check_size(path, width, height, lens, what)
+                 : status == ERR_INPUT ? damaged(status, path) // of a kind that none of them can be
+                                       : OK;
+    } else if (file_kind_of(bytes, count, count) && !is_png(bytes, count)) {
+        status = refuse_kind(list == &f->color, bytes, count, path);
     } else if (png_size(bytes, count, path, &width, &height) == OK) {
         status = check_size(path, width, height, lens, what);
     }

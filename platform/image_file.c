@@ -37,6 +37,13 @@ static enum status decode_jpeg(const uint8_t *bytes, size_t count, const char *n
     return OK;
 }
 
+enum status image_refuse(const uint8_t *bytes, size_t count, const char *name, const char *wanted)
+{
+    const char *kind = file_kind_of(bytes, count, count);
+    return kind ? fail(ERR_INPUT, "%s is no %s picture: it is %s", name, wanted, kind)
+                : fail(ERR_INPUT, "%s is damaged, or no %s picture", name, wanted);
+}
+
 enum status image_decode(const uint8_t *bytes, size_t count, const char *name, struct image *out)
 {
     static const uint8_t png[4] = {0x89, 'P', 'N', 'G'}, jpeg[2] = {0xff, 0xd8};
@@ -45,9 +52,7 @@ enum status image_decode(const uint8_t *bytes, size_t count, const char *name, s
         return decode_png(bytes, count, name, out);
     if (count > sizeof jpeg && !memcmp(bytes, jpeg, sizeof jpeg))
         return decode_jpeg(bytes, count, name, out);
-    const char *kind = file_kind_of(bytes, count, count);
-    return fail(ERR_INPUT, "%s is neither a PNG nor a JPEG picture%s%s", name, kind ? ": it is " : "",
-                kind ? kind : "");
+    return image_refuse(bytes, count, name, "PNG or JPEG");
 }
 
 enum status image_read(const char *path, struct image *out)

@@ -15,6 +15,14 @@ static enum status decode_failed(tjhandle handle)
     return fail(ERR_CORRUPT, "a JPEG picture is damaged (%s)", why);
 }
 
+// Of four inks: no colours that a screen has without the printer's profile.
+static enum status check_colorspace(int colorspace)
+{
+    return colorspace == TJCS_CMYK || colorspace == TJCS_YCCK
+               ? fail(ERR_INPUT, "a JPEG picture is in CMYK, for a printer; save it in RGB")
+               : OK;
+}
+
 enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height)
 {
     tjhandle handle = tjInitDecompress();
@@ -33,6 +41,8 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
         status =
             fail(ERR_INPUT, "a JPEG picture has %d x %d pixels; at most %d a side and %d million in all can be used",
                  *width, *height, IMAGE_SIDE_MAX, IMAGE_PIXELS_MAX / 1000000);
+    else
+        status = check_colorspace(colorspace);
     tjDestroy(handle);
     return status;
 }
@@ -52,6 +62,8 @@ enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int wi
     else if (w != width || h != height)
         status =
             fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
+    else if ((status = check_colorspace(colorspace)) != OK)
+        ; // said
     else if (tjDecompress2(handle, bytes, (unsigned long)count, rgb, width, 0, height, TJPF_RGB,
                            TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS))
         status = decode_failed(handle);

@@ -4,11 +4,12 @@
 #pragma once
 #include "base/status.h"
 
-// Size of a JPEG without decoding it. ERR_CORRUPT; ERR_INPUT: larger than base/pixels.h allows; ERR_MEMORY.
+// Size of a JPEG without decoding it. ERR_CORRUPT; ERR_INPUT: larger than base/pixels.h allows, or CMYK; ERR_MEMORY.
 MUST_CHECK enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height);
 
 // Decodes into rgb[width * height * 3]. ERR_CORRUPT: damaged, cut short or of
-// another size; rgb is then undefined. ERR_MEMORY.
+// another size; rgb is then undefined. ERR_INPUT: CMYK. ERR_MEMORY. Pixels are as they are stored: an orientation
+// (Exif) is not obeyed, since depth and calibration lie on them so.
 MUST_CHECK enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int width, int height);
 
 // Chroma is subsampled 4:2:0. quality 1..100. *bytes is malloc'ed, the caller frees it. ERR_MEMORY.

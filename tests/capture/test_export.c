@@ -513,6 +513,7 @@ static void check_damaged(struct filmed *f)
     EXPECT_INT(lines_in(dir, "rgb.txt"), REHEARSAL_FRAMES - 1);
     EXPECT_INT(lines_in(dir, "depth.txt"), REHEARSAL_FRAMES - 1);
     EXPECT_INT(lines_in(dir, "mask.txt"), REHEARSAL_FRAMES);
+    EXPECT_INT(lines_in(dir, "associations.txt"), REHEARSAL_FRAMES - 2); // frames that have both
     snprintf(film, sizeof film, "%s.mp4", dir);
     for (int all = 0; all < 2; all++) {
         FILE *out = fopen(film, "w+b");

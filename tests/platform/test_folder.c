@@ -474,6 +474,48 @@ static void test_damaged_images(void **state)
     expect_second_fails(test, "rgb/2.jpg", "line 2 of rgb.txt");
 }
 
+// What is no PNG or JPEG is named, on opening where it is the first.
+static void test_other_kinds_of_pictures(void **state)
+{
+    struct folder_case *test = *state;
+    static const char cmyk[] = "\xff\xd8\xff\xee\0\x0e"
+                               "Adobe\0\x64\0\0\0\0\2"
+                               "\xff\xc0\0\x14\x08\0\x18\0\x20\4\1\x11\0\2\x11\0\3\x11\0\4\x11\0"
+                               "\xff\xda\0\x0e\4\1\0\2\0\3\0\4\0\0\x3f\0\0\0\xff\xd9";
+    const struct {
+        const char *bytes, *word;
+        size_t count;
+    } bad[] = {{"BM          ", "no PNG or JPEG picture: it is a BMP picture", 12},
+               {"RIFF\1\2\3\4WEBPVP8 ", "is a WebP picture", 16},
+               {"II*\0            ", "is a TIFF picture", 16},
+               {"\0\0\0\x18"
+                "ftypheic    ",
+                "is a HEIC picture", 16},
+               {cmyk, "CMYK", sizeof cmyk - 1}};
+    struct source *source;
+    put_color(test, "rgb/a.jpg", 1);
+    put_color(test, "depth/a.jpg", 1);
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        struct frame frame;
+        scratch_text(&test->scratch, "rgb.txt", "1.0 rgb/a.jpg\n1.1 rgb/b.jpg\n");
+        scratch_write(&test->scratch, "rgb/b.jpg", bad[i].bytes, bad[i].count);
+        EXPECT_STATUS(source_open(&source, test->uri, SOURCE_CAMERA), OK);
+        EXPECT_STATUS(source_next(source, &frame), OK);
+        EXPECT_STATUS(source_next(source, &frame), ERR_INPUT);
+        EXPECT_SAYS(bad[i].word);
+        EXPECT_SAYS("rgb/b.jpg");
+        source_close(&source);
+        scratch_text(&test->scratch, "rgb.txt", "1.1 rgb/b.jpg\n");
+        EXPECT_STATUS(source_open(&source, test->uri, SOURCE_CAMERA), ERR_INPUT);
+        EXPECT_SAYS(bad[i].word);
+        EXPECT_SAYS("rgb/b.jpg");
+    }
+    scratch_text(&test->scratch, "rgb.txt", "1.0 rgb/a.jpg\n");
+    scratch_text(&test->scratch, "depth.txt", "1.0 depth/a.jpg\n");
+    EXPECT_STATUS(source_open(&source, test->uri, SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("no PNG picture: it is a JPEG picture");
+}
+
 static void test_another_size(void **state)
 {
     struct folder_case *test = *state;
@@ -563,6 +605,7 @@ int main(void)
         WITH_CASE(test_non_increasing_times_are_dropped),
         WITH_CASE(test_damaged_images),
         WITH_CASE(test_another_size),
+        WITH_CASE(test_other_kinds_of_pictures),
         WITH_CASE(test_camera_metadata),
         WITH_CASE(test_no_camera),
     };
