@@ -1,6 +1,7 @@
 // reenact locate: where a camera was in the place, image by image.
 #include "app/commands/commands.h"
 
+#include "app/commands/picture_count.h"
 #include "app/commands/place_input.h"
 #include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
@@ -89,7 +90,7 @@ struct locate_work {
 };
 
 struct locate_summary {
-    int64_t images, placed, not_found, ambiguous, damaged;
+    struct picture_count count;
     int64_t tags_used, tags_rejected;
     double sum_rms2;
     bool focal_wrong;
@@ -106,22 +107,15 @@ static enum status locate_image(const struct locate_work *work, const struct fra
 {
     struct location found;
     struct camera_motion motion;
-    s->images++;
     enum status status = picture_check_add(work->check, frame->color);
     if (status != OK)
         return status;
     status = camera_tracker_process(work->track, frame->color, NULL, frame->time_ns, &found, &motion);
-    if (status < 0)
+    if (status < 0 && status != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return status;
-    if (status == NOTHING) {
-        s->not_found++;
+    picture_count_add(&s->count, status);
+    if (status != OK) // of two poses none is written
         return OK;
-    }
-    if (status == AMBIGUOUS) { // one of two poses, not written
-        s->ambiguous++;
-        return OK;
-    }
-    s->placed++;
     s->tags_used += found.tags_used;
     s->tags_rejected += found.tags_rejected;
     s->sum_rms2 += found.rms_px * found.rms_px;
@@ -135,22 +129,26 @@ static enum status run(const struct locate_work *work, struct source_frames *cam
     struct frame frame;
     enum status status;
     progress_bar_start(&bar, "finding the camera", source_remaining(camera->source));
+    camera->bar = &bar;
     while ((status = source_frames_next(camera, &frame)) == OK) {
         if (frame.color && (status = locate_image(work, &frame, lines, s)) != OK)
             break;
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
-    s->damaged = camera->damaged;
+    s->count.unreadable = camera->damaged;
+    camera->bar = NULL; // it lives here
     return status == NOTHING ? OK : status;
 }
 
 static enum status report(const struct locate_arguments *a, const struct locate_summary *s)
 {
-    double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
+    double placed = s->count.placed > 0 ? (double)s->count.placed : 1, rms = sqrt(s->sum_rms2 / placed);
     if (!a->json) {
-        printf("%s: %lld of %lld pictures placed, with %.1f tags each on average, which fit to %.2f pixels\n", a->out,
-               (long long)s->placed, (long long)s->images, (double)s->tags_used / placed, rms);
+        char text[PICTURE_COUNT_BYTES];
+        printf("%s: %s\n", a->out, picture_count_text(&s->count, text));
+        if (s->count.placed)
+            printf("with %.1f tags each on average, which fit to %.2f pixels\n", (double)s->tags_used / placed, rms);
         if (s->learnt)
             printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n", s->lens.fx,
                    s->lens.fy, s->lens.focal_sigma * 100);
@@ -158,11 +156,7 @@ static enum status report(const struct locate_arguments *a, const struct locate_
     }
     struct json *root = json_new_object();
     json_add_string(root, "trajectory", a->out);
-    json_add_number(root, "pictures", (double)s->images);
-    json_add_number(root, "placed", (double)s->placed);
-    json_add_number(root, "nothing_in_sight", (double)s->not_found);
-    json_add_number(root, "ambiguous", (double)s->ambiguous);
-    json_add_number(root, "damaged", (double)s->damaged);
+    picture_count_add_json(root, &s->count);
     json_add_number(root, "tags_mean", (double)s->tags_used / placed);
     json_add_number(root, "tags_rejected", (double)s->tags_rejected);
     json_add_number(root, "tags_moved", s->tags_moved);
@@ -197,7 +191,7 @@ static enum status check_pictures(const struct locate_work *work, struct locate_
     const enum status status = picture_check_judge(work->check, camera_tracker_lens(work->track), &verdict);
     if (status != OK)
         return status;
-    picture_verdict_text(&verdict, 2 * s->placed < s->images, s->cause, &useless);
+    picture_verdict_text(&verdict, picture_count_is_few(&s->count), s->cause, &useless);
     return useless ? fail(ERR_INPUT, "%s; where the camera was cannot be told, and nothing was written", s->cause) : OK;
 }
 
@@ -247,6 +241,7 @@ int reenact_locate(int argc, char **argv)
     if (status == OK) {
         command_catch_signals();
         frames.source = work.camera;
+        frames.program = argv[0];
         status = run(&work, &frames, &lines, &s);
     }
     if (status == OK)

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/filmed_path.h"
+#include "app/commands/picture_count.h"
 #include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
@@ -123,7 +124,9 @@ struct render_run {
 
     bool started;
     int64_t first_ns; // the camera's time at the first image
-    int64_t images, placed, ambiguous, with_actor, parts;
+    int64_t images;   // drawn: all that could be read
+    struct picture_count count;
+    int64_t with_actor, parts;
     int64_t at_level[DETAIL_AUTO];
     double error_px; // predicted, summed over all images with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
@@ -301,7 +304,6 @@ static enum status write_image(struct render_run *r, const char *name, const cha
 // The actor into a picture taken at a known pose.
 static enum status draw_placed(struct render_run *r, const struct frame *frame, struct pose world_from_camera)
 {
-    r->placed++;
     write_pose(r->trajectory, frame->time_ns, world_from_camera);
     const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(world_from_camera));
     struct renderer_view view = {.world_from_camera = world_from_camera,
@@ -324,8 +326,10 @@ static enum status draw(struct render_run *r, const struct frame *frame)
 {
     struct location location;
     struct camera_motion motion;
-    if (r->path.count)
+    if (r->path.count) {
+        picture_count_add(&r->count, OK);
         return draw_placed(r, frame, r->path.poses[r->images - 1].pose);
+    }
     enum status found = picture_check_add(r->check, frame->color);
     if (found != OK)
         return found;
@@ -333,9 +337,9 @@ static enum status draw(struct render_run *r, const struct frame *frame)
     lap(r, STAGE_LOCATE);
     if (found < 0 && found != ERR_SOLVER) // a solver that did not converge leaves this image unplaced
         return found;
+    picture_count_add(&r->count, found);
     if (found != OK && found != AMBIGUOUS)
         return renderer_draw_background(r->renderer, frame->color);
-    r->ambiguous += found == AMBIGUOUS;
     const enum status status = renderer_set_lens(r->renderer, camera_tracker_lens(r->track));
     return status == OK ? draw_placed(r, frame, location.world_from_camera) : status;
 }
@@ -399,6 +403,7 @@ static enum status render_images(struct render_run *r)
     }
     progress_bar_end(&progress);
     r->frames.bar = NULL; // it lived here
+    r->count.unreadable = r->frames.damaged;
     if (status < 0)
         return status;
     if (command_stopped() && !r->images)
@@ -422,12 +427,8 @@ static enum status write_stats(struct render_run *r)
     struct json *root = json_new_object();
     json_add_string(root, "take", r->arguments->take);
     json_add_string(root, "detail", detail_names[r->arguments->detail]);
-    json_add_number(root, "pictures", (double)r->images);
-    json_add_number(root, "placed", (double)r->placed);
-    json_add_number(root, "ambiguous", (double)r->ambiguous);
-    json_add_number(root, "not_placed", (double)(r->images - r->placed));
+    picture_count_add_json(root, &r->count);
     json_add_number(root, "with_actor", (double)r->with_actor);
-    json_add_number(root, "damaged", (double)r->frames.damaged);
     struct json *levels = json_add_object(root, "pictures_at_level");
     for (int d = 0; d < DETAIL_AUTO; d++)
         json_add_number(levels, detail_names[d], (double)r->at_level[d]);
@@ -459,7 +460,7 @@ static enum status check_pictures(const struct render_run *r, const char *progra
     const enum status status = picture_check_judge(r->check, camera_tracker_lens(r->track), &verdict);
     if (status != OK)
         return status;
-    picture_verdict_text(&verdict, 2 * r->placed < r->images, cause, &useless);
+    picture_verdict_text(&verdict, picture_count_is_few(&r->count), cause, &useless);
     if (useless)
         return fail(ERR_INPUT, "%s; the actor may be drawn in wrong places or not at all", cause);
     if (*cause)
@@ -499,8 +500,9 @@ int reenact_render(int argc, char **argv)
         const enum status kept = source_save_lens(run.camera, camera_tracker_lens(run.track));
         status = kept < 0 ? kept : OK;
     }
+    char text[PICTURE_COUNT_BYTES];
     if (status == OK && !arguments.json)
-        printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.images, run.placed,
+        printf("%s: %s, %" PRId64 " with the actor\n", arguments.out, picture_count_text(&run.count, text),
                run.with_actor);
     if (status == OK && run.camera)
         status = check_pictures(&run, argv[0]);
