@@ -309,6 +309,13 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
         resample_joint(samples, (enum joint)j, out->count, &lines.joint[j]);
         smooth_joint(&lines.joint[j], out->count, lines.scratch);
     }
+    for (int j = 0; j < JOINT_COUNT && status == OK; j++) {
+        int64_t known = 0;
+        for (int32_t f = 0; f < out->count; f++)
+            known += lines.joint[j].known[f];
+        out->joints_ever |= (uint16_t)(ever[j] << j);
+        out->joints_often |= (uint16_t)((10 * known >= out->count) << j);
+    }
     for (int32_t f = 0; f < out->count && status == OK; f++)
         frame_of(&lines, ever, f, &out->frames[f]);
     if (status == OK) {
@@ -348,6 +355,14 @@ enum status movement_read(const char *path, const char *take, struct movement *o
     return status;
 }
 
+static enum joint mirrored_joint(enum joint j)
+{
+    const bool arm = j >= JOINT_LEFT_SHOULDER && j <= JOINT_RIGHT_HAND, leg = j >= JOINT_LEFT_HIP;
+    const bool left = arm ? j < JOINT_RIGHT_SHOULDER : j < JOINT_RIGHT_HIP;
+    const int across = JOINT_RIGHT_SHOULDER - JOINT_LEFT_SHOULDER;
+    return !arm && !leg ? j : (enum joint)(left ? (int)j + across : (int)j - across);
+}
+
 enum status movement_mirror(const struct movement *m, struct movement *out)
 {
     *out = *m;
@@ -356,7 +371,12 @@ enum status movement_mirror(const struct movement *m, struct movement *out)
         *out = (struct movement){0};
         return fail(ERR_MEMORY, "no memory for a mirrored movement");
     }
-    out->ever_known = 0;
+    out->ever_known = out->joints_ever = out->joints_often = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const enum joint own = mirrored_joint((enum joint)j);
+        out->joints_ever |= (uint16_t)((m->joints_ever >> own & 1) << j);
+        out->joints_often |= (uint16_t)((m->joints_often >> own & 1) << j);
+    }
     for (int p = 0; p < PART_COUNT; p++) {
         out->sigma_typical[p] = m->sigma_typical[mirrored_part((enum part)p)];
         out->ever_known |= (uint16_t)((m->ever_known >> mirrored_part((enum part)p) & 1) << p);

@@ -24,10 +24,11 @@ struct movement_frame {
 };
 
 struct movement {
-    struct movement_frame *frames;   // [count], malloc'ed
-    int32_t count;                   // frame i is at i / MOVEMENT_RATE_HZ seconds after the first sample
-    uint16_t ever_known;             // parts known in at least a tenth of the frames
-    float sigma_typical[PART_COUNT]; // median over the frames that know the part, rad
+    struct movement_frame *frames;      // [count], malloc'ed
+    int32_t count;                      // frame i is at i / MOVEMENT_RATE_HZ seconds after the first sample
+    uint16_t ever_known;                // parts known in at least a tenth of the frames
+    uint16_t joints_ever, joints_often; // joints known at all, and in at least a tenth of the frames
+    float sigma_typical[PART_COUNT];    // median over the frames that know the part, rad
 };
 void movement_free(struct movement *m); // zeroed is fine; leaves it zeroed
 

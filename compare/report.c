@@ -2,6 +2,7 @@
 #include "compare/report.h"
 
 #include "compare/findings.h"
+#include "compare/not_judged.h"
 
 #include "base/text.h"
 
@@ -107,6 +108,16 @@ static void json_ranges(FILE *to, const struct comparison *c)
     fputs("}\n", to);
 }
 
+static void json_not_judged(FILE *to, const struct comparison *c)
+{
+    char sentence[NOT_JUDGED_BYTES];
+    fputs("  \"not_judged\": {\"parts\": [", to);
+    for (int p = 0, count = 0; p < PART_COUNT; p++)
+        if (!(c->parts >> p & 1))
+            fprintf(to, "%s\"%s\"", count++ ? ", " : "", part_name((enum part)p));
+    fprintf(to, "], \"sentence\": \"%s\"},\n", not_judged_text(c, sentence));
+}
+
 char *report_json(const struct comparison *c)
 {
     struct text t;
@@ -121,6 +132,7 @@ char *report_json(const struct comparison *c)
     }
     json_findings(to, c);
     json_repetitions(to, c);
+    json_not_judged(to, c);
     json_ranges(to, c);
     fputs("}\n", to);
     return end(&t);
@@ -224,6 +236,9 @@ char *report_text(const struct comparison *c)
         fprintf(to, "%-9s %s\n", finding_kind_name(c->findings[k].kind), c->findings[k].sentence);
     if (!c->finding_count)
         fputs("no difference found\n", to);
+    char not_judged[NOT_JUDGED_BYTES];
+    if (*not_judged_text(c, not_judged))
+        fprintf(to, "%s\n", not_judged);
     for (int32_t k = 0; k < c->repetitions.count; k++) {
         const struct judged_repetition *r = &c->repetitions.at[k];
         fprintf(to, "repetition %d, from %.1f s to %.1f s: %.0f\n", (int)k + 1, seconds(r->attempt.first),

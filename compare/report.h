@@ -3,8 +3,8 @@
 #pragma once
 #include "compare/comparison.h"
 
-// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored, parts,
-// ranges.
+// The JSON object of `reenact compare --json`: score, frames, findings, repetitions; and beside them mirrored,
+// not_judged (parts that are not known in both, and a sentence of the joints that lack), ranges.
 char *report_json(const struct comparison *c);
 
 // One row a frame of B: time_s,reference_s, and of every body angle degrees in the attempt, the reference and the

@@ -2,9 +2,11 @@
 #include "compare/report_internal.h"
 
 #include "compare/findings.h"
+#include "compare/not_judged.h"
 
 #include "base/html.h"
 
+#include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -88,6 +90,9 @@ static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
 
 // ------------------------------------------------------------- tables
 
+// Whole ones: -0.3 is 0, not -0.
+static int degrees(float rad) { return (int)lround(rad * RAD); }
+
 static void ranges(FILE *to, const struct comparison *c)
 {
     fputs("<h2>Ranges of motion</h2><table><tr><th>joint</th><th>reference</th><th>attempt</th></tr>", to);
@@ -98,8 +103,8 @@ static void ranges(FILE *to, const struct comparison *c)
             *at = ' ';
         if (isnan(c->range_a[k].low) || isnan(c->range_b[k].low))
             continue;
-        fprintf(to, "<tr><td>%s</td><td>%.0f° to %.0f°</td><td>%.0f° to %.0f°</td></tr>", name, c->range_a[k].low * RAD,
-                c->range_a[k].high * RAD, c->range_b[k].low * RAD, c->range_b[k].high * RAD);
+        fprintf(to, "<tr><td>%s</td><td>%d° to %d°</td><td>%d° to %d°</td></tr>", name, degrees(c->range_a[k].low),
+                degrees(c->range_a[k].high), degrees(c->range_b[k].low), degrees(c->range_b[k].high));
     }
     fputs("</table>", to);
 }
@@ -166,6 +171,9 @@ static bool attempt(FILE *to, const struct report_attempt *a)
         fprintf(to, "<li>%s <span class=\"dim\">%s</span></li>", c->findings[k].sentence,
                 finding_kind_name(c->findings[k].kind));
     fputs(c->finding_count ? "</ol>" : "</ol><p>Nothing was found.</p>", to);
+    char not_judged[NOT_JUDGED_BYTES];
+    if (*not_judged_text(c, not_judged))
+        fprintf(to, "<p>%c%s.</p>", toupper((unsigned char)*not_judged), not_judged + 1);
     fputs("<h2>Over time</h2>", to);
     if (whole)
         strip(to, c, cell);

@@ -2,6 +2,8 @@
 #include "compare/joint_samples.h"
 #include "compare/comparison.h"
 #include "compare/movement.h"
+#include "compare/not_judged.h"
+#include "compare/report.h"
 #include "tests/support/exercise.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
@@ -121,6 +123,7 @@ struct dialect {
     double metres, seconds; // the file's units
     double step_s;          // between its frames; 0: as the exercise has them
     bool numbered;          // frames' numbers for times
+    unsigned without;       // joints, as bits
     int zero_every;         // of so many joints one is written as 0, 0, 0
     bool without_waist;     // places are relative to the waist
     enum { IN_TIME, BY_JOINT, BACKWARDS } order;
@@ -129,6 +132,8 @@ struct dialect {
 
 static void write_row(char **to, const struct dialect *d, int i, enum joint j)
 {
+    if (d->without >> j & 1)
+        return;
     const struct exercise e = exercise_default();
     const double time_s = i * (d->step_s > 0 ? d->step_s : 1 / e.rate_hz);
     const struct skeleton s = exercise_at(&e, time_s, NULL);
@@ -217,6 +222,44 @@ static void test_dialects(void **state)
         EXPECT_TRUE(good[i].word || !s.notes.count);
         joint_samples_free(&s);
         EXPECT_AT_LEAST(score_against_plain(path), 99);
+    }
+}
+
+// Joints that lack are said; a score of 100 says nothing of them.
+static void test_what_is_not_judged_is_said(void **state)
+{
+    (void)state;
+    enum { KNEES = 1 << JOINT_LEFT_KNEE | 1 << JOINT_RIGHT_KNEE, HAND = 1 << JOINT_LEFT_HAND, HEAD = 1 << JOINT_HEAD };
+    const struct {
+        unsigned reference, attempt;
+        const char *words;
+    } cases[] = {
+        {0, 0, ""},
+        {0, KNEES, "could not be judged: the knees are not in the attempt"},
+        {HAND, 0, "could not be judged: the left hand is not in the reference"},
+        {HEAD | HAND, HEAD | KNEES,
+         "could not be judged: the head is in neither movement; the knees are not in the attempt; the left hand is not "
+         "in the reference"},
+    };
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        const struct dialect a = {.metres = 1, .seconds = 1, .without = cases[i].reference},
+                             b = {.metres = 1, .seconds = 1, .without = cases[i].attempt};
+        struct movement x, y;
+        struct movement_source source;
+        struct comparison c;
+        char said[NOT_JUDGED_BYTES];
+        EXPECT_STATUS(movement_read(write_dialect("a.csv", &a), NULL, &x, &source), OK);
+        EXPECT_STATUS(movement_read(write_dialect("b.csv", &b), NULL, &y, &source), OK);
+        EXPECT_STATUS(comparison_make(&x, &y, &c), OK);
+        EXPECT_AT_LEAST(c.score, 99);
+        assert_string_equal(not_judged_text(&c, said), cases[i].words);
+        char *const reports[] = {report_text(&c), report_json(&c)};
+        for (size_t k = 0; k < COUNT_OF(reports); k++) {
+            EXPECT_TRUE(strstr(reports[k], cases[i].words));
+            EXPECT_TRUE(*cases[i].words || !strstr(reports[k], "could not be judged"));
+            free(reports[k]);
+        }
+        comparison_free(&c);
     }
 }
 
@@ -318,6 +361,7 @@ int main(void)
         cmocka_unit_test(test_bad_files_are_refused_in_a_sentence),
         cmocka_unit_test(test_an_empty_sigma_is_the_usual_one),
         cmocka_unit_test(test_dialects),
+        cmocka_unit_test(test_what_is_not_judged_is_said),
         cmocka_unit_test(test_times_that_cannot_be_compared),
         cmocka_unit_test(test_a_second_clock_is_no_disorder),
         cmocka_unit_test(test_a_take_name_is_refused),
