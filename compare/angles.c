@@ -93,6 +93,34 @@ struct body_angles body_angles_of(const struct movement_frame *f)
     return out;
 }
 
+float body_angle_of(const struct movement_frame *f, enum body_angle a)
+{
+    static const struct {
+        enum part near, far; // far PART_HEAD: near against the trunk
+    } of[ANGLE_LEAN] = {
+        [ANGLE_LEFT_ELBOW] = {PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM},
+        [ANGLE_RIGHT_ELBOW] = {PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM},
+        [ANGLE_LEFT_KNEE] = {PART_LEFT_THIGH, PART_LEFT_SHIN},
+        [ANGLE_RIGHT_KNEE] = {PART_RIGHT_THIGH, PART_RIGHT_SHIN},
+        [ANGLE_LEFT_HIP] = {PART_LEFT_THIGH, PART_HEAD},
+        [ANGLE_RIGHT_HIP] = {PART_RIGHT_THIGH, PART_HEAD},
+        [ANGLE_LEFT_SHOULDER] = {PART_LEFT_UPPER_ARM, PART_HEAD},
+        [ANGLE_RIGHT_SHOULDER] = {PART_RIGHT_UPPER_ARM, PART_HEAD},
+    };
+    struct vec3 trunk;
+    double sigma;
+    if (a >= ANGLE_LEAN)
+        return body_angles_of(f).rad[a];
+    if (!is_known(f, of[a].near))
+        return NAN;
+    if (of[a].far != PART_HEAD)
+        return is_known(f, of[a].far)
+                   ? (float)between(vector(f->direction[of[a].near]), vector(f->direction[of[a].far]))
+                   : NAN;
+    return trunk_direction(f, &trunk, &sigma) ? (float)between(v3_scale(trunk, -1), vector(f->direction[of[a].near]))
+                                              : NAN;
+}
+
 static int ascending(const void *a, const void *b)
 {
     const float x = *(const float *)a, y = *(const float *)b;

@@ -27,6 +27,9 @@ struct body_angles {
 };
 struct body_angles body_angles_of(const struct movement_frame *f);
 
+// One of them alone, rad; the same bits.
+float body_angle_of(const struct movement_frame *f, enum body_angle a);
+
 // The trunk's direction from waist to neck: the mean of both torso parts, or the one that is known. False: neither, or
 // they point opposite ways.
 bool trunk_direction(const struct movement_frame *f, struct vec3 *direction, double *sigma);

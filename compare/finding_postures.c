@@ -1,6 +1,7 @@
 // Findings about one joint: posture and range; and about one limb: early or late.
 #include "compare/findings_internal.h"
 #include "compare/limb_times.h"
+#include "compare/sliding_quantile.h"
 
 #include "base/portable_math.h"
 
@@ -24,14 +25,14 @@ struct series {
     float *degrees, *sigma;   // of the difference; NaN where unknown
     float *angle_a, *angle_b; // the joint's named angle, rad
     float *fresh;             // how much of a frame says something new
+    float *weight;            // what a frame says against noise
     double offset;            // degrees: what it is off by all along
 };
 
 struct judge {
     struct comparison *c;
     int32_t count;
-    int8_t *shift[LIMBS];
-    bool *late[LIMBS];
+    struct limb_shift *limb[LIMBS];
     struct weighed *scratch;
     struct series s;
 };
@@ -112,20 +113,54 @@ static void window_about(const struct series *s, int32_t count, int32_t f, int32
         ++*end;
 }
 
-// Of the median of the differences about a frame, axis by axis: a tracker's gross mistakes are short, and a median
-// passes over what is shorter than half its window.
-static float smoothed_degrees(const struct series *s, int32_t count, int32_t f)
+// The differences about a frame, axis by axis.
+struct smoothing {
+    int32_t first, end; // frames that are in it
+    struct sliding_quantile axis[3];
+};
+
+static void add_frames(struct smoothing *w, const struct series *s, int32_t first, int32_t end)
 {
-    double square = 0;
+    for (int32_t k = first; k < end; k++)
+        for (int axis = 0; axis < 3 && !isnan(s->sigma[k]); axis++)
+            sliding_add(&w->axis[axis], k, s->difference[k][axis], s->weight[k]);
+}
+
+static void remove_frames(struct smoothing *w, int32_t first, int32_t end)
+{
+    for (int32_t k = first; k < end; k++)
+        for (int axis = 0; axis < 3; axis++)
+            sliding_remove(&w->axis[axis], k);
+}
+
+static void slide(struct smoothing *w, const struct series *s, int32_t first, int32_t end)
+{
+    if (first >= w->end || end <= w->first) {
+        *w = (struct smoothing){.first = first, .end = first};
+    } else {
+        remove_frames(w, w->first, first);
+        remove_frames(w, end, w->end);
+        w->first = w->first > first ? w->first : first;
+        w->end = w->end < end ? w->end : end;
+    }
+    add_frames(w, s, first, w->first);
+    add_frames(w, s, w->end, end);
+    w->first = first;
+    w->end = end;
+}
+
+// Of the median of the differences about a frame, axis by axis: a tracker's gross mistakes are short, and a median
+// passes over what is shorter than half its window. Frames in their order, one window for all of them.
+static float smoothed_degrees(const struct series *s, int32_t count, int32_t f, struct smoothing *window)
+{
+    double square = 0, sum = 0;
     int32_t first, end;
     window_about(s, count, f, &first, &end);
+    slide(window, s, first, end);
+    for (int32_t k = first; k < end; k++)
+        sum += isnan(s->sigma[k]) ? 0 : s->weight[k];
     for (int axis = 0; axis < 3; axis++) {
-        struct weighed v[2 * MOST_HALF + 1];
-        int32_t used = 0;
-        for (int32_t k = first; k < end; k++)
-            if (!isnan(s->sigma[k]))
-                v[used++] = (struct weighed){s->difference[k][axis], (float)weight_of(s, k)};
-        const double middle = weighed_quantile(v, used, 0.5);
+        const double middle = sliding_quantile_of(&window->axis[axis], sum, 0.5);
         square += middle * middle;
     }
     return (float)(2 * RAD * portable_asin(fmin(1, sqrt(square) / 2)));
@@ -151,19 +186,21 @@ static void fill(struct judge *g, const struct body_joint *j)
         memset(s->difference[f], 0, sizeof s->difference[f]);
         if (isnan(c->timeline.reference[f]))
             continue;
-        const double shift = j->limb >= 0 ? g->shift[j->limb][f] : 0;
+        const double shift = j->limb >= 0 ? g->limb[j->limb][f].frames : 0;
         const struct movement_frame x = movement_at(&c->a, c->timeline.reference[f] + shift);
         if (!joint_difference(&x, &c->judged.frames[f], j, d, &sigma))
             continue;
         for (int k = 0; k < 3; k++)
             s->difference[f][k] = (float)d[k];
         s->sigma[f] = (float)(sigma * RAD);
-        s->angle_a[f] = body_angles_of(&x).rad[j->angle];
-        s->angle_b[f] = body_angles_of(&c->judged.frames[f]).rad[j->angle];
+        s->angle_a[f] = body_angle_of(&x, j->angle);
+        s->angle_b[f] = body_angle_of(&c->judged.frames[f], j->angle);
+        s->weight[f] = (float)weight_of(s, f);
     }
+    struct smoothing window = {.first = 0};
     for (int32_t f = 0; f < g->count; f++)
         if (!isnan(s->sigma[f]))
-            s->degrees[f] = smoothed_degrees(s, g->count, f);
+            s->degrees[f] = smoothed_degrees(s, g->count, f, &window);
     s->offset = offset_degrees(g);
 }
 
@@ -338,17 +375,17 @@ static double mean_sigma(const struct series *s, int32_t count)
 static double held_range(const struct movement *m, enum body_angle angle, int32_t first, int32_t end)
 {
     double low = INFINITY, high = -INFINITY;
-    for (int32_t f = first; f < end; f++) {
-        struct weighed v[2 * SMOOTH_HALF + 1];
-        int32_t used = 0;
-        for (int32_t k = f - SMOOTH_HALF; k <= f + SMOOTH_HALF; k++) {
-            const float rad = k >= first && k < end ? body_angles_of(&m->frames[k]).rad[angle] : NAN;
+    struct sliding_quantile window = {.count = 0};
+    for (int32_t f = first, ahead = first; f < end; f++) {
+        for (; ahead <= f + SMOOTH_HALF && ahead < end; ahead++) {
+            const float rad = body_angle_of(&m->frames[ahead], angle);
             if (!isnan(rad))
-                v[used++] = (struct weighed){rad, 1};
+                sliding_add(&window, ahead, rad, 1);
         }
-        const double middle = weighed_quantile(v, used, 0.5);
+        const double middle = sliding_quantile_of(&window, window.count, 0.5);
         low = fmin(low, middle); // of a NaN the other
         high = fmax(high, middle);
+        sliding_remove(&window, f - SMOOTH_HALF);
     }
     return high > low ? (high - low) * RAD : 0;
 }
@@ -398,12 +435,13 @@ static enum status scan_late(struct judge *g, int limb)
     static const char *const names[2] = {"arm", "leg"};
     static const enum part parts[LIMBS] = {PART_LEFT_UPPER_ARM, PART_RIGHT_UPPER_ARM, PART_LEFT_THIGH,
                                            PART_RIGHT_THIGH};
+    const struct limb_shift *of = g->limb[limb];
     enum status status = OK;
     for (int32_t f = 0; f < g->count && status == OK; f++) {
         int32_t end = f;
         double sum = 0;
-        for (; end < g->count && g->late[limb][end] && (g->shift[limb][end] < 0) == (g->shift[limb][f] < 0); end++)
-            sum += g->shift[limb][end];
+        for (; end < g->count && of[end].late && (of[end].frames < 0) == (of[f].frames < 0); end++)
+            sum += of[end].frames;
         if (end - f >= LEAST_LATE) {
             // Negative: the limb shows an earlier instant of A, so it is late.
             const double late_s = -sum / (end - f) / MOVEMENT_RATE_HZ;
@@ -437,12 +475,12 @@ static bool open(struct judge *g, struct comparison *c)
     g->s.angle_a = malloc(n * sizeof *g->s.angle_a);
     g->s.angle_b = malloc(n * sizeof *g->s.angle_b);
     g->s.fresh = malloc(n * sizeof *g->s.fresh);
-    bool have =
-        g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b && g->s.fresh;
+    g->s.weight = malloc(n * sizeof *g->s.weight);
+    bool have = g->scratch && g->s.difference && g->s.degrees && g->s.sigma && g->s.angle_a && g->s.angle_b &&
+                g->s.fresh && g->s.weight;
     for (int k = 0; k < LIMBS; k++) {
-        g->shift[k] = calloc(n, sizeof *g->shift[k]);
-        g->late[k] = calloc(n, sizeof *g->late[k]);
-        have = have && g->shift[k] && g->late[k];
+        g->limb[k] = malloc(n * sizeof *g->limb[k]);
+        have = have && g->limb[k];
     }
     return have;
 }
@@ -456,9 +494,9 @@ static void close(struct judge *g)
     free(g->s.angle_a);
     free(g->s.angle_b);
     free(g->s.fresh);
+    free(g->s.weight);
     for (int k = 0; k < LIMBS; k++) {
-        free(g->shift[k]);
-        free(g->late[k]);
+        free(g->limb[k]);
     }
 }
 
@@ -468,11 +506,10 @@ enum status find_postures(struct comparison *c)
     enum status status = open(&g, c) ? OK : fail(ERR_MEMORY, "no memory for the findings");
     if (status == OK)
         fill_fresh(&g);
-    for (int limb = 0; limb < LIMBS && status == OK; limb++) {
-        status = limb_shifts(&c->a, &c->judged, &c->timeline, limb, g.shift[limb], g.late[limb]);
-        if (status == OK)
-            status = scan_late(&g, limb);
-    }
+    if (status == OK)
+        status = limb_shifts(&c->a, &c->judged, &c->timeline, g.limb);
+    for (int limb = 0; limb < LIMBS && status == OK; limb++)
+        status = scan_late(&g, limb);
     for (int k = 0; k < BODY_JOINTS && status == OK; k++) {
         bool range = false;
         fill(&g, &body_joints[k]);

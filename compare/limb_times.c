@@ -63,17 +63,36 @@ static struct quat chest_rotation(const struct movement_frame *a, const struct m
     return q;
 }
 
-bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
-                      double difference[3], double *sigma)
+// How A's chest has to be turned onto B's, and what that adds to a variance.
+struct chest_turn {
+    struct quat rotation;
+    double variance;
+};
+
+static struct chest_turn chest_turn_of(const struct movement_frame *a, const struct movement_frame *b)
+{
+    struct chest_turn t = {.variance = 0};
+    t.rotation = chest_rotation(a, b, &t.variance);
+    return t;
+}
+
+static bool needs_chest(const struct body_joint *j)
+{
+    return j->carrier == CARRIER_TRUNK || j->limb == 0 || j->limb == 1;
+}
+
+// turn: used where needs_chest().
+static bool difference_with(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+                            const struct chest_turn *turn, double difference[3], double *sigma)
 {
     struct vec3 x, y;
     double sigma_x, sigma_y;
     if (!direction(a, j, &x, &sigma_x) || !direction(b, j, &y, &sigma_y))
         return false;
     double variance = sigma_x * sigma_x + sigma_y * sigma_y;
-    if (j->carrier == CARRIER_TRUNK || j->limb == 0 || j->limb == 1) {
-        double of_chest = 0;
-        const struct quat q = chest_rotation(a, b, j->carrier == CARRIER_TRUNK ? &variance : &of_chest);
+    if (needs_chest(j)) {
+        const struct quat q = turn->rotation;
+        variance += j->carrier == CARRIER_TRUNK ? turn->variance : 0;
         x = quat_rotate(q, x);
         if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by))
             x = quat_rotate(
@@ -93,9 +112,20 @@ bool joint_difference(const struct movement_frame *a, const struct movement_fram
     return true;
 }
 
+bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+                      double difference[3], double *sigma)
+{
+    struct chest_turn turn = {{0, 0, 0, 1}, 0};
+    if (needs_chest(j))
+        turn = chest_turn_of(a, b);
+    return difference_with(a, b, j, &turn, difference, sigma);
+}
+
 // ------------------------------------------------------------- the limb's own time
 
-enum { SHIFT_STEP = 1, SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30 };
+enum { SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30, RING = 64 };
+// Of attempts above ten minutes fewer frames are looked at, down to five a second: a window of two seconds holds ten.
+enum { MANY_FRAMES = 18000, MOST_STRIDE = 6 };
 // Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
 static const double LEAST_COST = 2 * 0.0195;
 // By hand: a lateness explains a difference if less than this share of it remains.
@@ -103,72 +133,83 @@ static const double EXPLAINED = 0.55;
 // A difference that is known to 5 degrees counts half; by hand.
 static const double TRUSTED = 0.0076;
 
-static float limb_cost(const struct movement *a, const struct movement *b, const struct timeline *t, int limb,
-                       int32_t f, int shift)
+// What the limbs cost at a frame of the attempt, for every shift.
+static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t f,
+                      float cost[SHIFTS][LIMBS])
 {
-    if (isnan(t->reference[f]))
-        return 0;
-    const struct movement_frame x = movement_at(a, (double)t->reference[f] + shift);
-    double sum = 0, d[3], sigma;
-    for (int k = 0; k < BODY_JOINTS; k++)
-        if (body_joints[k].limb == limb && joint_difference(&x, &b->frames[f], &body_joints[k], d, &sigma))
-            sum += (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * TRUSTED / (TRUSTED + sigma * sigma);
-    return (float)sum;
-}
-
-// Sums over WINDOW_HALF frames to both sides, in place.
-static void window(float *cost, double *before, int32_t count)
-{
-    before[0] = 0;
-    for (int32_t f = 0; f < count; f++)
-        before[f + 1] = before[f] + cost[f];
-    for (int32_t f = 0; f < count; f++) {
-        const int32_t first = f > WINDOW_HALF ? f - WINDOW_HALF : 0,
-                      end = f + WINDOW_HALF + 1 < count ? f + WINDOW_HALF + 1 : count;
-        cost[f] = (float)((before[end] - before[first]) / (end - first));
+    for (int s = 0; s < SHIFTS; s++) {
+        double sum[LIMBS] = {0}, d[3], sigma;
+        if (!isnan(t->reference[f])) {
+            const struct movement_frame x = movement_at(a, (double)t->reference[f] + (s - SHIFTS_HALF));
+            const struct chest_turn turn = chest_turn_of(&x, &b->frames[f]);
+            for (int k = 0; k < BODY_JOINTS; k++)
+                if (body_joints[k].limb >= 0 && difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
+                    sum[body_joints[k].limb] +=
+                        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * TRUSTED / (TRUSTED + sigma * sigma);
+        }
+        for (int limb = 0; limb < LIMBS; limb++)
+            cost[s][limb] = (float)sum[limb];
     }
 }
 
-static void choose(const float *cost, int32_t count, int32_t f, int8_t *shift, bool *late)
+// Sums of the costs before each of the last RING instants.
+struct sums {
+    double before[RING][SHIFTS][LIMBS];
+};
+
+static void push(struct sums *s, int32_t at, float cost[SHIFTS][LIMBS])
 {
-    const float *zero = cost + (size_t)SHIFTS_HALF * (size_t)count;
+    for (int k = 0; k < SHIFTS; k++)
+        for (int limb = 0; limb < LIMBS; limb++)
+            s->before[(at + 1) % RING][k][limb] = s->before[at % RING][k][limb] + cost[k][limb];
+}
+
+// The shift of one limb over the instants first..end - 1.
+static int8_t choose(const struct sums *s, int32_t first, int32_t end, int limb, bool *late)
+{
+    float cost[SHIFTS];
     int small = 0, large = 0;
-    float small_cost = zero[f], large_cost = zero[f];
-    for (int s = -SHIFTS_HALF; s <= SHIFTS_HALF; s++) {
-        const float c = cost[(size_t)(s + SHIFTS_HALF) * (size_t)count + (size_t)f];
-        if (abs(s) <= SMALL_HALF && c < small_cost) {
+    for (int k = 0; k < SHIFTS; k++)
+        cost[k] = (float)((s->before[end % RING][k][limb] - s->before[first % RING][k][limb]) / (end - first));
+    const float zero = cost[SHIFTS_HALF];
+    float small_cost = zero, large_cost = zero;
+    for (int k = -SHIFTS_HALF; k <= SHIFTS_HALF; k++) {
+        const float c = cost[k + SHIFTS_HALF];
+        if (abs(k) <= SMALL_HALF && c < small_cost) {
             small_cost = c;
-            small = s;
+            small = k;
         }
         if (c < large_cost) {
             large_cost = c;
-            large = s;
+            large = k;
         }
     }
-    *late = abs(large) > SMALL_HALF && zero[f] > LEAST_COST && large_cost < EXPLAINED * zero[f];
-    *shift = (int8_t)(SHIFT_STEP * (*late ? large : small));
+    *late = abs(large) > SMALL_HALF && zero > LEAST_COST && large_cost < EXPLAINED * zero;
+    return (int8_t)(*late ? large : small);
 }
 
-enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t, int limb,
-                        int8_t *shift, bool *late)
+enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
+                        struct limb_shift *out[LIMBS])
 {
-    const int32_t count = t->count;
-    float *cost = malloc((size_t)count * SHIFTS * sizeof *cost);
-    double *before = malloc(((size_t)count + 1) * sizeof *before);
-    if (!cost || !before) {
-        free(cost);
-        free(before);
+    const int32_t stride = t->count / MANY_FRAMES < MOST_STRIDE ? 1 + t->count / MANY_FRAMES : MOST_STRIDE,
+                  count = (t->count + stride - 1) / stride, half = WINDOW_HALF / stride;
+    struct sums *sums = calloc(1, sizeof *sums);
+    if (!sums)
         return fail(ERR_MEMORY, "no memory for the limbs' times");
+    for (int32_t n = 0, ahead = 0; n < count; n++) {
+        const int32_t first = n > half ? n - half : 0, end = n + half + 1 < count ? n + half + 1 : count;
+        for (; ahead < end; ahead++) {
+            float cost[SHIFTS][LIMBS];
+            add_costs(a, b, t, ahead * stride, cost);
+            push(sums, ahead, cost);
+        }
+        for (int limb = 0; limb < LIMBS; limb++) {
+            struct limb_shift chosen;
+            chosen.frames = choose(sums, first, end, limb, &chosen.late);
+            for (int32_t f = n * stride; f < (n + 1) * stride && f < t->count; f++)
+                out[limb][f] = chosen;
+        }
     }
-    for (int s = 0; s < SHIFTS; s++) {
-        float *of = cost + (size_t)s * (size_t)count;
-        for (int32_t f = 0; f < count; f++)
-            of[f] = limb_cost(a, b, t, limb, f, SHIFT_STEP * (s - SHIFTS_HALF));
-        window(of, before, count);
-    }
-    for (int32_t f = 0; f < count; f++)
-        choose(cost, count, f, &shift[f], &late[f]);
-    free(cost);
-    free(before);
+    free(sums);
     return OK;
 }

@@ -23,8 +23,12 @@ extern const struct body_joint body_joints[BODY_JOINTS];
 bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
                       double difference[3], double *sigma);
 
-// shift: [count of the timeline] frames of A to add to the timeline for this limb, so that over a second before and
-// after the limb fits best; up to 4 frames always, up to 15 (0.5 s) where that explains nearly half of a
-// difference. `late` says of each frame whether it is the latter. ERR_MEMORY.
+struct limb_shift {
+    int8_t frames; // of A, to be added to the timeline
+    bool late;
+};
+// out: of each limb [count of the timeline]: the shift with which over a second before and after the limb fits best; up
+// to 4 frames always, up to 15 (0.5 s) where that explains nearly half of a difference: then `late`. Of attempts above
+// ten minutes not every frame is looked at. ERR_MEMORY.
 MUST_CHECK enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
-                                   int limb, int8_t *shift, bool *late);
+                                   struct limb_shift *out[LIMBS]);
