@@ -154,14 +154,7 @@ static enum status choose_side(struct comparison *c)
         return OK;
     }
     movement_free(&mirror);
-    if (status == OK) {
-        // A second mirroring is a copy.
-        status = movement_mirror(&c->b, &mirror);
-        if (status == OK)
-            status = movement_mirror(&mirror, &c->judged);
-        movement_free(&mirror);
-    }
-    return status;
+    return status == OK ? movement_copy(&c->b, &c->judged) : status;
 }
 
 static enum status judge(struct comparison *c)

@@ -64,8 +64,10 @@ static bool is_none(const char *text)
 
 static bool number(const char *text, double *out)
 {
+    if (text_number(text + (*text == '+'), out))
+        return true;
     *out = NAN;
-    return is_none(text) || text_number(text + (*text == '+'), out);
+    return is_none(text);
 }
 
 struct csv {
@@ -83,6 +85,8 @@ struct csv {
 // "Left Elbow", "leftElbow", "LEFT-ELBOW" are left_elbow.
 static bool joint_of(const char *name, enum joint *out)
 {
+    if (joint_from_name(name, out))
+        return true;
     for (int j = 0; j < JOINT_COUNT; j++) {
         const char *a = name, *b = joint_name((enum joint)j);
         for (;;) {

@@ -145,62 +145,95 @@ void movement_frame_from_joints(const struct vec3 joint[JOINT_COUNT], const floa
 
 enum { MOST_GAP_NS = 250000000, KERNEL_HALF = 4 }; // KERNEL_HALF: 2.7 standard deviations of 1.5 frames
 
-// One joint over the movement's frames.
+// One joint over a block of the movement's frames and KERNEL_HALF more to each side: hours of frames need no more.
+enum { BLOCK = 512, LINE = BLOCK + 2 * KERNEL_HALF };
 struct joint_line {
-    struct vec3 *position; // interpolated over gaps of any length, held at the ends
-    float *sigma_m;
-    bool *known;
+    struct vec3 position[LINE]; // interpolated over gaps of any length, held at the ends
+    struct vec3 smooth[LINE];
+    float sigma_m[LINE];
+    bool known[LINE];
+    int64_t before, after; // samples that know the joint, about the last frame; -1: none
 };
 
-static void resample_joint(const struct joint_samples *s, enum joint j, int32_t count, struct joint_line *line)
+static int64_t next_known(const struct joint_samples *s, enum joint j, int64_t from)
 {
-    int64_t before = -1, after = -1;
-    for (int64_t i = 0; i < s->count && after < 0; i++)
-        if (s->at[i].skeleton.confidence[j] > 0)
-            after = i;
-    for (int32_t f = 0; f < count; f++) {
-        const int64_t time_ns = (int64_t)((double)f * 1e9 / MOVEMENT_RATE_HZ);
-        while (after >= 0 && s->at[after].time_ns <= time_ns) {
-            before = after;
-            int64_t next = after + 1;
-            while (next < s->count && !(s->at[next].skeleton.confidence[j] > 0))
-                next++;
-            after = next < s->count ? next : -1;
-        }
-        line->known[f] = false;
-        line->sigma_m[f] = 0;
-        line->position[f] = v3(0, 0, 0);
-        if (before < 0 && after < 0)
-            continue;
-        const struct joint_sample *a = &s->at[before < 0 ? after : before], *b = &s->at[after < 0 ? before : after];
-        const int64_t gap_ns = b->time_ns - a->time_ns;
-        const double t = gap_ns > 0 ? (double)(time_ns - a->time_ns) / (double)gap_ns : 0;
-        line->position[f] = v3_mix(a->skeleton.joint[j], b->skeleton.joint[j], t);
-        line->sigma_m[f] = a->sigma_m[j] > b->sigma_m[j] ? a->sigma_m[j] : b->sigma_m[j];
-        line->known[f] = gap_ns > 0 ? gap_ns <= MOST_GAP_NS : llabs(time_ns - a->time_ns) <= MOST_GAP_NS / 2;
-    }
+    while (from < s->count && !(s->at[from].skeleton.confidence[j] > 0))
+        from++;
+    return from < s->count ? from : -1;
 }
 
-static void smooth_joint(const struct joint_line *line, int32_t count, struct vec3 *scratch)
+// Frames in their order, one after the other.
+static void resample_joint(const struct joint_samples *s, enum joint j, int32_t f, struct joint_line *line, int32_t at)
 {
-    double kernel[KERNEL_HALF + 1];
-    for (int k = 0; k <= KERNEL_HALF; k++)
-        kernel[k] = portable_exp(-0.5 * k * k / (1.5 * 1.5));
-    for (int32_t f = 0; f < count; f++) {
-        struct vec3 sum = {0, 0, 0};
-        double weight = 0;
-        // As far to one side as to the other, so that an end is not drawn inwards.
-        int half = KERNEL_HALF;
-        half = f < half ? f : half;
-        half = count - 1 - f < half ? count - 1 - f : half;
-        for (int k = -half; k <= half; k++) {
-            const double w = kernel[abs(k)];
-            sum = v3_add(sum, v3_scale(line->position[f + k], w));
-            weight += w;
-        }
-        scratch[f] = v3_scale(sum, 1 / weight);
+    const int64_t time_ns = (int64_t)((double)f * 1e9 / MOVEMENT_RATE_HZ);
+    while (line->after >= 0 && s->at[line->after].time_ns <= time_ns) {
+        line->before = line->after;
+        line->after = next_known(s, j, line->after + 1);
     }
-    memcpy(line->position, scratch, (size_t)count * sizeof *scratch);
+    const int64_t before = line->before, after = line->after;
+    line->known[at] = false;
+    line->sigma_m[at] = 0;
+    line->position[at] = v3(0, 0, 0);
+    if (before < 0 && after < 0)
+        return;
+    const struct joint_sample *a = &s->at[before < 0 ? after : before], *b = &s->at[after < 0 ? before : after];
+    const int64_t gap_ns = b->time_ns - a->time_ns;
+    const double t = gap_ns > 0 ? (double)(time_ns - a->time_ns) / (double)gap_ns : 0;
+    line->position[at] = v3_mix(a->skeleton.joint[j], b->skeleton.joint[j], t);
+    line->sigma_m[at] = a->sigma_m[j] > b->sigma_m[j] ? a->sigma_m[j] : b->sigma_m[j];
+    line->known[at] = gap_ns > 0 ? gap_ns <= MOST_GAP_NS : llabs(time_ns - a->time_ns) <= MOST_GAP_NS / 2;
+}
+
+// All joints over the frames first..end - 1.
+struct lines {
+    struct joint_line joint[JOINT_COUNT];
+    double kernel[KERNEL_HALF + 1];
+    int32_t first, end;
+};
+
+static struct lines *lines_open(const struct joint_samples *s)
+{
+    struct lines *l = calloc(1, sizeof *l);
+    for (int k = 0; k <= KERNEL_HALF && l; k++)
+        l->kernel[k] = portable_exp(-0.5 * k * k / (1.5 * 1.5));
+    for (int j = 0; j < JOINT_COUNT && l; j++) {
+        l->joint[j].before = -1;
+        l->joint[j].after = next_known(s, (enum joint)j, 0);
+    }
+    return l;
+}
+
+// On to the frames first..end - 1, which follow or overlap those that are there.
+static void lines_move(struct lines *l, const struct joint_samples *s, int32_t first, int32_t end)
+{
+    const int32_t skip = first - l->first, kept = l->end - first;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct joint_line *line = &l->joint[j];
+        memmove(line->position, line->position + skip, (size_t)kept * sizeof *line->position);
+        memmove(line->sigma_m, line->sigma_m + skip, (size_t)kept * sizeof *line->sigma_m);
+        memmove(line->known, line->known + skip, (size_t)kept * sizeof *line->known);
+        for (int32_t f = l->end; f < end; f++)
+            resample_joint(s, (enum joint)j, f, line, f - first);
+    }
+    l->first = first;
+    l->end = end;
+}
+
+// Frame f of a movement of `count`.
+static void smooth_joint(const struct lines *l, struct joint_line *line, int32_t f, int32_t count)
+{
+    struct vec3 sum = {0, 0, 0};
+    double weight = 0;
+    // As far to one side as to the other, so that an end is not drawn inwards.
+    int half = KERNEL_HALF;
+    half = f < half ? f : half;
+    half = count - 1 - f < half ? count - 1 - f : half;
+    for (int k = -half; k <= half; k++) {
+        const double w = l->kernel[abs(k)];
+        sum = v3_add(sum, v3_scale(line->position[f - l->first + k], w));
+        weight += w;
+    }
+    line->smooth[f - l->first] = v3_scale(sum, 1 / weight);
 }
 
 // ------------------------------------------------------------- the whole
@@ -239,56 +272,46 @@ static enum status summarise(struct movement *m)
     return OK;
 }
 
-struct lines {
-    struct joint_line joint[JOINT_COUNT];
-    struct vec3 *scratch;
-};
-
-static bool lines_open(struct lines *l, int32_t count)
-{
-    bool have = (l->scratch = malloc((size_t)count * sizeof *l->scratch));
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        struct joint_line *line = &l->joint[j];
-        line->position = malloc((size_t)count * sizeof *line->position);
-        line->sigma_m = malloc((size_t)count * sizeof *line->sigma_m);
-        line->known = malloc((size_t)count * sizeof *line->known);
-        have = have && line->position && line->sigma_m && line->known;
-    }
-    return have;
-}
-
-static void lines_close(struct lines *l)
-{
-    free(l->scratch);
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        free(l->joint[j].position);
-        free(l->joint[j].sigma_m);
-        free(l->joint[j].known);
-    }
-}
-
 // Directions over gaps come from bridged joints and are marked unknown.
 static void frame_of(const struct lines *l, const bool ever[JOINT_COUNT], int32_t f, struct movement_frame *out)
 {
+    const int32_t at = f - l->first;
     struct vec3 joint[JOINT_COUNT];
     float sigma_m[JOINT_COUNT];
     for (int j = 0; j < JOINT_COUNT; j++) {
-        joint[j] = l->joint[j].position[f];
-        sigma_m[j] = l->joint[j].sigma_m[f];
+        joint[j] = l->joint[j].smooth[at];
+        sigma_m[j] = l->joint[j].sigma_m[at];
     }
     movement_frame_from_joints(joint, sigma_m, ever, out);
-    const bool hips = l->joint[JOINT_LEFT_HIP].known[f] && l->joint[JOINT_RIGHT_HIP].known[f],
-               shoulders = l->joint[JOINT_LEFT_SHOULDER].known[f] && l->joint[JOINT_RIGHT_SHOULDER].known[f];
+    const bool hips = l->joint[JOINT_LEFT_HIP].known[at] && l->joint[JOINT_RIGHT_HIP].known[at],
+               shoulders = l->joint[JOINT_LEFT_SHOULDER].known[at] && l->joint[JOINT_RIGHT_SHOULDER].known[at];
     for (int p = 0; p < PART_COUNT; p++)
-        if (!l->joint[outward[p].from].known[f] || !l->joint[outward[p].to].known[f] || !(hips || shoulders))
+        if (!l->joint[outward[p].from].known[at] || !l->joint[outward[p].to].known[at] || !(hips || shoulders))
             out->known &= (uint16_t) ~(1u << p);
     if (!shoulders)
         out->known &= (uint16_t) ~(1u << PART_COUNT);
 }
 
+// Fills all frames, and counts those that know a joint.
+static void fill_frames(const struct joint_samples *samples, const bool ever[JOINT_COUNT], struct lines *l,
+                        struct movement *out, int64_t known[JOINT_COUNT])
+{
+    for (int32_t first = 0; first < out->count; first += BLOCK) {
+        const int32_t end = out->count - first > BLOCK ? first + BLOCK : out->count;
+        lines_move(l, samples, first > KERNEL_HALF ? first - KERNEL_HALF : 0,
+                   out->count - end > KERNEL_HALF ? end + KERNEL_HALF : out->count);
+        for (int32_t f = first; f < end; f++) {
+            for (int j = 0; j < JOINT_COUNT; j++) {
+                smooth_joint(l, &l->joint[j], f, out->count);
+                known[j] += l->joint[j].known[f - l->first];
+            }
+            frame_of(l, ever, f, &out->frames[f]);
+        }
+    }
+}
+
 enum status movement_from_samples(const struct joint_samples *samples, struct movement *out)
 {
-    struct lines lines = {0};
     bool ever[JOINT_COUNT] = {0};
     *out = (struct movement){0};
     for (int64_t i = 0; i < samples->count; i++)
@@ -303,26 +326,20 @@ enum status movement_from_samples(const struct joint_samples *samples, struct mo
                     MOVEMENT_HOURS_MOST);
     out->count = (int32_t)(seconds * MOVEMENT_RATE_HZ + 1e-6) + 1;
     out->frames = calloc((size_t)out->count, sizeof *out->frames);
-    enum status status =
-        lines_open(&lines, out->count) && out->frames ? OK : fail(ERR_MEMORY, "no memory for a movement");
+    struct lines *lines = lines_open(samples);
+    int64_t known[JOINT_COUNT] = {0};
+    enum status status = lines && out->frames ? OK : fail(ERR_MEMORY, "no memory for a movement");
+    if (status == OK)
+        fill_frames(samples, ever, lines, out, known);
     for (int j = 0; j < JOINT_COUNT && status == OK; j++) {
-        resample_joint(samples, (enum joint)j, out->count, &lines.joint[j]);
-        smooth_joint(&lines.joint[j], out->count, lines.scratch);
-    }
-    for (int j = 0; j < JOINT_COUNT && status == OK; j++) {
-        int64_t known = 0;
-        for (int32_t f = 0; f < out->count; f++)
-            known += lines.joint[j].known[f];
         out->joints_ever |= (uint16_t)(ever[j] << j);
-        out->joints_often |= (uint16_t)((10 * known >= out->count) << j);
+        out->joints_often |= (uint16_t)((10 * known[j] >= out->count) << j);
     }
-    for (int32_t f = 0; f < out->count && status == OK; f++)
-        frame_of(&lines, ever, f, &out->frames[f]);
     if (status == OK) {
         unwrap_heading(out);
         status = summarise(out);
     }
-    lines_close(&lines);
+    free(lines);
     if (status != OK)
         movement_free(out);
     return status;
@@ -353,6 +370,18 @@ enum status movement_read(const char *path, const char *take, struct movement *o
         status = fail(ERR_INPUT, "%s: %s", path, status_message());
     joint_samples_free(&samples);
     return status;
+}
+
+enum status movement_copy(const struct movement *m, struct movement *out)
+{
+    *out = *m;
+    out->frames = malloc((size_t)m->count * sizeof *out->frames);
+    if (!out->frames) {
+        *out = (struct movement){0};
+        return fail(ERR_MEMORY, "no memory for a movement");
+    }
+    memcpy(out->frames, m->frames, (size_t)m->count * sizeof *out->frames);
+    return OK;
 }
 
 static enum joint mirrored_joint(enum joint j)
