@@ -121,10 +121,30 @@ float body_angle_of(const struct movement_frame *f, enum body_angle a)
                                               : NAN;
 }
 
-static int ascending(const void *a, const void *b)
+// The value that would be at `rank` if they were sorted (Hoare's selection); changes their order. No NaN.
+static float ranked(float *values, int32_t count, int32_t rank)
 {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
+    int32_t low = 0, high = count - 1;
+    while (low < high) {
+        const float pivot = values[low + (high - low) / 2];
+        int32_t i = low, k = high;
+        while (i <= k) {
+            while (values[i] < pivot)
+                i++;
+            while (pivot < values[k])
+                k--;
+            if (i > k)
+                break;
+            const float swap = values[i];
+            values[i++] = values[k];
+            values[k--] = swap;
+        }
+        if (rank > k && rank < i)
+            return pivot;
+        low = rank <= k ? low : i;
+        high = rank <= k ? k : high;
+    }
+    return values[rank];
 }
 
 enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t end, struct angle_range out[BODY_ANGLES])
@@ -145,8 +165,9 @@ enum status body_angle_ranges(const struct movement *m, int32_t first, int32_t e
         out[a] = (struct angle_range){NAN, NAN};
         if (count[a] < 5)
             continue;
-        qsort(of, (size_t)count[a], sizeof *of, ascending);
-        out[a] = (struct angle_range){of[(count[a] - 1) * 3 / 100], of[(count[a] - 1) * 97 / 100]};
+        const int32_t last = count[a] - 1;
+        out[a].low = ranked(of, count[a], (int32_t)((int64_t)last * 3 / 100));
+        out[a].high = ranked(of, count[a], (int32_t)((int64_t)last * 97 / 100));
     }
     free(values);
     return OK;

@@ -154,7 +154,9 @@ static enum status choose_side(struct comparison *c)
         return OK;
     }
     movement_free(&mirror);
-    return status == OK ? movement_copy(&c->b, &c->judged) : status;
+    if (status == OK)
+        c->judged = c->b;
+    return status;
 }
 
 static enum status judge(struct comparison *c)
@@ -214,7 +216,8 @@ void comparison_free(struct comparison *c)
 {
     movement_free(&c->a);
     movement_free(&c->b);
-    movement_free(&c->judged);
+    if (c->mirrored)
+        movement_free(&c->judged);
     alignment_free(&c->alignment);
     timeline_free(&c->timeline);
     pace_free(&c->pace);

@@ -22,7 +22,7 @@ struct comparison {
     struct movement a, b;       // as they are; `b` is never mirrored
     uint16_t parts;             // known in both
     bool mirrored;              // B resembles A's mirror image far more than A: it was judged as that
-    struct movement judged;     // B, mirrored if `mirrored`
+    struct movement judged;     // B, mirrored if `mirrored`; else it has b's frames
     struct alignment alignment; // of a and judged
     struct timeline timeline;
     struct pace pace;

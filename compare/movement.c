@@ -372,18 +372,6 @@ enum status movement_read(const char *path, const char *take, struct movement *o
     return status;
 }
 
-enum status movement_copy(const struct movement *m, struct movement *out)
-{
-    *out = *m;
-    out->frames = malloc((size_t)m->count * sizeof *out->frames);
-    if (!out->frames) {
-        *out = (struct movement){0};
-        return fail(ERR_MEMORY, "no memory for a movement");
-    }
-    memcpy(out->frames, m->frames, (size_t)m->count * sizeof *out->frames);
-    return OK;
-}
-
 static enum joint mirrored_joint(enum joint j)
 {
     const bool arm = j >= JOINT_LEFT_SHOULDER && j <= JOINT_RIGHT_HAND, leg = j >= JOINT_LEFT_HIP;

@@ -50,9 +50,6 @@ struct movement_source {
 MUST_CHECK enum status movement_read(const char *path, const char *take, struct movement *out,
                                      struct movement_source *source);
 
-// ERR_MEMORY.
-MUST_CHECK enum status movement_copy(const struct movement *m, struct movement *out);
-
 // As in a mirror: left and right parts exchanged, x reversed. ERR_MEMORY.
 MUST_CHECK enum status movement_mirror(const struct movement *m, struct movement *out);
 
