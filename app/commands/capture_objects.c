@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/commands/objects_search.h"
+#include "base/text.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
 
@@ -116,17 +117,35 @@ struct note_arguments {
 
 enum { KEY_THING = COMMAND_KEY + 20, KEY_TEXT, KEY_AT };
 
+// "1.5,0,-2": decimal metres, at most 100 km off.
+static struct vec3 parse_point(const struct argp_state *state, const char *value)
+{
+    enum { MOST_M = 100000 };
+    char text[128], *rest = text;
+    double at[3] = {0, 0, 0};
+    bool good = snprintf(text, sizeof text, "%s", value) < (int)sizeof text;
+    for (int k = 0; k < 3 && good; k++) {
+        char *comma = strchr(rest, ',');
+        good = (k < 2) == (comma != NULL);
+        if (comma)
+            *comma = 0;
+        good = good && text_number(rest, &at[k]) && fabs(at[k]) <= MOST_M;
+        rest = comma ? comma + 1 : rest;
+    }
+    if (!good)
+        argp_error(state, "--at takes X,Y,Z in metres, at most %d, not '%s'", MOST_M, value);
+    return v3(at[0], at[1], at[2]);
+}
+
 static error_t parse_note(int key, char *value, struct argp_state *state)
 {
     struct note_arguments *a = state->input;
-    char rest;
     switch (key) {
     case KEY_JSON: a->json = true; return 0;
     case KEY_THING: a->thing = value; return 0;
     case KEY_TEXT: a->text = value; return 0;
     case KEY_AT:
-        if (sscanf(value, "%lf,%lf,%lf%c", &a->at.x, &a->at.y, &a->at.z, &rest) != 3 || !v3_finite(a->at))
-            argp_error(state, "--at takes X,Y,Z in metres, not '%s'", value);
+        a->at = parse_point(state, value);
         a->has_place = true;
         return 0;
     case ARGP_KEY_ARG: command_take_file(state, &a->path, value); return 0;

@@ -5,6 +5,7 @@
 #include "platform/file.h"
 #include "platform/tag_detector.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -43,14 +44,14 @@ static enum status parse_ids(const char *text, int32_t out[TAG_ID_COUNT], int *c
     *count = 0;
     while (*at) {
         char *end;
-        long from = strtol(at, &end, 10), to = from;
-        if (end == at)
+        if (!isdigit((unsigned char)*at))
             break;
+        long from = strtol(at, &end, 10), to = from;
         at = end;
         if (*at == '-') {
-            to = strtol(at + 1, &end, 10);
-            if (end == at + 1)
+            if (!isdigit((unsigned char)at[1]))
                 break;
+            to = strtol(at + 1, &end, 10);
             at = end;
         }
         if (from < 0 || to < from || to >= TAG_ID_COUNT)

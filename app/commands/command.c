@@ -2,8 +2,10 @@
 #include "app/commands/command.h"
 
 #include "base/clock.h"
+#include "base/text.h"
 #include "platform/json.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <math.h>
 #include <signal.h>
@@ -126,9 +128,8 @@ void command_require(const struct argp_state *state, const void *given, const ch
 double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
                             double most)
 {
-    char *end;
-    const double x = strtod(value, &end);
-    if (end == value || *end || !(x >= least && x <= most)) // false for NaN, too
+    double x = 0;
+    if (!text_number(value, &x) || !(x >= least && x <= most))
         argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, least, most, value);
     return x;
 }
@@ -137,7 +138,9 @@ void command_parse_size(const struct argp_state *state, const char *option, cons
                         int size[2])
 {
     int used = 0;
-    if (sscanf(value, "%5dx%5d%n", &size[0], &size[1], &used) != 2 || value[used] || size[0] < least ||
+    const char *cross = strchr(value, 'x');
+    if (!cross || !isdigit((unsigned char)*value) || !isdigit((unsigned char)cross[1]) ||
+        sscanf(value, "%5dx%5d%n", &size[0], &size[1], &used) != 2 || value[used] || size[0] < least ||
         size[0] > most || size[1] < least || size[1] > most)
         argp_error(state, "%s takes a size like %dx%d, at most %dx%d, not '%s'", option, least, least, most, most,
                    value);

@@ -73,7 +73,7 @@ void command_print_help(const struct argp *argp, const char *program);
 // A required option must have been given.
 void command_require(const struct argp_state *state, const void *given, const char *option);
 
-// The value of an option that takes a number from `least` to `most`.
+// The value of an option that takes a decimal number from `least` to `most`.
 double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
                             double most);
 

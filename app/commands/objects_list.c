@@ -83,6 +83,10 @@ enum status objects_list(const char *path, bool as_json)
     }
     for (int i = 0; i < count && status == OK && !as_json; i++)
         print_thing(&things[i]);
+    char shown[TEXT_SHOWN_BYTES];
+    if (status == OK && !count && !as_json)
+        printf("%s holds no things; reenact-capture objects finds them, and objects note --at adds one\n",
+               text_shown(path, shown));
     recorded_things_free(&things, count);
     return status;
 }

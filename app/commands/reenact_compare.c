@@ -111,10 +111,22 @@ static const char *name_of(const char *path, const char *take)
     return take ? take : slash ? slash + 1 : path;
 }
 
-static void warn(const char *program, const char *of, const struct movement_source *s)
+// Everything of one run.
+struct compare_run {
+    const struct compare_arguments *arguments;
+    const char *program;
+    struct progress_bar *bar;
+    struct comparison comparisons[MOST_ATTEMPTS];
+    struct report_moment moments[MOST_ATTEMPTS][REPORT_MOMENTS];
+    struct report_attempt attempts[MOST_ATTEMPTS];
+};
+
+static void warn(const struct compare_run *r, const char *of, const struct movement_source *s)
 {
+    const char *program = r->program;
     char path[TEXT_SHOWN_BYTES];
     text_shown(of, path);
+    progress_bar_end(r->bar); // its line is needed
     for (int k = 0; k < s->notes.count; k++)
         fprintf(stderr, "%s: %s: %s\n", program, path, s->notes.line[k]);
     if (s->tilt_rad > 0)
@@ -131,14 +143,7 @@ static void warn(const char *program, const char *of, const struct movement_sour
                 path, (long long)s->frames_dropped);
 }
 
-// Everything of one run.
-struct compare_run {
-    const struct compare_arguments *arguments;
-    const char *program;
-    struct comparison comparisons[MOST_ATTEMPTS];
-    struct report_moment moments[MOST_ATTEMPTS][REPORT_MOMENTS];
-    struct report_attempt attempts[MOST_ATTEMPTS];
-};
+enum { STEPS = 3 }; // of an attempt: the reference read, the attempt read, both compared
 
 static enum status compare_attempt(struct compare_run *r, int k)
 {
@@ -146,14 +151,17 @@ static enum status compare_attempt(struct compare_run *r, int k)
     struct movement_source source;
     struct movement reference = {0}, attempt = {0};
     enum status status = movement_read(a->reference, a->take, &reference, &source);
+    progress_bar_step(r->bar);
     if (status == OK && !k)
-        warn(r->program, a->reference, &source);
+        warn(r, a->reference, &source);
     if (status == OK)
         status = movement_read(a->with[k].path, a->with[k].take, &attempt, &source);
+    progress_bar_step(r->bar);
     if (status == OK) {
-        warn(r->program, a->with[k].path, &source);
+        warn(r, a->with[k].path, &source);
         status = comparison_make(&reference, &attempt, &r->comparisons[k]);
     }
+    progress_bar_step(r->bar);
     movement_free(&reference);
     movement_free(&attempt);
     if (status == OK)
@@ -229,6 +237,7 @@ int reenact_compare(int argc, char **argv)
         NULL,
         NULL};
     command_parse(&argp, argc, argv, &a);
+    struct progress_bar bar;
     struct compare_run *r = calloc(1, sizeof *r);
     enum status status = r ? check_output(&a, a.html) : fail(ERR_MEMORY, "no memory to compare movements");
     if (status == OK)
@@ -237,8 +246,12 @@ int reenact_compare(int argc, char **argv)
         r->arguments = &a;
         r->program = argv[0];
     }
+    progress_bar_start(&bar, "comparing", (int64_t)STEPS * a.attempts);
+    if (r)
+        r->bar = &bar;
     for (int k = 0; k < a.attempts && status == OK; k++)
         status = compare_attempt(r, k);
+    progress_bar_end(&bar);
     if (status == OK)
         status = write_reports(r);
     for (int k = 0; k < a.attempts && r; k++) {

@@ -239,8 +239,30 @@ static enum status step_to(struct drive_session *s, int64_t to_ns)
     return status == OK && !real ? drive_session_step(s, to_ns, &ahead) : status;
 }
 
+// What was written, and how far the robot came.
+static enum status report_pictures(const struct drive_arguments *a, const struct drive_session *s, int pictures)
+{
+    double way_m = 0;
+    for (int i = 1; i < s->path.count; i++)
+        way_m += v3_distance(s->path.at[i - 1], s->path.at[i]);
+    if (!a->json) {
+        printf("%s: %d pictures, %.1f s, %.2f m driven\n", a->out, pictures, (double)s->now_ns * 1e-9, way_m);
+        return OK;
+    }
+    struct json *root;
+    const enum status status = command_begin_json(&root);
+    if (status != OK)
+        return status;
+    json_add_string(root, "out", a->out);
+    json_add_number(root, "pictures", pictures);
+    json_add_number(root, "seconds", (double)s->now_ns * 1e-9);
+    json_add_number(root, "driven_m", way_m);
+    return command_print_json(&root);
+}
+
 static enum status write_pictures(const struct drive_arguments *a, struct drive_session *s)
 {
+    int pictures = 0;
     enum status status = folder_make(a->out);
     const int64_t every_ns = (int64_t)(a->every_s * 1e9);
     for (int i = 0; status == OK && !command_stopped() && !s->ended; i++) {
@@ -256,8 +278,9 @@ static enum status write_pictures(const struct drive_arguments *a, struct drive_
             status = fail(ERR_EXISTS, "%s is there already; choose another --out", path);
         if (status == OK)
             status = png_write(path, PNG_RGB8, view->rgb, view->lens.width, view->lens.height);
+        pictures += status == OK;
     }
-    return status;
+    return status == OK ? report_pictures(a, s, pictures) : status;
 }
 
 static enum status keep_drive(const struct drive_session *s, const struct place *place, const char *file)

@@ -1,8 +1,11 @@
 // Text from outside: what is UTF-8, what a terminal can show, and times as text.
 #include "base/text.h"
+#include "tests/support/random.h"
 #include "tests/support/test.h"
 
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static void test_times_are_readable(void **state)
@@ -114,6 +117,48 @@ static void test_names_are_shown(void **state)
     assert_string_equal(text_shown("a\x1b[31m\xff.reenact", out), "a?[31m?.reenact");
 }
 
+// The bits of strtod, of short numbers and long ones; nothing that is no decimal number.
+static void test_numbers(void **state)
+{
+    (void)state;
+    static const char *const good[] = {"0",
+                                       "-0",
+                                       "12",
+                                       "-12.5",
+                                       ".5",
+                                       "5.",
+                                       "0.1",
+                                       "1e3",
+                                       "1E-3",
+                                       "-1.5e+2",
+                                       "0.0000001",
+                                       "123456789012345",
+                                       "1234567890.12345",
+                                       "1234567890.123456",
+                                       "0.30000000000000004",
+                                       "1e400"};
+    static const char *const none[] = {"",   "-",   ".",   "-.",  "+1",  " 1",    "1 ", "0x10",
+                                       "1e", "1e+", "nan", "inf", "1,5", "1.2.3", "1a"};
+    double value;
+    for (size_t i = 0; i < COUNT_OF(good); i++) {
+        EXPECT_TRUE(text_number(good[i], &value));
+        const double wanted = strtod(good[i], NULL);
+        assert_memory_equal(&value, &wanted, sizeof value);
+    }
+    for (size_t i = 0; i < COUNT_OF(none); i++)
+        EXPECT_TRUE(!text_number(none[i], &value));
+    struct rng rng = {17};
+    for (int i = 0; i < 20000; i++) {
+        char text[64];
+        const int decimals = (int)(rng_uniform(&rng) * 10), size = (int)(rng_uniform(&rng) * 10);
+        const double number = rng_between(&rng, -1, 1) * pow(10, size);
+        snprintf(text, sizeof text, "%.*f", decimals, number);
+        EXPECT_TRUE(text_number(text, &value));
+        const double wanted = strtod(text, NULL);
+        assert_memory_equal(&value, &wanted, sizeof value);
+    }
+}
+
 static void test_printable_text(void **state)
 {
     (void)state;
@@ -132,9 +177,13 @@ static void test_printable_text(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_times_are_readable), cmocka_unit_test(test_text_is_typed),
-        cmocka_unit_test(test_text_is_found),      cmocka_unit_test(test_characters),
-        cmocka_unit_test(test_printable_text),     cmocka_unit_test(test_names_are_shown),
+        cmocka_unit_test(test_times_are_readable),
+        cmocka_unit_test(test_text_is_typed),
+        cmocka_unit_test(test_text_is_found),
+        cmocka_unit_test(test_characters),
+        cmocka_unit_test(test_numbers),
+        cmocka_unit_test(test_printable_text),
+        cmocka_unit_test(test_names_are_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -56,6 +56,15 @@ static void print_cell(double value)
                value);
 }
 
+// Of 0 and 0, or of what is not known, there is none.
+static void print_ratio(double value)
+{
+    if (isfinite(value))
+        printf(" %8.2f", value);
+    else
+        printf(" %8s", "-");
+}
+
 void bench_print_table(const struct bench_result *r)
 {
     const struct bench_row *baseline = bench_baseline(r);
@@ -72,10 +81,11 @@ void bench_print_table(const struct bench_result *r)
                row->group ? row->group : row->name);
         print_cell(row->error);
         print_cell(row->error_p95);
-        printf(" %8.2f    ", row->error / baseline->error);
+        print_ratio(row->error / baseline->error);
+        printf("    ");
         print_cell(row->time_ms);
         print_cell(row->time_p95_ms);
-        printf(" %8.2f", row->time_ms / baseline->time_ms);
+        print_ratio(row->time_ms / baseline->time_ms);
         for (int k = 0; k < BENCH_EXTRAS && r->stage->extra_names[k]; k++) {
             printf("    ");
             print_cell(row->extra[k]);

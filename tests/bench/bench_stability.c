@@ -93,7 +93,8 @@ static void put_head(FILE *html, int count, int wrong, int silent, int guarded)
 {
     fprintf(html,
             "<p>%d cases, %d wrong, %d of them in silence; %d judged wrong once their guard is taken out. Errors are "
-            "the largest over an answer's values, against the same formula in 113 bits: of the textbook formula in "
+            "the largest over an answer's values, against the same formula in quadruple precision (113 bits): of the "
+            "textbook formula in "
             "<code>float</code> and <code>double</code>, and of the code as it ships; κ is the relative condition "
             "number.</p>\n",
             count, wrong, silent, guarded);
@@ -177,4 +178,4 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_stability = {
-    .name = "stability", .about = "hard cases of every stage, against 113 bits", .run = run};
+    .name = "stability", .about = "hard cases of every stage, against quadruple precision", .run = run};

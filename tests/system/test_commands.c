@@ -119,10 +119,25 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--out", "a").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--camera", "libcamera", "--out", "a").exit_code, 2);
-    const char *const sizes[] = {"640",     "640x",     "640x480px",       "640x480x3",
-                                 "319x480", "640x8193", "99999999999x480", "-640x480"};
+    const char *const sizes[] = {"640",      "640x",     "640x480px",       "640x480x3",
+                                 "319x480",  "640x8193", "99999999999x480", "-640x480",
+                                 "+640x480", " 640x480", "640x+480",        "640x 480"};
     for (size_t i = 0; i < COUNT_OF(sizes); i++)
         EXPECT_INT(PROCESS(REENACT, "film.reenact", "--size", sizes[i]).exit_code, 2);
+    // Decimal numbers only, whole ones, and none that is far from every room.
+    static const char *const none[] = {"", "0x10", " 3", "+3", "3 ", "nan", "inf", "1e", "1,5", "1.5.2", "--3"};
+    for (size_t i = 0; i < COUNT_OF(none); i++) {
+        char at[32];
+        snprintf(at, sizeof at, "1,%s,0", none[i]);
+        EXPECT_INT(
+            PROCESS(REENACT, "render", "a", "--take", "b", "--camera", "c", "--out", "d", "--start", none[i]).exit_code,
+            2);
+        EXPECT_INT(PROCESS(CAPTURE, "objects", "note", "a", "--thing", "b", "--text", "c", "--at", at).exit_code, 2);
+    }
+    static const char *const places[] = {"1e308,0,0", "0,-100001,0", "1,2", "1,2,3,4", "1,2,", ",,"};
+    for (size_t i = 0; i < COUNT_OF(places); i++)
+        EXPECT_INT(PROCESS(CAPTURE, "objects", "note", "a", "--thing", "b", "--text", "c", "--at", places[i]).exit_code,
+                   2);
     const char *const boards[] = {"9", "9x", "9x6px", "9x6.5", "3x9", "9x-6", "200x200"};
     for (size_t i = 0; i < COUNT_OF(boards); i++)
         EXPECT_INT(PROCESS(CAPTURE, "calibrate", "--lens", uri("good"), "--chequers", boards[i]).exit_code, 2);
