@@ -214,7 +214,7 @@ static bool look_into_log(struct database_sides *s, const struct main_file *file
     struct side *side = &s->side[SIDE_LOG];
     struct stat about;
     bool there;
-    const bool held = flock(side->file, LOCK_SH | LOCK_NB) != 0;
+    const bool held = flock(side->file, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK;
     if (held && !find_side(s, SIDE_INDEX, &about, &there))
         return false;
     if (held) {
