@@ -32,6 +32,15 @@ size_t text_character_bytes(const char *text)
     return code >= least[more] && code <= 0x10ffff && !(code >= 0xd800 && code <= 0xdfff) ? more + 1 : 0;
 }
 
+static uint32_t character_code(const char *text, size_t bytes)
+{
+    const unsigned char *at = (const unsigned char *)text;
+    uint32_t code = bytes == 1 ? *at : *at & (0x7fu >> bytes);
+    for (size_t i = 1; i < bytes; i++)
+        code = code << 6 | (at[i] & 0x3fu);
+    return code;
+}
+
 // The character at *at as a small letter; moves *at behind it. A byte that is no character: a number beyond them.
 static uint32_t take_small_letter(const char **at)
 {
@@ -40,9 +49,7 @@ static uint32_t take_small_letter(const char **at)
     *at += bytes ? bytes : 1;
     if (!bytes)
         return 0x110000u + *from;
-    uint32_t code = bytes == 1 ? *from : *from & (0x7fu >> bytes);
-    for (size_t i = 1; i < bytes; i++)
-        code = code << 6 | (from[i] & 0x3fu);
+    const uint32_t code = character_code((const char *)from, bytes);
     return letters ? (uint32_t)towlower_l((wint_t)code, letters) : code < 0x80 ? (uint32_t)tolower((int)code) : code;
 }
 
@@ -69,12 +76,28 @@ int text_length(const char *text)
     return length;
 }
 
+// Ranges of characters that are not shown. Unicode's categories Cc, Zl, Zp, and of Cf those that turn or hide text
+// (UAX #9, #31): not the joiners U+200C and U+200D, without which Persian and many an emoji are written wrongly.
+static const struct {
+    uint32_t first, last;
+} hidden[] = {{0x00, 0x1f},     {0x7f, 0x9f},       {0xad, 0xad},       {0x61c, 0x61c},    {0x180e, 0x180e},
+              {0x200b, 0x200b}, {0x200e, 0x200f},   {0x2028, 0x202e},   {0x2060, 0x206f},  {0xfeff, 0xfeff},
+              {0xfff9, 0xfffb}, {0x1bca0, 0x1bca3}, {0x1d173, 0x1d17a}, {0xe0000, 0xe0fff}};
+
+bool text_is_hidden(const char *at, size_t bytes)
+{
+    const uint32_t code = character_code(at, bytes);
+    for (size_t i = 0; i < COUNT_OF(hidden); i++)
+        if (code >= hidden[i].first && code <= hidden[i].last)
+            return true;
+    return false;
+}
+
 // The same as text_character_bytes, of a printable character.
 static size_t printable_bytes(const char *text)
 {
-    const unsigned char *at = (const unsigned char *)text;
-    const bool control = *at < 32 || *at == 127 || (*at == 0xc2 && at[1] < 0xa0);
-    return control ? 0 : text_character_bytes(text);
+    const size_t bytes = text_character_bytes(text);
+    return bytes && text_is_hidden(text, bytes) ? 0 : bytes;
 }
 
 bool text_append(char *text, size_t bytes, const char *more)
@@ -85,9 +108,10 @@ bool text_append(char *text, size_t bytes, const char *more)
         const size_t n = printable_bytes(more);
         if (n && end + n >= bytes)
             break;
+        const size_t bytes_of_it = text_character_bytes(more);
         memcpy(text + end, more, n);
         end += n;
-        more += n ? n : 1;
+        more += bytes_of_it ? bytes_of_it : 1;
     }
     text[end] = 0;
     return end > before;
@@ -101,14 +125,20 @@ void text_remove_last(char *text)
     text[end ? end - 1 : 0] = 0;
 }
 
+// A character that is not wanted, or a byte that is none, becomes one '?'.
 static void replace_others(char *text, size_t (*wanted)(const char *))
 {
-    for (char *at = text; *at;) {
-        const size_t n = wanted(at);
-        if (!n)
-            *at = '?';
-        at += n ? n : 1;
+    char *to = text;
+    for (const char *at = text; *at;) {
+        const size_t bytes = text_character_bytes(at), n = wanted(at);
+        if (n)
+            memmove(to, at, n);
+        else
+            *to = '?';
+        to += n ? n : 1;
+        at += bytes ? bytes : 1;
     }
+    *to = 0;
 }
 
 void text_make_utf8(char *text) { replace_others(text, text_character_bytes); }

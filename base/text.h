@@ -12,11 +12,16 @@ int text_length(const char *text);
 // Replaces by '?' every byte that is not part of a well-formed character: what JSON and HTML take.
 void text_make_utf8(char *text);
 
-// Well-formed UTF-8 without control characters, those of ISO 6429 beyond ASCII (U+0080 to U+009F) included: a terminal
-// obeys them.
+// Whether the well-formed character of `bytes` bytes at `at` is not to be shown: a control character, also of those of
+// ISO 6429 beyond ASCII (U+0080 to U+009F), which a terminal obeys; a line or paragraph separator; one that turns the
+// text behind it or is not seen.
+bool text_is_hidden(const char *at, size_t bytes);
+
+// Well-formed UTF-8 of which no character is hidden.
 bool text_is_printable(const char *text);
 
-// Replaces by '?' every byte that is not part of printable text, so that a terminal can show the rest.
+// Replaces by '?' every hidden character, and every byte that is part of no character, so that a terminal can show the
+// rest.
 void text_make_printable(char *text);
 
 // Whether `part` occurs in `text`; capitals are the same as small letters, of every script that has them. What is not

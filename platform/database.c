@@ -41,6 +41,14 @@ static enum status fail_to_grow(const char *path)
     return fail(ERR_IO, "%s cannot grow: the disk is full", path);
 }
 
+// Whether the input or output error came of a full disk. SQLite reads errno late and may find it overwritten with 0.
+static bool is_out_of_room(int code, int system_errno)
+{
+    return (code & 0xff) == SQLITE_IOERR &&
+           (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
+            (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)));
+}
+
 // Turns SQLite's result code into a status and a sentence for the user.
 static enum status fail_sqlite(const struct database *db, int code)
 {
@@ -57,15 +65,14 @@ static enum status fail_sqlite(const struct database *db, int code)
     case SQLITE_FULL: return fail_to_grow(path);
     case SQLITE_BUSY:
     case SQLITE_PROTOCOL:
-    case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
+    case SQLITE_LOCKED:
+        return fail(ERR_IO, "%s is in use by another program: close the other program, then run it again", path);
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN:
         return fail(ERR_IO, "%s cannot be opened: %s", path,
                     system_errno ? strerror(system_errno) : "the system gives no reason");
     case SQLITE_IOERR:
-        // SQLite reads errno late and may find it overwritten with 0.
-        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
-            (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
+        if (is_out_of_room(code, system_errno))
             return fail_to_grow(path);
         return fail(ERR_IO, "%s cannot be read or written to its end: %s (SQLite: %s)", path,
                     system_errno ? strerror(system_errno) : "the system gives no reason", why);
@@ -139,7 +146,8 @@ static int connect_to(struct database *db, enum database_access access_wanted)
         if (code != SQLITE_OK)
             return code;
     }
-    code = sqlite3_exec(db->handle, "PRAGMA cell_size_check = ON", NULL, NULL, NULL);
+    // What is deleted or replaced by anybody shows a person: its bytes are overwritten with zeros.
+    code = sqlite3_exec(db->handle, "PRAGMA cell_size_check = ON; PRAGMA secure_delete = ON", NULL, NULL, NULL);
     return code == SQLITE_OK ? sqlite3_exec(db->handle, "SELECT count(*) FROM sqlite_schema", NULL, NULL, NULL) : code;
 }
 
@@ -393,6 +401,21 @@ enum status database_checkpoint(struct database *db, int64_t *left)
     if (code == SQLITE_BUSY) // another checkpoint is running
         return OK;
     return code == SQLITE_OK ? OK : fail_sqlite(db, code);
+}
+
+enum status database_empty_log(struct database *db)
+{
+    int in_log = 0, moved = 0;
+    const int code = sqlite3_wal_checkpoint_v2(db->handle, NULL, SQLITE_CHECKPOINT_TRUNCATE, &in_log, &moved);
+    if ((code & 0xff) == SQLITE_BUSY || (code & 0xff) == SQLITE_LOCKED)
+        return NOTHING;
+    return code == SQLITE_OK ? OK : fail_sqlite(db, code);
+}
+
+bool database_is_full(const struct database *db)
+{
+    const int code = sqlite3_extended_errcode(db->handle);
+    return (code & 0xff) == SQLITE_FULL || is_out_of_room(code, sqlite3_system_errno(db->handle));
 }
 
 enum status database_checkpoint_beside_writer(struct database *db, struct database *guard, int64_t *left)

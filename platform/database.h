@@ -83,11 +83,19 @@ MUST_CHECK enum status database_check_name(const char *path);
 // that had to stay in the log (because of readers or a concurrent writer).
 MUST_CHECK enum status database_checkpoint(struct database *db, int64_t *left);
 
-// The same while another connection commits, with a third one, `guard`, which must belong to no other thread. In SQLite
-// 3.7.0 to 3.51.2 a checkpoint that finds the whole log checkpointed, just as a commit resets the log, marks that
-// commit's frames as checkpointed, and they are lost ("The WAL-Reset Bug", sqlite.org/wal.html). The guard holds a read
-// lock meanwhile: either that prevents the reset, or, where the whole log is checkpointed, the checkpoint. Errors: as
-// database_checkpoint, and ERR_CORRUPT, ERR_IO, ERR_MEMORY of reading.
+// Moves all of the log into the file, syncs it and cuts the log to nothing, so that what the file no longer holds is
+// not in the log either; waits some seconds for readers. NOTHING: it could not, because another program reads the file
+// (or moves its log) all the time. Errors as database_checkpoint.
+MUST_CHECK enum status database_empty_log(struct database *db);
+
+// Whether the last call failed because the disk, or the largest size of a file, left no room.
+bool database_is_full(const struct database *db);
+
+// database_checkpoint while another connection commits, with a third one, `guard`, which must belong to no other
+// thread. In SQLite 3.7.0 to 3.51.2 a checkpoint that finds the whole log checkpointed, just as a commit resets the
+// log, marks that commit's frames as checkpointed, and they are lost ("The WAL-Reset Bug", sqlite.org/wal.html). The
+// guard holds a read lock meanwhile: either that prevents the reset, or, where the whole log is checkpointed, the
+// checkpoint. Errors: as database_checkpoint, and ERR_CORRUPT, ERR_IO, ERR_MEMORY of reading.
 MUST_CHECK enum status database_checkpoint_beside_writer(struct database *db, struct database *guard, int64_t *left);
 
 // SQLite's own check of every page. ERR_CORRUPT with the first error found.

@@ -10,20 +10,6 @@
 
 enum { MOST_DEPTH = 4, MOST_ENTRIES = 1000 }; // of @graph and arrays that are searched for the thing
 
-// Control characters, and those that turn or hide text (U+200B..200F, 202A..202E, 2060..206F, FEFF).
-static bool is_hidden(const char *s, size_t n)
-{
-    const uint8_t *b = (const uint8_t *)s;
-    if (n == 1)
-        return b[0] < 0x20 || b[0] == 0x7f;
-    if (n == 2)
-        return b[0] == 0xc2 && b[1] < 0xa0;
-    return n == 3 &&
-           ((b[0] == 0xe2 && b[1] == 0x80 && ((b[2] >= 0x8b && b[2] <= 0x8f) || (b[2] >= 0xaa && b[2] <= 0xae))) ||
-            (b[0] == 0xe2 && b[1] == 0x81 && b[2] >= 0xa0 && b[2] <= 0xaf) ||
-            (b[0] == 0xef && b[1] == 0xbb && b[2] == 0xbf));
-}
-
 // Copies text as plain text: white space becomes single spaces, markup <...> goes.
 static void plain_text(const char *from, char *out, size_t bytes)
 {
@@ -36,7 +22,7 @@ static void plain_text(const char *from, char *out, size_t bytes)
             continue;
         }
         const size_t n = text_character_bytes(from);
-        if (!n || is_hidden(from, n) || *from == ' ') {
+        if (!n || text_is_hidden(from, n) || *from == ' ') {
             space = used > 0;
             from += n ? n : 1;
             continue;

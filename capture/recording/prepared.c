@@ -145,17 +145,35 @@ static enum status insert(struct database *db, const struct take *take, int64_t 
     return status;
 }
 
+// NOTHING: what lies at the path now has no such take: it was replaced, or the take was deleted or trimmed, since it
+// was opened. The one person's body must not come into the other's file, nor be left where it was deleted.
+static enum status check_same(struct recording *r, const struct take *take)
+{
+    const char *name = NULL;
+    struct take *now = NULL;
+    for (int i = 0; i < recording_take_count(r) && !name; i++)
+        name = recording_take_id(r, i) == take_id(take) ? recording_take_name(r, i) : NULL;
+    if (!name)
+        return NOTHING;
+    enum status status = take_is_drawn_from_depth(take) ? take_open_drawn(&now, r, name) : take_open(&now, r, name);
+    if (status == OK)
+        status = take_id(now) == take_id(take) && index_crc(now) == index_crc(take) ? OK : NOTHING;
+    take_close(&now);
+    return status;
+}
+
 enum status prepared_write(const char *path, const struct take *take, enum prepared_kind kind, int version,
                            const void *bytes, size_t count)
 {
+    struct recording *r = NULL;
     struct database *db = NULL;
     uint8_t *packed = NULL;
     size_t packed_count = 0;
-    enum status status = database_open(&db, path, DATABASE_WRITE);
-    if (status == OK)
-        status = recording_check_tables(db);
-    if (status == OK)
+    enum status status = recording_open_as(&r, path, DATABASE_WRITE);
+    if (status == OK) {
+        db = recording_database(r);
         status = check_idle(db);
+    }
     if (status == OK)
         status = pack(bytes, count, &packed, &packed_count);
     if (status == OK)
@@ -163,12 +181,14 @@ enum status prepared_write(const char *path, const struct take *take, enum prepa
     if (status == OK)
         status = database_run(db, PREPARED_TABLE);
     if (status == OK)
+        status = check_same(r, take);
+    if (status == OK)
         status = insert(db, take, row_id(take, kind), version, packed, packed_count);
     if (status == OK)
         status = database_run(db, "COMMIT");
     if (db && database_in_transaction(db) && database_run(db, "ROLLBACK") != OK)
         status = NOTHING; // closing rolls back
-    database_close(&db);
+    recording_free(&r);
     free(packed);
     return status == OK || status == ERR_MEMORY ? status : NOTHING;
 }

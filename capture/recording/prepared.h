@@ -15,7 +15,8 @@ MUST_CHECK enum status prepared_read(const struct take *take, enum prepared_kind
                                      size_t *count);
 
 // Keeps it in the file, in one transaction of its own connection; replaces what is there, unless that is of a newer
-// version. NOTHING: the file is just being written or cannot be, and stays as it is. ERR_MEMORY. Any thread may call,
-// while others read the file.
+// version. NOTHING: the file is just being written or cannot be; or what lies at the path does not have this take,
+// frame for frame: it was replaced, or the take trimmed or deleted, since it was opened. It stays as it is then.
+// ERR_MEMORY. Any thread may call, while others read the file.
 MUST_CHECK enum status prepared_write(const char *path, const struct take *take, enum prepared_kind kind, int version,
                                       const void *bytes, size_t count);

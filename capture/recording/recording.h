@@ -228,10 +228,12 @@ MUST_CHECK enum status recording_repair(const char *path, const char *to, struct
 MUST_CHECK enum status recording_rename_take(const char *path, const char *name, const char *new_name);
 // NULL keeps what there is, "" removes it.
 MUST_CHECK enum status recording_annotate_take(const char *path, const char *name, const char *note, const char *alias);
-// Its bytes are overwritten with zeros and the file is made smaller, which takes as long as copying what remains;
-// *freed: by how many bytes, 0 where the disk has no room for that (the bytes are zeros nevertheless, and used by the
-// next take). freed NULL: for somebody who waits; the next take uses the space, and the file is made smaller only once
-// more of it is free than used.
+// Its bytes are overwritten with zeros, in the file and in the log beside it, and the file is made smaller, which takes
+// as long as copying what remains; *freed: by how many bytes, 0 where the disk has no room for that (the bytes are
+// zeros nevertheless, and used by the next take). freed NULL: for somebody who waits; the next take uses the space, and
+// the file is made smaller only once more of it is free than used. ERR_IO: another program is reading the file; the
+// sentence says whether nothing has changed, or the take is gone and its bytes are still to be overwritten: the same
+// call does that later.
 MUST_CHECK enum status recording_delete_take(const char *path, const char *name, int64_t *freed);
 // Keeps the frames from `from_ns` to `to_ns` after the first one, both included; the others are overwritten likewise.
 // ERR_INPUT: none would remain.

@@ -1,4 +1,5 @@
 // Changes takes of a recording: names, notes, deleting, trimming, copying.
+#include "capture/recording/erasure.h"
 #include "capture/recording/place_copier.h"
 #include "capture/recording/recording_reader.h"
 
@@ -10,8 +11,8 @@
 
 // ------------------------------------------------------------- the file while it is changed
 
-// Opens the file as its only writer and begins a transaction. Deleted content is overwritten with zeros.
-static enum status begin(struct database **db, const char *path)
+// Opens the file as its only writer. Deleted content is overwritten with zeros.
+static enum status open_to_change(struct database **db, const char *path)
 {
     enum status status = database_open(db, path, DATABASE_WRITE);
     if (status == OK)
@@ -20,15 +21,21 @@ static enum status begin(struct database **db, const char *path)
         status = database_lock_writer(*db);
     if (status == OK)
         status = database_run(*db, "PRAGMA secure_delete = ON; PRAGMA synchronous = FULL");
-    if (status == OK)
-        status = recording_add_columns(*db);
+    return status == OK ? recording_add_columns(*db) : status;
+}
+
+// The same, and begins a transaction.
+static enum status begin(struct database **db, const char *path)
+{
+    const enum status status = open_to_change(db, path);
     return status == OK ? database_begin(*db) : status;
 }
 
+// Ends the transaction, if one is open, and closes.
 static enum status end(struct database **db, enum status status)
 {
     struct failure first;
-    if (status == OK)
+    if (status == OK && database_in_transaction(*db))
         status = database_run(*db, "COMMIT");
     failure_keep(&first, status);
     if (*db && database_in_transaction(*db)) {
@@ -70,11 +77,31 @@ static enum status shrink(const char *path, int64_t before, int64_t *freed)
                                  &exact);
     if (status == OK && wanted && exact == 5)
         status = database_run(db, "VACUUM");
+    if (status == OK) // beside a program that has the file open, the new copy lies in the log
+        status = database_empty_log(db);
     database_close(&db);
     const int64_t after = recording_bytes(path);
     if (freed)
         *freed = before > after ? before - after : 0;
-    return status == ERR_IO ? OK : status;
+    return status == ERR_IO || status == NOTHING ? OK : status;
+}
+
+// A take of a file from outside, whose name holds what is not shown, by the name that is shown.
+static enum status find_shown(struct database *db, const char *name, struct take_row *out)
+{
+    struct statement *s;
+    bool usable, found = false;
+    char shown[TAKE_NAME_BYTES + 1];
+    enum status status = select_open(&s, db, TABLE_TAKE, "ORDER BY rowid");
+    while (status == OK && !found && (status = statement_step(s)) == OK) {
+        snprintf(shown, sizeof shown, "%s", statement_text(s, 1));
+        text_make_printable(shown);
+        found = !strcmp(shown, name);
+    }
+    if (status == OK)
+        status = take_from_row(s, out, &usable);
+    statement_close(&s);
+    return status;
 }
 
 // NOTHING: no such take. ERR_CORRUPT: its row is damaged.
@@ -90,7 +117,7 @@ static enum status find(struct database *db, const char *name, struct take_row *
     if (status == OK)
         status = take_from_row(s, out, &usable);
     statement_close(&s);
-    return status;
+    return status == NOTHING ? find_shown(db, name, out) : status;
 }
 
 static enum status need(struct database *db, const char *name, struct take_row *out)
@@ -232,17 +259,82 @@ static enum status delete_prepared(struct database *db, int64_t take)
     return status;
 }
 
-enum status recording_delete_take(const char *path, const char *name, int64_t *freed)
+// Where the disk has no room for the log of a deletion, there is another way.
+static enum status explain_full(struct database *db, enum status status)
 {
-    struct database *db;
-    struct take_row take;
-    const int64_t before = recording_bytes(path);
-    struct statement *s = NULL;
+    if (status != ERR_IO || !db || !database_is_full(db))
+        return status;
+    char why[400];
+    snprintf(why, sizeof why, "%s", status_message());
+    return fail(ERR_IO,
+                "%s, and what is deleted is overwritten, which needs as much room for a while: make room there, or "
+                "copy the takes that stay to another disk (reenact-capture take copy --into) and remove this file",
+                why);
+}
+
+// What recording_delete_take and recording_trim_take have in common: carries `change` out in a transaction, unless that
+// was done before, and overwrites. `done` says what has happened then.
+struct erasing {
+    const char *path, *take, *what, *done;
+    int64_t from_ns, to_ns;
+    enum status (*change)(struct database *db, const struct erasing *e);
+};
+
+// The take's row as it is now.
+static enum status find_seal(struct database *db, struct erasure_request *request)
+{
+    struct statement *s;
+    request->seal = 0;
+    enum status status = statement_open(&s, db, "SELECT seal FROM take WHERE name = ?");
+    if (status == OK) {
+        statement_bind_text(s, 1, request->take);
+        status = statement_step(s);
+    }
+    if (status == OK)
+        request->seal = statement_number(s, 0);
+    statement_close(&s);
+    return status == NOTHING ? OK : status;
+}
+
+static enum status change_and_note(struct database *db, const struct erasing *e, struct erasure_request *request)
+{
+    enum status status = database_begin(db);
+    if (status == OK)
+        status = e->change(db, e);
+    if (status == OK)
+        status = find_seal(db, request);
+    if (status == OK)
+        status = erasure_note(db, request);
+    return status == OK ? database_run(db, "COMMIT") : status;
+}
+
+static enum status erase(const struct erasing *e, int64_t *freed)
+{
+    struct database *db = NULL;
+    const int64_t before = recording_bytes(e->path);
+    struct erasure_request request = {.what = e->what, .take = e->take, .numbers = {e->from_ns, e->to_ns}};
+    char done[TAKE_NAME_BYTES + 40];
+    snprintf(done, sizeof done, "take '%s' is %s", e->take, e->done);
     if (freed)
         *freed = 0;
-    enum status status = begin(&db, path);
+    enum status status = open_to_change(&db, e->path);
     if (status == OK)
-        status = need(db, name, &take);
+        status = find_seal(db, &request);
+    if (status == OK)
+        status = erasure_begin(db, &request);
+    if (status == OK)
+        status = change_and_note(db, e, &request);
+    if (status == OK || status == NOTHING)
+        status = erasure_finish(db, done);
+    status = end(&db, explain_full(db, status));
+    return status == OK ? shrink(e->path, before, freed) : status;
+}
+
+static enum status delete_take(struct database *db, const struct erasing *e)
+{
+    struct take_row take;
+    struct statement *s = NULL;
+    enum status status = need(db, e->take, &take);
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, 0), frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
@@ -256,15 +348,23 @@ enum status recording_delete_take(const char *path, const char *name, int64_t *f
         status = statement_run(s);
     }
     statement_close(&s);
-    status = end(&db, status);
-    return status == OK ? shrink(path, before, freed) : status;
+    return status;
 }
 
-// Numbers of the first and the last frame that stay. NOTHING: none.
-static enum status find_range(struct database *db, int64_t take, int64_t from_ns, int64_t to_ns, int64_t range[2])
+enum status recording_delete_take(const char *path, const char *name, int64_t *freed)
+{
+    return erase(
+        &(struct erasing){.path = path, .take = name, .what = "delete", .done = "deleted", .change = delete_take},
+        freed);
+}
+
+// Numbers of the first and the last frame that stay. NOTHING: none; *end_ns is then when the last one is.
+static enum status find_range(struct database *db, int64_t take, const struct erasing *e, int64_t range[2],
+                              int64_t *end_ns)
 {
     struct statement *s;
     int64_t start_ns = 0;
+    *end_ns = 0;
     range[0] = range[1] = -1;
     enum status status = select_open(&s, db, TABLE_FRAME, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
     if (status == OK) {
@@ -279,7 +379,8 @@ static enum status find_range(struct database *db, int64_t take, int64_t from_ns
         start_ns = first ? entry.time_ns : start_ns;
         // unsigned: the times of a foreign file may lie any distance apart
         const uint64_t at_ns = (uint64_t)entry.time_ns - (uint64_t)start_ns;
-        if (at_ns >= (uint64_t)from_ns && at_ns <= (uint64_t)to_ns) {
+        *end_ns = at_ns < INT64_MAX ? (int64_t)at_ns : INT64_MAX;
+        if (at_ns >= (uint64_t)e->from_ns && at_ns <= (uint64_t)e->to_ns) {
             range[0] = range[0] < 0 ? entry.row_number : range[0];
             range[1] = entry.row_number;
         }
@@ -329,25 +430,26 @@ static enum status renumber(struct database *db, int64_t first, int64_t last, in
     return status;
 }
 
-enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns, int64_t *freed)
+static enum status nothing_between(const struct erasing *e, int64_t end_ns)
 {
-    struct database *db;
+    char from[SECONDS_TEXT_BYTES], to[SECONDS_TEXT_BYTES], end[SECONDS_TEXT_BYTES];
+    seconds_text(e->from_ns, 3, from);
+    seconds_text(e->to_ns, 3, to);
+    if (e->from_ns > end_ns)
+        return fail(ERR_INPUT, "take '%s' ends at %s s, before %s s; it stays as it was", e->take,
+                    seconds_text(end_ns, 3, end), from);
+    return fail(ERR_INPUT, "no frame of take '%s' lies between %s s and %s s; it stays as it was", e->take, from, to);
+}
+
+static enum status trim_take(struct database *db, const struct erasing *e)
+{
     struct take_row take;
-    int64_t range[2] = {0, 0};
-    const int64_t before = recording_bytes(path);
-    if (freed)
-        *freed = 0;
-    if (from_ns < 0 || to_ns < from_ns)
-        return fail(ERR_INPUT, "a take is trimmed from a second to a later one, not from %.3f to %.3f",
-                    (double)from_ns * 1e-9, (double)to_ns * 1e-9);
-    enum status status = begin(&db, path);
+    int64_t range[2] = {0, 0}, end_ns = 0;
+    enum status status = need(db, e->take, &take);
     if (status == OK)
-        status = need(db, name, &take);
-    if (status == OK)
-        status = find_range(db, take.id, from_ns, to_ns, range);
+        status = find_range(db, take.id, e, range, &end_ns);
     if (status == NOTHING)
-        status = fail(ERR_INPUT, "nothing of take '%s' lies between %.3f s and %.3f s; it stays as it was", name,
-                      (double)from_ns * 1e-9, (double)to_ns * 1e-9);
+        status = nothing_between(e, end_ns);
     if (status == OK)
         status = delete_frames(db, frame_key(take.id, range[1]) + 1, frame_key(take.id, FRAME_NUMBER_MAX));
     if (status == OK)
@@ -356,14 +458,29 @@ enum status recording_trim_take(const char *path, const char *name, int64_t from
         status = delete_prepared(db, take.id);
     if (status == OK)
         status = renumber(db, frame_key(take.id, range[0]), frame_key(take.id, range[1]), frame_key(take.id, 0));
-    if (status == OK) {
-        int64_t *shown = &take.body.representative_frame;
-        *shown = *shown >= range[0] && *shown <= range[1] ? *shown - range[0] : -1;
-        take.frames = take.frames < 0 ? -1 : range[1] - range[0] + 1;
-        status = put(db, &take);
-    }
-    status = end(&db, status);
-    return status == OK ? shrink(path, before, freed) : status;
+    if (status != OK)
+        return status;
+    int64_t *shown = &take.body.representative_frame;
+    *shown = *shown >= range[0] && *shown <= range[1] ? *shown - range[0] : -1;
+    take.frames = take.frames < 0 ? -1 : range[1] - range[0] + 1;
+    return put(db, &take);
+}
+
+enum status recording_trim_take(const char *path, const char *name, int64_t from_ns, int64_t to_ns, int64_t *freed)
+{
+    if (freed)
+        *freed = 0;
+    if (from_ns < 0 || to_ns < from_ns)
+        return fail(ERR_INPUT, "a take is trimmed from a second to a later one, not from %.3f to %.3f",
+                    (double)from_ns * 1e-9, (double)to_ns * 1e-9);
+    return erase(&(struct erasing){.path = path,
+                                   .take = name,
+                                   .what = "trim",
+                                   .done = "trimmed",
+                                   .from_ns = from_ns,
+                                   .to_ns = to_ns,
+                                   .change = trim_take},
+                 freed);
 }
 
 // ------------------------------------------------------------- copying

@@ -162,7 +162,8 @@ static void test_numbers(void **state)
 static void test_printable_text(void **state)
 {
     (void)state;
-    EXPECT_TRUE(text_is_printable("höher 🕺 日本"));
+    // the joiners belong to Persian words and to families of emoji
+    EXPECT_TRUE(text_is_printable("höher 🕺 日本 می\u200cخواهم 👨\u200d👩\u200d👧 שלום"));
     static const char *const bad[] = {"\x1b[31m",     "caf\xe9",  "\xc2\x9b\x33\x31m",
                                       "\xed\xa0\x80", "\xc0\xaf", "a\xf0\x9f\x95"};
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
@@ -171,6 +172,38 @@ static void test_printable_text(void **state)
         snprintf(text, sizeof text, "%s", bad[i]);
         text_make_printable(text);
         EXPECT_TRUE(text_is_printable(text));
+    }
+}
+
+// The first and the last of each range that Unicode's tables give as control characters, separators, or format
+// characters that turn or hide text; and the neighbours of some, which are shown.
+static void test_hidden_characters(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {
+        "\x01",   "\x1f",       "\x7f",       "\xc2\x80",   "\xc2\x9f",   "\u00ad",     "\u061c",
+        "\u180e", "\u200b",     "\u200e",     "\u200f",     "\u2028",     "\u2029",     "\u202a",
+        "\u202e", "\u2060",     "\u2066",     "\u2069",     "\u206f",     "\ufeff",     "\ufff9",
+        "\ufffb", "\U0001d173", "\U0001d17a", "\U000e0001", "\U000e007f", "\U000e0fff", "\U000e0020",
+    };
+    static const char *const good[] = {"\u00a0", "\u00ac", "\u00ae", "\u061b", "\u200c", "\u200d",    "\u2010",
+                                       "\u2027", "\u202f", "\u2070", "\ufefe", "\ufffd", "\U000e1000"};
+    char text[32], wanted[32];
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        snprintf(text, sizeof text, "a%sb%sc", bad[i], bad[i]);
+        EXPECT_TRUE(!text_is_printable(text));
+        text_make_printable(text);
+        assert_string_equal(text, "a?b?c");
+        char typed[8] = "x";
+        EXPECT_TRUE(!text_append(typed, sizeof typed, bad[i]));
+        assert_string_equal(typed, "x");
+    }
+    for (size_t i = 0; i < COUNT_OF(good); i++) {
+        snprintf(wanted, sizeof wanted, "a%sb", good[i]);
+        snprintf(text, sizeof text, "%s", wanted);
+        EXPECT_TRUE(text_is_printable(text));
+        text_make_printable(text);
+        assert_string_equal(text, wanted);
     }
 }
 
@@ -183,6 +216,7 @@ int main(void)
         cmocka_unit_test(test_characters),
         cmocka_unit_test(test_numbers),
         cmocka_unit_test(test_printable_text),
+        cmocka_unit_test(test_hidden_characters),
         cmocka_unit_test(test_names_are_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -108,6 +108,33 @@ static void test_rename_and_notes(void **state)
     expect_sound(path, 2, FRAMES + 3);
 }
 
+// A name from outside that a terminal must not be given: it is shown with '?', and found by what is shown.
+static void test_a_name_that_is_not_shown(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"a\u202eb", "a\u2028b",
+                                        "a\x1b"
+                                        "b",
+                                        "a\xff"
+                                        "b"};
+    char path[128], sql[200];
+    int64_t freed;
+    for (size_t i = 0; i < COUNT_OF(names); i++) {
+        snprintf(path, sizeof path, "%s", fresh("hidden"));
+        EXPECT_STATUS(recording_rename_take(path, "second", names[i]), ERR_INPUT);
+        snprintf(sql, sizeof sql, "UPDATE take SET name = CAST(x'");
+        for (const char *at = names[i]; *at; at++)
+            snprintf(sql + strlen(sql), sizeof sql - strlen(sql), "%02x", (unsigned)(uint8_t)*at);
+        snprintf(sql + strlen(sql), sizeof sql - strlen(sql), "' AS TEXT) WHERE id = 2");
+        run_sql(path, sql);
+        EXPECT_STATUS(recording_open(&recording, path), OK);
+        assert_string_equal(recording_take_name(recording, 1), "a?b");
+        recording_free(&recording);
+        EXPECT_STATUS(recording_rename_take(path, "a?b", "third"), ERR_CORRUPT); // its checksum is of another name
+        EXPECT_STATUS(recording_delete_take(path, "nobody", &freed), ERR_MISSING);
+    }
+}
+
 static void add_take(const char *path, const char *name, int frames)
 {
     const struct calibration calibration = sample_calibration();
@@ -172,11 +199,22 @@ static void test_trim(void **state)
     int64_t freed, times[TO - FROM + 1];
     snprintf(path, sizeof path, "%s", fresh("trim"));
     open_take(path, "höher");
-    const int64_t first_ns = take_entry(take, 0)->time_ns;
+    const int64_t first_ns = take_entry(take, 0)->time_ns, last_ns = take_entry(take, FRAMES - 1)->time_ns;
     for (int i = FROM; i <= TO; i++)
         times[i - FROM] = take_entry(take, i)->time_ns;
     close_take();
-    EXPECT_STATUS(recording_trim_take(path, "höher", INT64_C(90000000000), INT64_MAX, &freed), ERR_INPUT);
+    char ends[80];
+    snprintf(ends, sizeof ends, "take 'höher' ends at %.3f s, before 90.000 s",
+             (double)((last_ns - first_ns) / 1000000) / 1e3);
+    const struct {
+        int64_t from_ns, to_ns;
+        const char *says;
+    } empty[] = {{INT64_C(90000000000), INT64_MAX, ends},
+                 {1, 2, "no frame of take 'höher' lies between 0.000 s and 0.000 s"}};
+    for (size_t i = 0; i < COUNT_OF(empty); i++) {
+        EXPECT_STATUS(recording_trim_take(path, "höher", empty[i].from_ns, empty[i].to_ns, &freed), ERR_INPUT);
+        EXPECT_SAYS(empty[i].says);
+    }
     EXPECT_STATUS(recording_trim_take(path, "höher", times[0] - first_ns, times[TO - FROM] - first_ns, &freed), OK);
     print_message("%.0f KB were freed\n", (double)freed / 1e3);
     expect_sound(path, 2, TO - FROM + 1 + 3);
@@ -373,6 +411,7 @@ int main(void)
     printf("seed %d\n", SAMPLE_SEED);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rename_and_notes),
+        cmocka_unit_test(test_a_name_that_is_not_shown),
         cmocka_unit_test(test_delete_overwrites),
         cmocka_unit_test(test_delete_for_somebody_who_waits),
         cmocka_unit_test(test_trim),
