@@ -10,6 +10,7 @@
 
 struct recorded_take {
     int64_t id;
+    bool name_is_valid;
     char name[TAKE_NAME_BYTES + 1];
 };
 
@@ -17,6 +18,10 @@ struct recording {
     struct database *db;
     struct recorded_take *takes;
     int take_count;
+    int *by_name; // the takes' indices, sorted by name, those of the same name by index
+    // What every take is opened with, kept from one to the next for as long as the file's tables are the same.
+    struct statement *read_schema, *kept[TABLE_COUNT];
+    int64_t schema; // PRAGMA schema_version that they were made for
 };
 
 const uint8_t *recording_blob(struct statement *s, int column, size_t bytes)
@@ -33,26 +38,80 @@ enum status recording_damaged(const struct recording *r, const char *what)
 
 // ------------------------------------------------------------- the file
 
+static enum status no_memory(const struct recording *r)
+{
+    return fail(ERR_MEMORY, "no memory to read %s", database_path(r->db));
+}
+
+static void read_name(struct statement *s, struct recorded_take *out)
+{
+    const char *name = statement_text(s, 1);
+    const int bytes = snprintf(out->name, sizeof out->name, "%s", name);
+    out->name_is_valid = bytes > 0 && bytes < (int)sizeof out->name && text_is_printable(name);
+    text_make_printable(out->name);
+}
+
+static int compare_names(const void *a, const void *b, void *takes)
+{
+    const int left = *(const int *)a, right = *(const int *)b;
+    const int order = strcmp(((struct recorded_take *)takes)[left].name, ((struct recorded_take *)takes)[right].name);
+    return order ? order : (left > right) - (left < right);
+}
+
+static enum status sort_takes(struct recording *r)
+{
+    r->by_name = malloc(sizeof *r->by_name * ((size_t)r->take_count + 1));
+    if (!r->by_name)
+        return no_memory(r);
+    for (int i = 0; i < r->take_count; i++)
+        r->by_name[i] = i;
+    qsort_r(r->by_name, (size_t)r->take_count, sizeof *r->by_name, compare_names, r->takes);
+    return OK;
+}
+
 static enum status list_takes(struct recording *r)
 {
     struct statement *s;
+    int capacity = 0;
     enum status status = statement_open(&s, r->db, "SELECT rowid, name FROM take ORDER BY rowid");
     while (status == OK && (status = statement_step(s)) == OK) {
-        struct recorded_take *grown = realloc(r->takes, sizeof *grown * ((size_t)r->take_count + 1));
-        if (!grown) {
-            status = fail(ERR_MEMORY, "no memory to read %s", database_path(r->db));
-            break;
+        if (r->take_count == capacity) {
+            capacity = capacity ? 2 * capacity : 16;
+            struct recorded_take *grown = realloc(r->takes, sizeof *grown * (size_t)capacity);
+            if (!grown) {
+                status = no_memory(r);
+                break;
+            }
+            r->takes = grown;
         }
-        r->takes = grown;
-        struct recorded_take *take = &grown[r->take_count++];
+        struct recorded_take *take = &r->takes[r->take_count++];
         take->id = statement_number(s, 0);
-        snprintf(take->name, sizeof take->name, "%s", statement_text(s, 1));
-        text_make_printable(take->name);
+        read_name(s, take);
         if ((status = statement_check(s)) != OK)
             break;
     }
     statement_close(&s);
-    return status == NOTHING ? OK : status;
+    return status == NOTHING ? sort_takes(r) : status;
+}
+
+int recording_find_take(const struct recording *r, const char *name)
+{
+    int low = 0, high = r->take_count; // the first that is not before the name
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (strcmp(r->takes[r->by_name[middle]].name, name) < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    const int found = low < r->take_count ? r->by_name[low] : -1;
+    return found >= 0 && !strcmp(r->takes[found].name, name) ? found : -1;
+}
+
+bool recording_take_name_is_valid(const struct recording *r, int index)
+{
+    assert(index >= 0 && index < r->take_count);
+    return r->takes[index].name_is_valid;
 }
 
 enum status recording_open_as(struct recording **out, const char *path, enum database_access access)
@@ -78,12 +137,49 @@ enum status recording_open(struct recording **out, const char *path)
     return recording_open_as(out, path, DATABASE_READ);
 }
 
+static void forget_statements(struct recording *r)
+{
+    for (int i = 0; i < TABLE_COUNT; i++)
+        statement_close(&r->kept[i]);
+}
+
+enum status recording_keep_statements(struct recording *r)
+{
+    int64_t schema = 0;
+    enum status status = r->read_schema ? OK : statement_open(&r->read_schema, r->db, "PRAGMA schema_version");
+    if (status == OK)
+        status = statement_step(r->read_schema);
+    if (status == OK)
+        schema = statement_number(r->read_schema, 0);
+    if (r->read_schema)
+        statement_reset(r->read_schema);
+    if (schema != r->schema)
+        forget_statements(r);
+    r->schema = schema;
+    return status;
+}
+
+enum status recording_statement(struct recording *r, enum recording_table table, struct statement **out)
+{
+    *out = r->kept[table];
+    if (*out)
+        return OK;
+    const enum status status =
+        select_open(&r->kept[table], r->db, table,
+                    table == TABLE_TAKE ? "WHERE rowid = ?" : "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    *out = r->kept[table];
+    return status;
+}
+
 void recording_free(struct recording **r)
 {
     if (!*r)
         return;
+    forget_statements(*r);
+    statement_close(&(*r)->read_schema);
     database_close(&(*r)->db);
     free((*r)->takes);
+    free((*r)->by_name);
     free(*r);
     *r = NULL;
 }

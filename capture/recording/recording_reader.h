@@ -3,10 +3,20 @@
 #include "capture/recording/recording_schema.h"
 
 MUST_CHECK enum status recording_open_as(struct recording **out, const char *path, enum database_access access);
-struct database *recording_database(struct recording *r);        // borrowed
-int64_t recording_take_id(const struct recording *r, int index); // of recording_take_name(r, index)
-struct recording *take_recording(const struct take *t);          // that it was opened with
-int64_t take_id(const struct take *t);                           // likewise, of an open take
+struct database *recording_database(struct recording *r);             // borrowed
+int64_t recording_take_id(const struct recording *r, int index);      // of recording_take_name(r, index)
+int recording_find_take(const struct recording *r, const char *name); // the first of that name, shown; -1: none
+// Whether the name is as the format says, not only what of it is shown (recording_take_name).
+bool recording_take_name_is_valid(const struct recording *r, int index);
+
+// Statements that stay with the recording: for TABLE_TAKE a row by its id, for others the rows between two ids.
+// recording_keep_statements comes first, in the transaction that reads: another program may have changed the tables.
+// Borrowed; the user resets it.
+MUST_CHECK enum status recording_keep_statements(struct recording *r);
+MUST_CHECK enum status recording_statement(struct recording *r, enum recording_table table, struct statement **out);
+
+struct recording *take_recording(const struct take *t); // that it was opened with
+int64_t take_id(const struct take *t);                  // likewise, of an open take
 
 // Of take_lost, those that are missing in this file.
 int64_t take_lost_now(const struct take *t);

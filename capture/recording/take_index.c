@@ -46,7 +46,7 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
 static enum status read_take_row(struct take_index *t, struct recording *r)
 {
     struct statement *s;
-    enum status status = select_open(&s, recording_database(r), TABLE_TAKE, "WHERE rowid = ?");
+    enum status status = recording_statement(r, TABLE_TAKE, &s);
     if (status == OK) {
         statement_bind_number(s, 1, t->id);
         status = statement_step(s);
@@ -69,7 +69,8 @@ static enum status read_take_row(struct take_index *t, struct recording *r)
             text_make_printable(t->alias);
         }
     }
-    statement_close(&s);
+    if (s)
+        statement_reset(s);
     return status;
 }
 
@@ -146,13 +147,18 @@ struct row_scan {
 static enum status scan_open(struct row_scan *scan, struct recording *r, enum recording_table table, int64_t take)
 {
     *scan = (struct row_scan){.next_key = frame_key(take, 0), .last_key = frame_key(take, FRAME_NUMBER_MAX)};
-    enum status status =
-        select_open(&scan->s, recording_database(r), table, "WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
+    enum status status = recording_statement(r, table, &scan->s);
     if (status == OK) {
         statement_bind_number(scan->s, 1, scan->next_key);
         statement_bind_number(scan->s, 2, scan->last_key);
     }
     return status;
+}
+
+static void scan_close(struct row_scan *scan)
+{
+    if (scan->s)
+        statement_reset(scan->s);
 }
 
 static enum status scan_next(struct row_scan *scan)
@@ -221,7 +227,7 @@ static enum status read_entries(struct take_index *t, struct recording *r)
             representative = t->count;
         t->count++;
     }
-    statement_close(&scan.s);
+    scan_close(&scan);
     if (t->count && !resize_entries(t, t->count)) // gives back what doubling allocated beyond the last frame
         status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
     // Row numbers have gaps where frames were lost; callers count the frames that are there.
@@ -236,11 +242,11 @@ static enum status read_entries(struct take_index *t, struct recording *r)
 static enum status read_joint_errors(struct take_index *t, struct recording *r)
 {
     struct row_scan scan = {0};
-    bool there;
+    bool there = false;
     int64_t i = 0;
-    enum status status = recording_has_joint_errors(recording_database(r), &there);
+    enum status status = t->count ? recording_has_joint_errors(recording_database(r), &there) : NOTHING;
     if (status != OK || !there)
-        return status;
+        return status == NOTHING ? OK : status;
     status = scan_open(&scan, r, TABLE_JOINT_ERROR, t->id);
     while (status == OK && (status = scan_next(&scan)) == OK) {
         const int64_t number = statement_number(scan.s, 0) & FRAME_NUMBER_MAX;
@@ -250,7 +256,7 @@ static enum status read_joint_errors(struct take_index *t, struct recording *r)
             joint_error_from_row(scan.s, &t->entries[i].skeleton) != OK)
             t->errors_lost++;
     }
-    statement_close(&scan.s);
+    scan_close(&scan);
     return status == NOTHING ? OK : status;
 }
 
@@ -260,6 +266,8 @@ enum status take_index_read(struct take_index *t, struct recording *r)
     struct database *db = recording_database(r);
     const bool begins = !database_in_transaction(db);
     enum status status = begins ? database_run(db, "BEGIN") : OK;
+    if (status == OK)
+        status = recording_keep_statements(r);
     if (status == OK)
         status = read_take_row(t, r);
     if (status == OK)

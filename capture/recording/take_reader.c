@@ -49,21 +49,22 @@ static enum status open_handle(struct take **out, struct recording *r, struct ta
     return OK;
 }
 
-static enum status open_decoders(struct take *t)
+// Before images are read: many open a take for its index alone.
+static enum status need_decoders(struct take *t)
 {
-    enum status status = select_open(&t->read_images, recording_database(t->recording), TABLE_IMAGE, "WHERE rowid = ?");
-    if (status == OK)
+    enum status status = OK;
+    if (!t->read_images)
+        status = select_open(&t->read_images, recording_database(t->recording), TABLE_IMAGE, "WHERE rowid = ?");
+    if (status == OK && !t->read_version)
         status = statement_open(&t->read_version, recording_database(t->recording), "PRAGMA data_version");
-    return status == OK ? depth_coder_open(&t->coder) : status;
+    return status == OK && !t->coder ? depth_coder_open(&t->coder) : status;
 }
 
 enum status take_open(struct take **out, struct recording *r, const char *name)
 {
     *out = NULL;
-    int i = 0;
-    while (i < recording_take_count(r) && strcmp(recording_take_name(r, i), name))
-        i++;
-    if (i == recording_take_count(r))
+    const int i = recording_find_take(r, name);
+    if (i < 0)
         return no_such_take(r, name);
     struct take_index *index = calloc(1, sizeof *index);
     if (index) {
@@ -78,8 +79,6 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     enum status status = open_handle(out, r, index);
     if (status == OK)
         status = take_index_read(index, r);
-    if (status == OK)
-        status = open_decoders(*out);
     if (status != OK)
         take_close(out);
     return status;
@@ -111,12 +110,7 @@ enum status take_open_drawn(struct take **out, struct recording *r, const char *
 enum status take_open_shared(struct take **out, struct recording *r, const struct take *same)
 {
     atomic_fetch_add(&same->index->handles, 1);
-    enum status status = open_handle(out, r, same->index);
-    if (status == OK)
-        status = open_decoders(*out);
-    if (status != OK)
-        take_close(out);
-    return status;
+    return open_handle(out, r, same->index);
 }
 
 void take_close(struct take **t)
@@ -320,8 +314,11 @@ enum status take_read(struct take *t, int64_t index, unsigned want, struct take_
     if (!want)
         return OK;
     atomic_fetch_add(&t->index->decoded, 1);
+    enum status status = need_decoders(t);
+    if (status != OK)
+        return status;
     statement_reset(t->read_images); // take_read_jpeg leaves it open
-    enum status status = find_images(t, entry);
+    status = find_images(t, entry);
     if (status == OK)
         status = decode_wanted(t, entry->has_mask, want, out);
     status = name_frame(t, index, status);
@@ -336,8 +333,11 @@ enum status take_read_jpeg(struct take *t, int64_t index, const uint8_t **bytes,
     *count = 0;
     if (!entry->has_color || t->index->drawn_from_depth)
         return NOTHING;
+    enum status status = need_decoders(t);
+    if (status != OK)
+        return status;
     statement_reset(t->read_images);
-    enum status status = find_images(t, entry);
+    status = find_images(t, entry);
     if (status == OK && !(*bytes = checked_blob(t->read_images, 6, 3, count)))
         status = ERR_CORRUPT;
     return name_frame(t, index, status); // the statement is reset when it is used next

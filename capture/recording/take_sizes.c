@@ -9,6 +9,8 @@ enum status take_read_sizes(struct take *t, struct take_sizes *out)
     double sums[3] = {0};
     struct statement *s;
     *out = (struct take_sizes){.exact = asked == frames};
+    if (!frames)
+        return OK;
     // SQLite knows a blob's length without reading it.
     enum status status =
         statement_open(&s, recording_database(take_recording(t)),
