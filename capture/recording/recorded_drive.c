@@ -8,11 +8,11 @@ enum { NUMBERS_BYTES = 3 * 8 + POSE_BYTES, PATH_POINT_BYTES = 3 * 8 };
 
 static bool is_good(const struct recorded_drive *d)
 {
-    bool good = pose_finite(d->world_from_body) && d->path_count >= 0 && d->path_count <= RECORDED_DRIVE_POINTS;
+    bool good = pose_is_valid(d->world_from_body) && d->path_count >= 0 && d->path_count <= RECORDED_DRIVE_POINTS;
     for (int i = 0; i < 3; i++)
-        good = good && isfinite(d->size_m[i]) && d->size_m[i] >= 0;
+        good = good && d->size_m[i] >= 0 && d->size_m[i] < RECORDING_METRES_MOST;
     for (int i = 0; good && i < d->path_count; i++)
-        good = v3_finite(d->path[i]);
+        good = position_is_valid(d->path[i]);
     return good;
 }
 

@@ -39,8 +39,8 @@ static void get_numbers(const uint8_t in[NUMBERS_BYTES], struct recorded_thing *
 static bool is_finite(const struct recorded_thing *t)
 {
     const struct covariance3 *c = &t->covariance;
-    return pose_finite(t->world_from_thing) && isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz) && c->xx >= 0 &&
-           c->yy >= 0 && c->zz >= 0 && isfinite(t->width_m) && isfinite(t->height_m) && t->width_m >= 0 &&
+    return pose_is_valid(t->world_from_thing) && isfinite(c->xx + c->xy + c->xz + c->yy + c->yz + c->zz) &&
+           c->xx >= 0 && c->yy >= 0 && c->zz >= 0 && isfinite(t->width_m) && isfinite(t->height_m) && t->width_m >= 0 &&
            t->height_m >= 0;
 }
 

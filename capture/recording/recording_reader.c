@@ -334,8 +334,8 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     struct place_view *view = &grown[p->view_count++];
     *view = (struct place_view){0};
     get_pose(pose, &view->world_from_camera);
-    if (!pose_finite(view->world_from_camera))
-        return recording_damaged(r, "a view of the place holds a number that is not finite");
+    if (!pose_is_valid(view->world_from_camera))
+        return recording_damaged(r, "a view of the place holds a number that is not finite or out of range");
     if (color_bytes) {
         if (!(view->jpeg = malloc(color_bytes)))
             return fail(ERR_MEMORY, "no memory for the views of %s", database_path(r->db));
@@ -399,7 +399,7 @@ static enum status read_place(struct recording *r, bool views, struct place *out
     statement_close(&s);
     depth_coder_close(&coder);
     if (has_place && status == OK && !place_is_finite(&place))
-        status = recording_damaged(r, "the place holds a number that is not finite");
+        status = recording_damaged(r, "the place holds a number that is not finite or out of range");
     if (has_place && status == OK) {
         *out = place;
         return OK;

@@ -20,7 +20,9 @@ int64_t take_id(const struct take *t);                  // likewise, of an open 
 
 // Of take_lost, those that are missing in this file.
 int64_t take_lost_now(const struct take *t);
-int64_t recording_bytes(const char *path); // of the file and its log
+int64_t take_uncounted(const struct take *t);    // frames beyond the number that the take is said to have
+bool take_is_out_of_range(const struct take *t); // its row holds what is not as the format says; it was replaced
+int64_t recording_bytes(const char *path);       // of the file and its log
 
 // ERR_CORRUPT with the file's path, `what` and the advice to repair it.
 enum status recording_damaged(const struct recording *r, const char *what);

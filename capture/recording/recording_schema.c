@@ -268,7 +268,7 @@ void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         // An unknown joint's position is meaningless and must not make the file invalid.
-        bool is_undefined = s->confidence[j] == 0 && !v3_finite(s->joint[j]);
+        bool is_undefined = s->confidence[j] == 0 && !position_is_valid(s->joint[j]);
         out = put_vec3(out, is_undefined ? v3(0, 0, 0) : s->joint[j]);
         out = put_f32(out, s->confidence[j]);
     }
@@ -279,6 +279,8 @@ void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out)
     for (int j = 0; j < JOINT_COUNT; j++) {
         out->joint[j] = get_vec3(&in);
         out->confidence[j] = get_f32(&in);
+        if (out->confidence[j] == 0 && !position_is_valid(out->joint[j]))
+            out->joint[j] = v3(0, 0, 0);
     }
 }
 
@@ -390,9 +392,23 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_landmark *o
 
 // ------------------------------------------------------------- checks
 
+bool position_is_valid(struct vec3 p)
+{
+    return v3_finite(p) && fabs(p.x) < RECORDING_METRES_MOST && fabs(p.y) < RECORDING_METRES_MOST &&
+           fabs(p.z) < RECORDING_METRES_MOST;
+}
+
+bool pose_is_valid(struct pose p)
+{
+    static const double LENGTH_OFF_MOST = 1e-3; // who computes in single precision is off by a thousandth of that
+    const struct quat q = p.rotation;
+    const double length = sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w); // inf of large numbers, NaN of NaN
+    return position_is_valid(p.translation) && fabs(length - 1) < LENGTH_OFF_MOST;
+}
+
 bool tag_is_finite(const struct place_tag *tag)
 {
-    bool finite = isfinite(tag->side_m) && isfinite(tag->rms_px) && pose_finite(tag->world_from_tag);
+    bool finite = isfinite(tag->side_m) && isfinite(tag->rms_px) && pose_is_valid(tag->world_from_tag);
     for (int row = 0, i = 0; row < 6; i += 6 - row++) // in the upper triangle each row begins with its diagonal element
         finite = finite && tag->covariance[i] >= 0;
     for (size_t i = 0; i < COUNT_OF(tag->covariance); i++)
@@ -403,7 +419,7 @@ bool tag_is_finite(const struct place_tag *tag)
 bool point_is_finite(const struct place_landmark *point)
 {
     const float *c = point->covariance;
-    bool finite = v3_finite(point->world) && c[0] >= 0 && c[3] >= 0 && c[5] >= 0;
+    bool finite = position_is_valid(point->world) && c[0] >= 0 && c[3] >= 0 && c[5] >= 0;
     for (size_t i = 0; i < COUNT_OF(point->covariance); i++)
         finite = finite && isfinite(c[i]);
     for (size_t i = 0; i < COUNT_OF(point->seen_from); i++)
@@ -419,7 +435,7 @@ bool place_is_finite(const struct place *p)
     for (int32_t i = 0; i < p->point_count; i++)
         finite = finite && point_is_finite(&p->points[i]);
     for (int32_t i = 0; i < p->view_count; i++)
-        finite = finite && pose_finite(p->views[i].world_from_camera);
+        finite = finite && pose_is_valid(p->views[i].world_from_camera);
     return finite;
 }
 
@@ -436,8 +452,9 @@ enum status calibration_check(const struct calibration *c)
         status = lens_check(&c->color, "color");
     if (status == OK && c->depth.width)
         status = lens_check(&c->depth, "depth");
-    if (status == OK && !pose_finite(c->color_from_depth))
-        status = fail(ERR_INPUT, "the calibration's color_from_depth holds a number that is not finite");
+    if (status == OK && !pose_is_valid(c->color_from_depth))
+        status =
+            fail(ERR_INPUT, "the calibration's color_from_depth holds a number that is not finite or out of range");
     if (status == OK && c->registered && !pose_is_identity(c->color_from_depth))
         status = fail(ERR_INPUT, "the calibration says that depth is registered to colour, and that the depth camera "
                                  "stands elsewhere; one of the two is wrong");
@@ -460,19 +477,19 @@ bool skeleton_has_covariance(const struct skeleton *s)
     return false;
 }
 
-bool skeleton_is_finite(const struct skeleton *s)
+bool skeleton_is_valid(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !v3_finite(s->joint[j])) ||
+        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !position_is_valid(s->joint[j])) ||
             !covariance_is_finite(s->covariance[j]))
             return false;
     return true;
 }
 
-bool body_is_finite(const struct body *body)
+bool body_is_valid(const struct body *body)
 {
     for (int p = 0; p < PART_COUNT; p++)
-        if (!isfinite(body->radius_rate[p]))
+        if (!(body->radius_rate[p] >= 0 && body->radius_rate[p] <= BODY_RADIUS_RATE_MOST))
             return false;
     return true;
 }

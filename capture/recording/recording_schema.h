@@ -5,8 +5,9 @@
 #include "platform/database.h"
 
 enum {
-    RECORDING_APPLICATION = 0x5265656e, // "Reen", SQLite's application_id
-    CALIBRATION_BYTES = 2 * (2 * 4 + 9 * 8) + 1 + 7 * 8,
+    RECORDING_APPLICATION = 0x5265656e,           // "Reen", SQLite's application_id
+    CALIBRATION_REGISTERED = 2 * (2 * 4 + 9 * 8), // where that byte is
+    CALIBRATION_BYTES = CALIBRATION_REGISTERED + 1 + 7 * 8,
     POSE_BYTES = 7 * 8,
     SKELETON_BYTES = JOINT_COUNT * (3 * 8 + 4),
     JOINT_ERROR_BYTES = JOINT_COUNT * 6 * 2,
@@ -19,7 +20,9 @@ enum {
     POINT_SIDE_BYTES = 3 * 4,
     TAKE_NAME_BYTES = 200,
     TAKE_NOTE_BYTES = 2000,
-    PLACE_ITEMS_MAX = 2000000, // tags, points or views: keeps every blob below DATABASE_BLOB_MAX
+    PLACE_ITEMS_MAX = 2000000,       // tags, points or views: keeps every blob below DATABASE_BLOB_MAX
+    RECORDING_METRES_MOST = 1000000, // any place on Earth is nearer to another that a sensor sees; chosen by hand
+    BODY_RADIUS_RATE_MOST = 100,     // a part's radius over its length: no body has 2; chosen by hand
 };
 
 // A frame's row id: the take's id and the frame's number in it; its images have the same.
@@ -112,6 +115,7 @@ struct take_row {
     int64_t frames; // when it ended; -1: not known (interrupted, or an older file)
     int64_t lost;   // by damage, before this file was made
     char note[TAKE_NOTE_BYTES + 1], alias[TAKE_NAME_BYTES + 1];
+    bool out_of_range; // as read: what is not as the format says was replaced, and the rest can be used
 };
 
 // The seal columns.
@@ -174,8 +178,11 @@ bool tag_is_finite(const struct place_tag *tag);          // likewise
 bool place_is_finite(const struct place *place);          // all of these, and its views' poses and residuals
 bool skeleton_has_known_joint(const struct skeleton *skeleton);
 bool skeleton_has_covariance(const struct skeleton *skeleton); // of any joint
-bool skeleton_is_finite(const struct skeleton *skeleton);      // covariances included
-bool body_is_finite(const struct body *body);
+// The ranges of docs/format.md: finite, a rotation, and within RECORDING_METRES_MOST of the origin.
+bool pose_is_valid(struct pose pose);
+bool position_is_valid(struct vec3 position);
+bool skeleton_is_valid(const struct skeleton *skeleton); // known joints are, and all covariances finite
+bool body_is_valid(const struct body *body);             // radii are none, or at most BODY_RADIUS_RATE_MOST lengths
 
 // Number of pixels of the depth image; 0: there is no depth camera.
 static inline size_t depth_pixels(const struct calibration *c)

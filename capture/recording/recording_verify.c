@@ -99,6 +99,16 @@ static void check_take(struct verification *v, int index)
         return;
     if (!*name)
         note(v, fail(ERR_CORRUPT, "%s has a take without a name", path_of(v)));
+    else if (!recording_take_name_is_valid(v->r, index))
+        note(v, fail(ERR_CORRUPT, "%s: the name of take '%s' is too long, or holds what is no UTF-8 or not shown",
+                     path_of(v), name));
+    if (take_is_out_of_range(t))
+        note(v, fail(ERR_CORRUPT,
+                     "%s: the body, the calibration or a note of take '%s' holds what is out of range or not shown",
+                     path_of(v), name));
+    if (take_uncounted(t))
+        note(v, fail(ERR_CORRUPT, "%s: take '%s' holds %lld frames more than it is said to have", path_of(v), name,
+                     (long long)take_uncounted(t)));
     v->report->interrupted_takes += !take_is_complete(t);
     const int64_t lost = take_lost_now(t);
     v->report->lost_frames += lost;

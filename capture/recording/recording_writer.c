@@ -144,7 +144,7 @@ static enum status check_place(const struct place *p)
     if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
         p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
-    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
+    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite or out of range");
 }
 
 static enum status put_place_row(struct database *db, const struct place *p)
@@ -338,8 +338,8 @@ enum status recording_begin_take(struct recording_writer *w, const char *name, c
 enum status recording_put_body(struct recording_writer *w, const struct body *body)
 {
     assert(w->in_take);
-    if (!body_is_finite(body))
-        return fail(ERR_INPUT, "a body's radius is not finite");
+    if (!body_is_valid(body))
+        return fail(ERR_INPUT, "a body's radius is not finite or out of range");
     w->take.body = *body;
     return async_writer_put_take(w->async_writer, &w->take);
 }
@@ -464,8 +464,8 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
     assert(!w->in_take && w->take.id && count <= w->frames);
     struct skeleton_statements statements = {0};
     for (int64_t i = 0; i < count; i++)
-        if (skeleton[i] && !skeleton_is_finite(skeleton[i]))
-            return fail(ERR_INPUT, "a skeleton holds a number that is not finite");
+        if (skeleton[i] && !skeleton_is_valid(skeleton[i]))
+            return fail(ERR_INPUT, "a skeleton holds a number that is not finite or out of range");
     enum status status = async_writer_pause(w->async_writer);
     if (status == OK)
         status = database_begin(w->db);
@@ -492,8 +492,8 @@ static enum status check_frame(const struct recording_writer *w, const struct ta
         return fail(ERR_INPUT, "a frame's time, %lld ns, is of no clock", (long long)f->time_ns);
     if (w->frames > FRAME_NUMBER_MAX)
         return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
-    if (!pose_finite(f->world_from_camera) || (f->has_skeleton && !skeleton_is_finite(&f->skeleton)))
-        return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite");
+    if (!pose_is_valid(f->world_from_camera) || (f->has_skeleton && !skeleton_is_valid(&f->skeleton)))
+        return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite or out of range");
     if ((f->depth || f->mask) && !depth_pixels(c))
         return fail(ERR_INPUT, "a frame has depth but the take's calibration has no depth camera");
     if (f->jpeg) {

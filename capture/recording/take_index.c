@@ -32,11 +32,15 @@ enum status take_from_row(struct statement *s, struct take_row *out, bool *usabl
     }
     if (body) {
         get_body(body, &out->body);
-        if (!body_is_finite(&out->body))
+        if (!body_is_valid(&out->body)) {
             out->body = (struct body){.representative_frame = -1};
+            out->out_of_range = true;
+        }
     }
+    if (calibration && calibration[CALIBRATION_REGISTERED] > 1)
+        out->out_of_range = true;
     const int64_t crc = statement_number(s, 6);
-    if (*usable && body && whole && body_is_finite(&out->body) && take_id_is_valid(out->id) &&
+    if (*usable && body && whole && take_id_is_valid(out->id) &&
         take_crc(out->name, calibration, out->complete, out->dropped, body) == crc &&
         seal_matches(s, TAKE_SEAL, take_seal(out, (uint32_t)crc)))
         return OK;
@@ -63,6 +67,7 @@ static enum status read_take_row(struct take_index *t, struct recording *r)
             t->dropped = row.dropped;
             t->lost = row.lost;
             t->count_written = row.frames;
+            t->out_of_range = row.out_of_range || !text_is_printable(row.note) || !text_is_printable(row.alias);
             memcpy(t->note, row.note, sizeof t->note);
             memcpy(t->alias, row.alias, sizeof t->alias);
             text_make_printable(t->note);
@@ -103,8 +108,9 @@ enum status frame_from_row_as(struct statement *s, int64_t key, struct take_entr
     get_pose(pose, &out->world_from_camera);
     if (skeleton_bytes)
         get_skeleton(skeleton, &out->skeleton);
-    if (!pose_finite(out->world_from_camera) || (out->has_skeleton && !skeleton_is_finite(&out->skeleton)))
-        return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite", (long long)(key & FRAME_NUMBER_MAX));
+    if (!pose_is_valid(out->world_from_camera) || (out->has_skeleton && !skeleton_is_valid(&out->skeleton)))
+        return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite or out of range",
+                    (long long)(key & FRAME_NUMBER_MAX));
     return OK;
 }
 
@@ -232,6 +238,7 @@ static enum status read_entries(struct take_index *t, struct recording *r)
         status = fail(ERR_MEMORY, "no memory for the frames of %s", recording_path(r));
     // Row numbers have gaps where frames were lost; callers count the frames that are there.
     t->body.representative_frame = representative < 0 && has_body(&t->body) ? best_frame(t) : representative;
+    t->uncounted = t->count_written >= 0 && rows > t->count_written ? rows - t->count_written : 0;
     const int64_t all = t->count_written > rows ? t->count_written : rows;
     t->lost_now = all - t->count;
     t->lost += t->lost_now;

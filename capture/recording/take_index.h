@@ -20,6 +20,8 @@ struct take_index {
     int64_t lost;          // and those that it never had because a repair could not save them
     int64_t errors_lost;   // covariances of frames
     int64_t count_written; // that the take had when it ended; -1: not known
+    int64_t uncounted;     // frames that are there beyond those
+    bool out_of_range;     // the take's row holds what is not as the format says
     char note[TAKE_NOTE_BYTES + 1], alias[TAKE_NAME_BYTES + 1];
     struct take_entry *entries;
     int64_t count;

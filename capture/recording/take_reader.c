@@ -156,6 +156,10 @@ int64_t take_lost(const struct take *t) { return t->index->lost; }
 
 int64_t take_lost_now(const struct take *t) { return t->index->lost_now; }
 
+int64_t take_uncounted(const struct take *t) { return t->index->uncounted; }
+
+bool take_is_out_of_range(const struct take *t) { return t->index->out_of_range; }
+
 int64_t take_errors_lost(const struct take *t) { return t->index->errors_lost; }
 
 const char *take_note(const struct take *t) { return t->index->note; }
