@@ -131,12 +131,25 @@ static enum status close_playback(struct studio *s)
     return open_ui(s);
 }
 
+// Another program has the file for now: it is tried again. Who has left reads it in the terminal.
+static void erasure_failed(struct studio *s, enum status status, int64_t now_ns)
+{
+    studio_erasure_failed(&s->state, status_message(), status == ERR_IO, now_ns);
+    if (s->state.quit)
+        fprintf(stderr, "reenact-capture studio: %s\n", status_message());
+}
+
 static void delete_take(struct studio *s, int64_t now_ns)
 {
-    if (recording_delete_take(s->options.file, s->state.take, NULL) != OK)
-        studio_say(&s->state, status_message(), now_ns);
-    else
-        studio_say(&s->state, "The take was discarded", now_ns);
+    char text[160];
+    const char *take = s->state.erasing.take;
+    const enum status status = recording_delete_take(s->options.file, take, NULL);
+    if (status != OK) {
+        erasure_failed(s, status, now_ns);
+        return;
+    }
+    snprintf(text, sizeof text, "%.60s was discarded", take);
+    studio_say(&s->state, text, now_ns);
 }
 
 static void rename_take(struct studio *s, int64_t now_ns)
@@ -150,11 +163,13 @@ static void rename_take(struct studio *s, int64_t now_ns)
 static void trim_take(struct studio *s, int64_t now_ns)
 {
     char text[160];
-    const int64_t from_ns = s->state.trim_from_ns, to_ns = s->state.trim_to_ns;
-    if (recording_trim_take(s->options.file, s->state.take, from_ns, to_ns, NULL) != OK)
-        snprintf(text, sizeof text, "%.159s", status_message());
-    else
-        snprintf(text, sizeof text, "The take is %.1f s long now", (double)(to_ns - from_ns) * 1e-9);
+    const struct studio_erasure *e = &s->state.erasing;
+    const enum status status = recording_trim_take(s->options.file, e->take, e->from_ns, e->to_ns, NULL);
+    if (status != OK) {
+        erasure_failed(s, status, now_ns);
+        return;
+    }
+    snprintf(text, sizeof text, "%.60s is %.1f s long now", e->take, (double)(e->to_ns - e->from_ns) * 1e-9);
     studio_say(&s->state, text, now_ns);
     if (s->session)
         studio_session_judge(s->session, s->state.take);
@@ -288,7 +303,8 @@ bool studio_types(const struct studio *s)
 
 bool studio_finished(const struct studio *s)
 {
-    return s->state.quit && s->state.page != STUDIO_RECORDING && s->state.page != STUDIO_FINISHING;
+    return s->state.quit && s->state.page != STUDIO_RECORDING && s->state.page != STUDIO_FINISHING &&
+           s->state.waiting.kind == ERASES_NOTHING && !s->state.queued;
 }
 
 // ---------------------------------------------------------------- events
@@ -306,7 +322,10 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     switch (event->key) {
     case WINDOW_KEY_SPACE:
     case WINDOW_KEY_ENTER:
-        studio_do(state, state->page == STUDIO_REVIEW || state->page == STUDIO_ROOM_REVIEW ? STUDIO_KEEP : STUDIO_START,
+        studio_do(state,
+                  state->page == STUDIO_REVIEW || state->page == STUDIO_ROOM_REVIEW || state->page == STUDIO_LEAVING
+                      ? STUDIO_KEEP
+                      : STUDIO_START,
                   now_ns);
         break;
     case WINDOW_KEY_ESCAPE:
@@ -319,6 +338,7 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     case 'r': studio_do(state, STUDIO_IN_A_ROW, now_ns); break;
     case 'f': studio_do(state, STUDIO_PURPOSE, now_ns); break;
     case 'n': studio_do(state, STUDIO_EDIT_NAME, now_ns); break;
+    case 'u': studio_do(state, STUDIO_UNDO, now_ns); break;
     case 'd': studio_do(state, STUDIO_THEME, now_ns); break;
     case 'q': studio_do(state, STUDIO_QUIT, now_ns); break;
     default: break;

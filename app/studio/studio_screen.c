@@ -278,6 +278,18 @@ static void draw_rename_buttons(const struct brush *b, struct studio_state *s, s
     label(b, FACE_SMALL, row, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");
 }
 
+static void draw_leaving_buttons(const struct brush *b, struct studio_state *s, struct ui_box buttons, int64_t now_ns)
+{
+    struct ui_box row = cut_top(&buttons, TARGET);
+    if (text_button(b, "leaving-keep", "Keep", BUTTON_MAIN, cut_left(&row, 130)))
+        studio_do(s, STUDIO_KEEP, now_ns);
+    if (text_button(b, "leaving-discard", "Discard", BUTTON_RAISED, cut_left(&row, 130)))
+        studio_do(s, STUDIO_DISCARD, now_ns);
+    if (text_button(b, "leaving-stay", "Stay", BUTTON_RAISED, cut_left(&row, 130)))
+        studio_do(s, STUDIO_BACK, now_ns);
+    label(b, FACE_SMALL, row, b->theme->quiet, "Leaving again keeps it");
+}
+
 static void draw_review(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                         int64_t now_ns)
 {
@@ -302,8 +314,11 @@ static void draw_review(const struct brush *b, struct studio_state *s, const str
     snprintf(text, sizeof text, "%lld pictures", (long long)v->shown->judgement.frames);
     label(b, FACE_SMALL, cut_bottom(&figure, 24), b->theme->quiet, text);
     coverage_figure_draw(b, &v->shown->judgement.seen, figure);
-    if (s->page == STUDIO_RENAME) {
-        draw_rename_buttons(b, s, buttons, now_ns);
+    if (s->page == STUDIO_RENAME || s->page == STUDIO_LEAVING) {
+        if (s->page == STUDIO_RENAME)
+            draw_rename_buttons(b, s, buttons, now_ns);
+        else
+            draw_leaving_buttons(b, s, buttons, now_ns);
         return;
     }
     const int columns = upright ? 2 : (int)COUNT_OF(choices);
@@ -333,12 +348,28 @@ static const char *title(const struct studio_state *s)
     case STUDIO_SENSORS: return "Which sensor?";
     case STUDIO_REVIEW:
     case STUDIO_RENAME: return "How it went";
+    case STUDIO_LEAVING: return "Keep this take?";
     case STUDIO_ROOM:
     case STUDIO_ROOM_FINISHING: return "The room";
     case STUDIO_ROOM_REVIEW: return "How well the room is known";
     case STUDIO_TROUBLE: return "The sensor does not work";
     default: return "Studio";
     }
+}
+
+// What waits to be carried out, and the button that takes it back.
+static void draw_undo(const struct brush *b, struct studio_state *s, struct ui_box *head, char text[300],
+                      int64_t now_ns)
+{
+    char button[24];
+    const struct studio_erasure *e = &s->waiting;
+    snprintf(button, sizeof button, "Undo %d", studio_undo_left_s(s, now_ns));
+    if (e->kind == ERASES_TAKE)
+        snprintf(text, 300, "%.60s is discarded", e->take);
+    else
+        snprintf(text, 300, "%.60s is cut to %.1f s", e->take, (double)(e->to_ns - e->from_ns) * 1e-9);
+    if (text_button(b, "studio-undo", button, BUTTON_MAIN, cut_right(head, 110)))
+        studio_do(s, STUDIO_UNDO, now_ns);
 }
 
 void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns)
@@ -351,23 +382,27 @@ void studio_screen_draw(const struct brush *b, struct studio_state *s, const str
         studio_do(s, STUDIO_QUIT, now_ns);
     if (icon_button(b, "studio-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
         studio_do(s, STUDIO_THEME, now_ns);
+    const bool waits = s->waiting.kind != ERASES_NOTHING;
+    if (waits)
+        draw_undo(b, s, &head, text, now_ns);
     static const char *const purposes[STUDIO_PURPOSES] = {"For both", "To compare", "To watch"};
-    if (s->page == STUDIO_LIVE &&
+    if (!waits && s->page == STUDIO_LIVE &&
         text_button(b, "studio-purpose", purposes[s->purpose], BUTTON_RAISED, cut_right(&head, 130)))
         studio_do(s, STUDIO_PURPOSE, now_ns);
     label(b, FACE_HEAD, (struct ui_box){head.x, head.y, head.w, 30}, b->theme->text, title(s));
-    if (*s->notice)
+    if (!waits && *s->notice)
         snprintf(text, sizeof text, "%s", s->notice);
-    else if (s->kept < 2)
+    else if (!waits && s->kept < 2)
         snprintf(text, sizeof text, "%.250s · %s", v->file, s->kept ? "one take kept" : "no take kept yet");
-    else
+    else if (!waits)
         snprintf(text, sizeof text, "%.250s · %d takes kept", v->file, s->kept);
     label(b, FACE_SMALL, (struct ui_box){head.x, head.y + 32, head.w, 24},
-          *s->notice ? b->theme->accent : b->theme->quiet, text);
+          waits || *s->notice ? b->theme->accent : b->theme->quiet, text);
     switch (s->page) {
     case STUDIO_SENSORS: draw_sensors(b, s, v, in, now_ns); break;
     case STUDIO_REVIEW:
     case STUDIO_RENAME:
+    case STUDIO_LEAVING:
     case STUDIO_PLAYBACK: draw_review(b, s, v, in, now_ns); break;
     case STUDIO_ROOM:
     case STUDIO_ROOM_FINISHING:

@@ -118,17 +118,120 @@ static void do_in_room_review(struct studio_state *s, enum studio_action action,
         begin_sweep(s, now_ns);
 }
 
+// ---------------------------------------------------------------- what can be taken back
+
+int studio_undo_left_s(const struct studio_state *s, int64_t now_ns)
+{
+    if (s->waiting.kind == ERASES_NOTHING)
+        return 0;
+    const int left = STUDIO_UNDO_S - (int)((now_ns - s->waiting.since_ns) / SECOND_NS);
+    return left > 1 ? left : 1;
+}
+
+// The file is changed now.
+static void erase_waiting(struct studio_state *s)
+{
+    if (s->waiting.kind == ERASES_NOTHING)
+        return;
+    s->erasing = s->waiting;
+    s->waiting.kind = ERASES_NOTHING;
+    s->discarded += s->erasing.kind == ERASES_TAKE;
+    command(s, s->erasing.kind == ERASES_TAKE ? STUDIO_DELETE_TAKE : STUDIO_TRIM_TAKE);
+    s->changed = true;
+}
+
+// Of the same take the last wish counts; another one's is carried out first.
+static void erase_later(struct studio_state *s, enum studio_erasure_kind kind, int64_t now_ns)
+{
+    if (strcmp(s->waiting.take, s->take) != 0)
+        erase_waiting(s);
+    s->waiting =
+        (struct studio_erasure){.kind = kind, .from_ns = s->trim_from_ns, .to_ns = s->trim_to_ns, .since_ns = now_ns};
+    memcpy(s->waiting.take, s->take, sizeof s->waiting.take);
+    s->changed = true;
+}
+
+void studio_erasure_failed(struct studio_state *s, const char *why, bool again, int64_t now_ns)
+{
+    s->discarded -= s->erasing.kind == ERASES_TAKE;
+    if (again && !s->quit && s->waiting.kind == ERASES_NOTHING) {
+        s->waiting = s->erasing;
+        s->waiting.since_ns = now_ns;
+    }
+    studio_say(s, why, now_ns);
+}
+
+static void undo(struct studio_state *s, int64_t now_ns)
+{
+    char text[sizeof s->notice];
+    const struct studio_erasure back = s->waiting;
+    if (back.kind == ERASES_NOTHING)
+        return;
+    s->waiting.kind = ERASES_NOTHING;
+    // Back to its verdict, where nothing has come in between; else it is kept.
+    if (back.kind == ERASES_TAKE && s->page == STUDIO_LIVE && !strcmp(back.take, s->take))
+        go(s, STUDIO_REVIEW, now_ns);
+    else
+        s->kept += back.kind == ERASES_TAKE;
+    snprintf(text, sizeof text, "%.60s is as it was", back.take);
+    studio_say(s, text, now_ns);
+}
+
+// While a take is written the file has another writer; while one is played it is not changed under the viewer.
+static bool may_erase(const struct studio_state *s)
+{
+    return s->page != STUDIO_RECORDING && s->page != STUDIO_FINISHING && s->page != STUDIO_PLAYBACK;
+}
+
+static void look_at_waiting(struct studio_state *s, int64_t now_ns)
+{
+    const int left_s = studio_undo_left_s(s, now_ns);
+    s->changed |= left_s != s->undo_left_s;
+    s->undo_left_s = left_s;
+    if (s->page == STUDIO_PLAYBACK) // who looks at it once more has all the time again
+        s->waiting.since_ns = now_ns;
+    if (may_erase(s) && (s->quit || now_ns - s->waiting.since_ns >= STUDIO_UNDO_S * SECOND_NS))
+        erase_waiting(s);
+}
+
+// ---------------------------------------------------------------- the verdict
+
 static void leave_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
 {
     if (action == STUDIO_KEEP)
         s->kept++;
     else
-        command(s, STUDIO_DELETE_TAKE);
-    s->number += action == STUDIO_KEEP;
+        erase_later(s, ERASES_TAKE, now_ns);
+    s->number++; // also of a discarded one: until it is gone, its name is taken
     if (action == STUDIO_RETAKE)
         begin_countdown(s, now_ns);
     else
         go(s, STUDIO_LIVE, now_ns);
+}
+
+// A take that is being made is ended first and kept, and leaving waits for it; one that nobody has decided on is asked
+// about, once.
+static void leave(struct studio_state *s, int64_t now_ns)
+{
+    if (s->page == STUDIO_RECORDING)
+        start_or_stop(s, now_ns);
+    if (s->page == STUDIO_PLAYBACK)
+        command(s, STUDIO_CLOSE_PLAYBACK);
+    if (s->page == STUDIO_REVIEW || s->page == STUDIO_RENAME || s->page == STUDIO_PLAYBACK) {
+        go(s, STUDIO_LEAVING, now_ns);
+        return;
+    }
+    if (s->page == STUDIO_LEAVING)
+        leave_review(s, STUDIO_KEEP, now_ns);
+    s->quit = true;
+}
+
+static void do_in_leaving(struct studio_state *s, enum studio_action action, int64_t now_ns)
+{
+    if (action != STUDIO_KEEP && action != STUDIO_DISCARD)
+        return;
+    leave_review(s, action, now_ns);
+    s->quit = true;
 }
 
 static void do_in_review(struct studio_state *s, enum studio_action action, int64_t now_ns)
@@ -156,7 +259,8 @@ static void go_back(struct studio_state *s, int64_t now_ns)
         command(s, STUDIO_CLOSE_PLAYBACK);
         go(s, STUDIO_REVIEW, now_ns);
         break;
-    case STUDIO_RENAME: go(s, STUDIO_REVIEW, now_ns); break;
+    case STUDIO_RENAME:
+    case STUDIO_LEAVING: go(s, STUDIO_REVIEW, now_ns); break;
     case STUDIO_COUNTDOWN: go(s, STUDIO_LIVE, now_ns); break;
     case STUDIO_ROOM:
         command(s, STUDIO_DROP_SWEEP);
@@ -172,12 +276,8 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     s->changed = true;
     switch (action) {
     case STUDIO_THEME: s->dark = !s->dark; return;
-    case STUDIO_QUIT:
-        // A take that is being made is ended first and kept; leaving waits for it.
-        if (s->page == STUDIO_RECORDING)
-            start_or_stop(s, now_ns);
-        s->quit = true;
-        return;
+    case STUDIO_QUIT: leave(s, now_ns); return;
+    case STUDIO_UNDO: undo(s, now_ns); return;
     case STUDIO_START: start_or_stop(s, now_ns); return;
     case STUDIO_PAUSE: pause_or_go_on(s); return;
     case STUDIO_IN_A_ROW: s->in_a_row = !s->in_a_row; return;
@@ -189,7 +289,7 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     case STUDIO_TRIM:
         if (s->page == STUDIO_PLAYBACK) {
             command(s, STUDIO_CLOSE_PLAYBACK);
-            command(s, STUDIO_TRIM_TAKE);
+            erase_later(s, ERASES_ENDS, now_ns);
             go(s, STUDIO_REVIEW, now_ns);
         }
         return;
@@ -203,6 +303,8 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     }
     if (s->page == STUDIO_REVIEW)
         do_in_review(s, action, now_ns);
+    else if (s->page == STUDIO_LEAVING)
+        do_in_leaving(s, action, now_ns);
     else if (s->page == STUDIO_ROOM_REVIEW)
         do_in_room_review(s, action, now_ns);
 }
@@ -234,6 +336,8 @@ void studio_renamed(struct studio_state *s, bool done, int64_t now_ns)
 {
     if (done) {
         const int number = studio_take_number(s->name);
+        if (!strcmp(s->waiting.take, s->take))
+            memcpy(s->waiting.take, s->name, sizeof s->waiting.take);
         memcpy(s->take, s->name, sizeof s->take);
         s->number = number > s->number ? number : s->number; // a later take must not come to have the same name
     }
@@ -258,7 +362,7 @@ void studio_take_ready(struct studio_state *s, int64_t frames, int64_t now_ns)
         return;
     }
     go(s, STUDIO_REVIEW, now_ns);
-    if (s->in_a_row)
+    if (s->in_a_row || s->quit) // who has left already is not asked
         leave_review(s, STUDIO_KEEP, now_ns);
 }
 
@@ -311,6 +415,8 @@ int64_t studio_tick(struct studio_state *s, int64_t now_ns)
         s->changed = true;
     }
     look_again(s, now_ns);
+    if (s->waiting.kind != ERASES_NOTHING)
+        look_at_waiting(s, now_ns);
     if (s->page != STUDIO_COUNTDOWN)
         return now_ns + SECOND_NS / 10;
     const int left = STUDIO_COUNTDOWN_S - (int)((now_ns - s->page_ns) / SECOND_NS);

@@ -5,7 +5,10 @@
 //   LIVE -> ROOM -> ROOM_FINISHING -> ROOM_REVIEW -> LIVE: the empty room is swept
 //
 // A raised hand starts from LIVE and stops a RECORDING; so do space and the button. A RECORDING may pause. Takes in a
-// row are kept without a review.
+// row are kept without a review. Whoever leaves while a take is neither kept nor discarded is asked (LEAVING).
+//
+// Discarding and trimming wait for STUDIO_UNDO_S, and for a take that is being made, before the file is changed: until
+// then they can be taken back. Leaving carries them out; a program that ends otherwise leaves the take as it was.
 #pragma once
 #include "base/status.h"
 
@@ -19,6 +22,7 @@ enum studio_page {
     STUDIO_REVIEW,
     STUDIO_RENAME,
     STUDIO_PLAYBACK,
+    STUDIO_LEAVING,        // whether the take is to be kept, before the program ends
     STUDIO_ROOM,           // the room is being swept
     STUDIO_ROOM_FINISHING, // its map is computed
     STUDIO_ROOM_REVIEW,    // how good it is
@@ -37,6 +41,7 @@ enum studio_action {
     STUDIO_PURPOSE,  // what takes are for: the next of the three
     STUDIO_MAP_ROOM, // sweep the room
     STUDIO_TRIM,     // cut off the take's ends, at `trim_from_ns` and `trim_to_ns`
+    STUDIO_UNDO,     // take back what waits to be discarded or trimmed
     STUDIO_BACK,
     STUDIO_THEME,
     STUDIO_SENSORS_AGAIN, // look for sensors once more
@@ -49,9 +54,9 @@ enum studio_command {
     STUDIO_LIST_SENSORS,
     STUDIO_BEGIN_TAKE, // named `take`
     STUDIO_END_TAKE,
-    STUDIO_DELETE_TAKE,
+    STUDIO_DELETE_TAKE,    // `erasing`
     STUDIO_RENAME_TAKE,    // from `take` to `name`
-    STUDIO_TRIM_TAKE,      // to trim_from_ns .. trim_to_ns
+    STUDIO_TRIM_TAKE,      // `erasing`
     STUDIO_CHOOSE_PURPOSE, // `purpose`
     STUDIO_PAUSE_TAKE,
     STUDIO_RESUME_TAKE,
@@ -67,7 +72,16 @@ enum studio_command {
     STUDIO_TONE_END,
 };
 
-enum { STUDIO_PURPOSES = 3, STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5 };
+enum { STUDIO_PURPOSES = 3, STUDIO_COMMANDS = 8, STUDIO_NAME = 64, STUDIO_COUNTDOWN_S = 5, STUDIO_UNDO_S = 10 };
+
+// A take that is to be discarded, or trimmed to from_ns .. to_ns after its beginning.
+enum studio_erasure_kind { ERASES_NOTHING, ERASES_TAKE, ERASES_ENDS };
+struct studio_erasure {
+    enum studio_erasure_kind kind;
+    char take[STUDIO_NAME];
+    int64_t from_ns, to_ns;
+    int64_t since_ns; // when it was asked for
+};
 
 struct studio_state {
     enum studio_page page;
@@ -77,11 +91,14 @@ struct studio_state {
     int64_t trim_from_ns, trim_to_ns;
     int sensor_count, sensor; // chosen
     int number;               // of the next take
-    int kept;
-    int left_s;             // of the countdown
-    int64_t page_ns;        // when the page began
-    char take[STUDIO_NAME]; // the take being made or reviewed
-    char name[STUDIO_NAME]; // as it is being typed
+    int kept, discarded;
+    struct studio_erasure waiting; // can be taken back
+    struct studio_erasure erasing; // of the command that is being run
+    int undo_left_s;               // as shown
+    int left_s;                    // of the countdown
+    int64_t page_ns;               // when the page began
+    char take[STUDIO_NAME];        // the take being made or reviewed
+    char name[STUDIO_NAME];        // as it is being typed
     char trouble[300];
     char notice[160];
     int64_t notice_ns;
@@ -110,6 +127,11 @@ void studio_room_not_kept(struct studio_state *s, const char *why, int64_t now_n
 void studio_fail(struct studio_state *s, const char *sentence, int64_t now_ns);
 void studio_say(struct studio_state *s, const char *sentence, int64_t now_ns); // a notice for some seconds
 void studio_renamed(struct studio_state *s, bool done, int64_t now_ns);
+// `erasing` was not carried out. again: it may be later, and is tried once more, when it could be taken back meanwhile.
+void studio_erasure_failed(struct studio_state *s, const char *why, bool again, int64_t now_ns);
+
+// Of what waits, how many seconds are left to take it back, at least 1; 0: nothing waits.
+int studio_undo_left_s(const struct studio_state *s, int64_t now_ns);
 
 int studio_take_number(const char *name); // N of a take that was named "take-N"; 0: it is another name
 

@@ -88,7 +88,8 @@ static void test_takes_are_discarded_and_made_again(void **state)
     struct studio_state s = studio_start(true);
     s.page = STUDIO_REVIEW;
     studio_do(&s, STUDIO_RETAKE, 0);
-    EXPECT_TRUE(s.page == STUDIO_COUNTDOWN && next_command(&s, STUDIO_DELETE_TAKE) && s.number == 1);
+    EXPECT_TRUE(s.page == STUDIO_COUNTDOWN && s.waiting.kind == ERASES_TAKE && s.number == 2);
+    s.queued = 0;
     studio_do(&s, STUDIO_START, 0); // taken back
     EXPECT_INT(s.page, STUDIO_LIVE);
     // Leaving while a take is made ends it first.
@@ -100,6 +101,149 @@ static void test_takes_are_discarded_and_made_again(void **state)
     EXPECT_TRUE(s.page == STUDIO_TROUBLE);
     studio_do(&s, STUDIO_SENSORS_AGAIN, 0);
     EXPECT_TRUE(s.page == STUDIO_SENSORS);
+}
+
+static struct studio_state reviewing(const char *take)
+{
+    struct studio_state s = studio_start(true);
+    s.page = STUDIO_REVIEW;
+    snprintf(s.take, sizeof s.take, "%s", take);
+    return s;
+}
+
+// Whether the file is to be changed at this time. Nothing but that is asked for.
+static bool erases(struct studio_state *s, enum studio_command wanted, int64_t now_ns)
+{
+    enum studio_command got;
+    studio_tick(s, now_ns);
+    if (!studio_take_command(s, &got))
+        return false;
+    EXPECT_INT(got, wanted);
+    return true;
+}
+
+static void test_discarding_can_be_taken_back(void **state)
+{
+    (void)state;
+    struct studio_state s = reviewing("take-1");
+    studio_do(&s, STUDIO_DISCARD, 0);
+    EXPECT_INT(s.page, STUDIO_LIVE);
+    EXPECT_INT(studio_undo_left_s(&s, 1), STUDIO_UNDO_S);
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, STUDIO_UNDO_S * SECOND - 1));
+    studio_do(&s, STUDIO_UNDO, STUDIO_UNDO_S * SECOND - 1); // back to its verdict
+    EXPECT_TRUE(s.page == STUDIO_REVIEW && !s.kept && !strcmp(s.take, "take-1"));
+    EXPECT_INT(studio_undo_left_s(&s, 0), 0);
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, 100 * SECOND));
+    studio_do(&s, STUDIO_DISCARD, 100 * SECOND);
+    EXPECT_TRUE(erases(&s, STUDIO_DELETE_TAKE, 110 * SECOND));
+    assert_string_equal(s.erasing.take, "take-1");
+    EXPECT_INT(s.discarded, 1);
+    studio_do(&s, STUDIO_UNDO, 111 * SECOND); // too late
+    EXPECT_INT(s.page, STUDIO_LIVE);
+    // Another program has the file: tried again.
+    studio_erasure_failed(&s, "in use", true, 111 * SECOND);
+    EXPECT_INT(s.discarded, 0);
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, 120 * SECOND) && erases(&s, STUDIO_DELETE_TAKE, 121 * SECOND));
+    studio_erasure_failed(&s, "no such take", false, 121 * SECOND);
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, 200 * SECOND));
+}
+
+// While another take is made the file has another writer, and the next take has another name.
+static void test_discarding_waits_for_a_take(void **state)
+{
+    (void)state;
+    struct studio_state s = reviewing("take-1");
+    studio_do(&s, STUDIO_RETAKE, 0);
+    s.queued = 0;
+    for (int64_t at = 0; s.page == STUDIO_COUNTDOWN && at < 10 * SECOND; at += SECOND / 20) {
+        studio_tick(&s, at);
+        s.queued = 0;
+    }
+    assert_string_equal(s.take, "take-2");
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, 60 * SECOND));
+    EXPECT_INT(studio_undo_left_s(&s, 60 * SECOND), 1); // and can still be taken back
+    s.page = STUDIO_FINISHING;
+    EXPECT_TRUE(!erases(&s, STUDIO_DELETE_TAKE, 60 * SECOND));
+    struct studio_state other = s;
+    studio_do(&other, STUDIO_UNDO, 60 * SECOND);
+    EXPECT_TRUE(other.page == STUDIO_FINISHING && other.kept == 1);
+    studio_take_ready(&s, 10, 61 * SECOND);
+    EXPECT_TRUE(erases(&s, STUDIO_DELETE_TAKE, 61 * SECOND));
+    assert_string_equal(s.erasing.take, "take-1");
+    // Two in a row: the first is gone when the second is discarded.
+    struct studio_state two = reviewing("take-1");
+    studio_do(&two, STUDIO_DISCARD, 0);
+    two.page = STUDIO_REVIEW;
+    snprintf(two.take, sizeof two.take, "take-2");
+    studio_do(&two, STUDIO_DISCARD, SECOND);
+    EXPECT_TRUE(next_command(&two, STUDIO_DELETE_TAKE));
+    assert_string_equal(two.erasing.take, "take-1");
+    assert_string_equal(two.waiting.take, "take-2");
+}
+
+static void test_trimming_can_be_taken_back(void **state)
+{
+    (void)state;
+    struct studio_state s = reviewing("take-1");
+    for (int turn = 0; turn < 2; turn++) {
+        s.page = STUDIO_PLAYBACK;
+        s.trim_from_ns = 2 * SECOND;
+        s.trim_to_ns = 5 * SECOND;
+        studio_do(&s, STUDIO_TRIM, 0);
+        EXPECT_TRUE(s.page == STUDIO_REVIEW && next_command(&s, STUDIO_CLOSE_PLAYBACK));
+        EXPECT_TRUE(!erases(&s, STUDIO_TRIM_TAKE, 9 * SECOND));
+        if (!turn) {
+            studio_do(&s, STUDIO_UNDO, 9 * SECOND);
+            EXPECT_TRUE(s.page == STUDIO_REVIEW && !s.kept && !erases(&s, STUDIO_TRIM_TAKE, 20 * SECOND));
+        }
+    }
+    // Looked at once more, and renamed meanwhile.
+    studio_do(&s, STUDIO_PLAY, 9 * SECOND);
+    EXPECT_TRUE(next_command(&s, STUDIO_OPEN_PLAYBACK));
+    EXPECT_TRUE(!erases(&s, STUDIO_TRIM_TAKE, 60 * SECOND));
+    studio_do(&s, STUDIO_BACK, 60 * SECOND);
+    EXPECT_TRUE(next_command(&s, STUDIO_CLOSE_PLAYBACK));
+    snprintf(s.name, sizeof s.name, "kata");
+    studio_renamed(&s, true, 61 * SECOND);
+    EXPECT_TRUE(!erases(&s, STUDIO_TRIM_TAKE, 69 * SECOND) && erases(&s, STUDIO_TRIM_TAKE, 70 * SECOND));
+    assert_string_equal(s.erasing.take, "kata");
+    EXPECT_TRUE(s.erasing.from_ns == 2 * SECOND && s.erasing.to_ns == 5 * SECOND);
+    // Who discards a take need not wait for its trimming.
+    s.page = STUDIO_PLAYBACK;
+    studio_do(&s, STUDIO_TRIM, 80 * SECOND);
+    s.queued = 0;
+    studio_do(&s, STUDIO_DISCARD, 81 * SECOND);
+    EXPECT_TRUE(!s.queued && erases(&s, STUDIO_DELETE_TAKE, 91 * SECOND));
+}
+
+// A take at its verdict is in the file: whoever leaves is asked, and leaving again keeps it.
+static void test_leaving_asks(void **state)
+{
+    (void)state;
+    static const enum studio_page pages[] = {STUDIO_REVIEW, STUDIO_RENAME, STUDIO_PLAYBACK};
+    for (size_t i = 0; i < COUNT_OF(pages); i++) {
+        struct studio_state s = reviewing("take-1");
+        s.page = pages[i];
+        studio_do(&s, STUDIO_QUIT, 0);
+        EXPECT_TRUE(s.page == STUDIO_LEAVING && !s.quit);
+        struct studio_state stays = s, discards = s;
+        studio_do(&s, STUDIO_QUIT, 0);
+        EXPECT_TRUE(s.quit && s.kept == 1 && s.waiting.kind == ERASES_NOTHING);
+        studio_do(&stays, STUDIO_BACK, 0);
+        EXPECT_TRUE(stays.page == STUDIO_REVIEW && !stays.quit);
+        discards.queued = 0;
+        studio_do(&discards, STUDIO_DISCARD, 0);
+        EXPECT_TRUE(discards.quit && erases(&discards, STUDIO_DELETE_TAKE, 1)); // not after ten seconds
+    }
+    struct studio_state s = reviewing("take-1"); // leaving carries out what waits
+    studio_do(&s, STUDIO_DISCARD, 0);
+    studio_do(&s, STUDIO_QUIT, 1);
+    EXPECT_TRUE(s.quit && erases(&s, STUDIO_DELETE_TAKE, 2));
+    s = reviewing("take-1"); // who left while it was made has kept it
+    s.page = STUDIO_RECORDING;
+    studio_do(&s, STUDIO_QUIT, 0);
+    studio_take_ready(&s, 30, 0);
+    EXPECT_TRUE(s.quit && s.kept == 1);
 }
 
 // The next take's number is one that no take has, whatever the last one was renamed to.
@@ -218,6 +362,17 @@ static void film_takes(struct stage *g, const char *uri)
     stage_wait_for(g, STUDIO_REVIEW, 1);
     stage_press(g, 'x');
     EXPECT_INT(g->studio.state.page, STUDIO_LIVE);
+    stage_save_all(g, "discarded");
+    EXPECT_INT(stage_takes_in(file), 2); // it can be taken back
+    stage_press(g, 'u');
+    EXPECT_INT(g->studio.state.page, STUDIO_REVIEW);
+    stage_press(g, 'q');
+    EXPECT_INT(g->studio.state.page, STUDIO_LEAVING);
+    stage_save_all(g, "leaving");
+    stage_press(g, WINDOW_KEY_ESCAPE);
+    stage_press(g, 'x');
+    g->skipped_ns += STUDIO_UNDO_S * SECOND;
+    stage_draw(g);
     EXPECT_INT(stage_takes_in(file), 1);
     save_other_pages(g);
     studio_close(&g->studio);
@@ -429,6 +584,10 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_from_sensor_to_kept),
         cmocka_unit_test(test_takes_are_discarded_and_made_again),
+        cmocka_unit_test(test_discarding_can_be_taken_back),
+        cmocka_unit_test(test_discarding_waits_for_a_take),
+        cmocka_unit_test(test_trimming_can_be_taken_back),
+        cmocka_unit_test(test_leaving_asks),
         cmocka_unit_test(test_numbers_of_takes),
         cmocka_unit_test(test_a_snapshot_follows_the_sensor),
         cmocka_unit_test(test_sensors_of_different_kinds),
