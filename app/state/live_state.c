@@ -11,12 +11,13 @@ static const int64_t COUNT_NS = 3000000000; // of the count-in
 static const int64_t STAND_NS = 2500000000; // a person who has been there for this long is counted in
 static const int64_t GONE_NS = 700000000;   // unseen for this long: gone, and it is said
 static const int64_t GIVE_UP_NS = 8000000000;
-static const int64_t SECOND_NS = 1500000000;    // said for at least this long
-static const int64_t LEAD_NS = 400000000;       // follow: the actor is at most so far ahead
-static const int64_t TAIL_NS = 900000000;       // after the actor's end, for a person who is a little late
-static const int64_t LATE_NS = 4000000000;      // follow: longer, for one who is still on the way
-static const int64_t REST_NS = 1500000000;      // between two loops
-static const int64_t LEAST_PART_NS = 500000000; // a shorter part is not marked
+static const int64_t SECOND_NS = 1500000000;        // said for at least this long
+static const int64_t LEAD_NS = 400000000;           // follow: the actor is at most so far ahead
+static const int64_t TAIL_NS = 900000000;           // after the actor's end, for a person who is a little late
+static const int64_t LATE_NS = 4000000000;          // follow: longer, for one who is still on the way
+static const int64_t REST_NS = 1500000000;          // between two loops
+static const int64_t LEAST_PART_NS = 500000000;     // a shorter part is not marked
+static const int64_t LEAST_ATTEMPT_NS = 1000000000; // a shorter attempt at more than that is not judged
 static const int64_t STEP_BACK_NS = 500000000, REVIEW_NS = 3000000000;
 static const double AWAY_RAD = 0.3; // follow: as near to the actor's pose as this, the actor goes on
 
@@ -37,7 +38,7 @@ static void enter(struct live_state *s, enum live_phase phase, int64_t now_ns)
     s->phase_ns = now_ns;
     s->end_ns = 0;
     s->waits = false;
-    s->reviewing = false;
+    s->reviewing = s->too_short = false;
     if (phase != LIVE_SUMMARY)
         s->at_ns = s->marked_from_ns;
 }
@@ -56,6 +57,17 @@ static void finish_attempt(struct live_state *s, int64_t now_ns)
 {
     s->finished = s->attempt;
     enter(s, LIVE_SUMMARY, now_ns);
+}
+
+// Stopped before the part's end. What says nothing about the movement is not judged, nor counted.
+static void stop_attempt(struct live_state *s, int64_t now_ns)
+{
+    if (now_ns - s->phase_ns >= LEAST_ATTEMPT_NS) {
+        finish_attempt(s, now_ns);
+        return;
+    }
+    enter(s, s->loop && s->finished ? LIVE_SUMMARY : LIVE_READY, now_ns); // of a loop, the attempt before is shown
+    s->too_short = s->phase == LIVE_READY;
 }
 
 void live_state_open_take(struct live_state *s, int64_t length_ns, const struct orbit *orbit, int64_t now_ns)
@@ -127,7 +139,7 @@ static void start_or_stop(struct live_state *s, int64_t now_ns)
     case LIVE_READY:
     case LIVE_SUMMARY: enter(s, LIVE_COUNT_IN, now_ns); break;
     case LIVE_COUNT_IN: enter(s, LIVE_READY, now_ns); break;
-    case LIVE_DOING: finish_attempt(s, now_ns); break;
+    case LIVE_DOING: stop_attempt(s, now_ns); break;
     }
 }
 
@@ -190,8 +202,21 @@ void live_state_on_sight(struct live_state *s, const struct live_sight *sight, i
         s->second_ns = now_ns;
 }
 
+// The person was there for less than a second of a longer part.
+static bool says_nothing(const struct live_state *s, int64_t length_ns)
+{
+    return length_ns > 0 && length_ns < LEAST_ATTEMPT_NS && s->marked_to_ns - s->marked_from_ns >= LEAST_ATTEMPT_NS;
+}
+
 void live_state_on_result(struct live_state *s, const struct live_result *result, int64_t length_ns, int64_t now_ns)
 {
+    if (says_nothing(s, length_ns)) {
+        s->judged = s->finished;
+        if (s->phase == LIVE_SUMMARY)
+            enter(s, LIVE_READY, now_ns);
+        s->too_short = s->phase == LIVE_READY;
+        return;
+    }
     if (s->result_count == LIVE_ATTEMPTS) {
         memmove(s->results, s->results + 1, sizeof s->results - sizeof s->results[0]);
         s->result_count--;
@@ -253,7 +278,7 @@ static void tick_doing(struct live_state *s, int64_t now_ns, int64_t passed_ns)
         return;
     }
     if (s->sight.ended) {
-        finish_attempt(s, now_ns);
+        stop_attempt(s, now_ns);
         return;
     }
     s->waits = s->pace == LIVE_FOLLOW && !person_keeps(s) && s->at_ns < s->marked_to_ns;
@@ -336,6 +361,8 @@ const char *live_state_hint(const struct live_state *s)
         return s->sight.located
                    ? "The sensor recognised the room only now: you are shown in it from the next attempt on"
                    : "The sensor sees nothing of the room that was filmed, so you cannot be shown in it";
+    if (s->too_short)
+        return "That was too short to be judged: go on for a second or more";
     if (s->phase == LIVE_READY)
         return s->hands_free ? "Stand as the actor does; the count-in starts by itself"
                              : "Touch Start when you are ready";

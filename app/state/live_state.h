@@ -93,6 +93,7 @@ struct live_state {
     int judged;                                // number of the last one that was
     struct live_result results[LIVE_ATTEMPTS]; // of the last attempts of this sitting, the newest last
     int result_count, results_ever;
+    bool too_short; // the last one was stopped within a second: neither judged nor counted
     bool keep_wanted;
 
     bool reviewing;                       // a place of the attempt is played

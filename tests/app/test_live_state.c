@@ -179,10 +179,58 @@ static void test_marked_part_is_looped(void **state)
     EXPECT_INT(t.s.result_count, 3);
     live_state_do(&t.s, LIVE_DO_START, t.now_ns); // stop
     EXPECT_INT(t.s.phase, LIVE_SUMMARY);
+    EXPECT_INT(t.s.finished, 3); // the fourth, just begun, is not judged: the third is shown
     live_state_to_ready(&t.s, t.now_ns);
     live_state_do(&t.s, LIVE_DO_MARK_FROM, t.now_ns); // takes the marks back
     EXPECT_INT(t.s.marked_from_ns, 0);
     EXPECT_INT(t.s.marked_to_ns, LENGTH);
+}
+
+// Stopped in the count-in or within a second, nothing is judged and nothing counted; a second is enough.
+static void test_a_moment_is_not_judged(void **state)
+{
+    (void)state;
+    static const double seconds[] = {0.02, 0.5, 0.9, 1.04, 2};
+    for (size_t i = 0; i < 2 * COUNT_OF(seconds); i++) {
+        struct sitting t = begin();
+        const bool film = i % 2; // whose end stops it, instead of the person
+        start(&t);
+        pass(&t, seconds[i / 2]);
+        if (film)
+            t.sight.ended = true;
+        else
+            live_state_do(&t.s, LIVE_DO_START, t.now_ns);
+        if (film)
+            pass(&t, 0.01);
+        EXPECT_INT(t.s.finished, seconds[i / 2] > 1);
+        EXPECT_INT(t.s.phase, seconds[i / 2] > 1 ? LIVE_SUMMARY : LIVE_READY);
+        t.s.hands_free = false;
+        if (seconds[i / 2] < 1) {
+            assert_non_null(live_state_hint(&t.s));
+            EXPECT_TRUE(strstr(live_state_hint(&t.s), "too short"));
+            t.sight.ended = false;
+            start(&t); // another one
+            pass(&t, 0.1);
+            EXPECT_TRUE(!t.s.too_short);
+        }
+    }
+    struct sitting t = begin(); // in the count-in
+    live_state_do(&t.s, LIVE_DO_START, t.now_ns);
+    pass(&t, 1);
+    live_state_do(&t.s, LIVE_DO_START, t.now_ns);
+    EXPECT_TRUE(t.s.phase == LIVE_READY && !t.s.attempt && !t.s.finished);
+    // There for less than a second of an attempt that went on: no bar.
+    for (int length = 0; length < 2; length++) {
+        const struct live_result r = {16, 0.6, 3, true};
+        t = begin();
+        start(&t);
+        pass(&t, 3);
+        live_state_do(&t.s, LIVE_DO_START, t.now_ns);
+        live_state_on_result(&t.s, &r, length ? S : 6 * S / 10, t.now_ns);
+        EXPECT_INT(t.s.result_count, length);
+        EXPECT_INT(t.s.phase, length ? LIVE_SUMMARY : LIVE_READY);
+        EXPECT_INT(t.s.judged, t.s.finished);
+    }
 }
 
 static void test_leaving_is_said_and_forgiven(void **state)
@@ -312,6 +360,7 @@ static void test_actor_is_mirrored(void **state)
     pass(&t, 3.05);
     EXPECT_INT(t.s.attempt, 2);
     EXPECT_TRUE(!t.s.attempt_mirrored);
+    pass(&t, 1);
     live_state_do(&t.s, LIVE_DO_START, t.now_ns); // stop
     EXPECT_INT(t.s.phase, LIVE_SUMMARY);
     live_state_do(&t.s, LIVE_DO_MIRROR, t.now_ns); // for the next one
@@ -382,6 +431,7 @@ int main(void)
         cmocka_unit_test(test_keep_up_waits_for_no_one),
         cmocka_unit_test(test_tempo),
         cmocka_unit_test(test_marked_part_is_looped),
+        cmocka_unit_test(test_a_moment_is_not_judged),
         cmocka_unit_test(test_leaving_is_said_and_forgiven),
         cmocka_unit_test(test_second_person_is_said),
         cmocka_unit_test(test_sensor_trouble_is_said),
