@@ -171,8 +171,8 @@ static void trim_take(struct studio *s, int64_t now_ns)
     }
     snprintf(text, sizeof text, "%.60s is %.1f s long now", e->take, (double)(e->to_ns - e->from_ns) * 1e-9);
     studio_say(&s->state, text, now_ns);
-    if (s->session)
-        studio_session_judge(s->session, s->state.take);
+    if (s->session && !strcmp(e->take, s->state.take)) // whose verdict is shown
+        studio_session_judge(s->session, e->take);
 }
 
 static enum status run_command(struct studio *s, enum studio_command command, int64_t now_ns)

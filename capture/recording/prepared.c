@@ -157,7 +157,7 @@ static enum status check_same(struct recording *r, const struct take *take)
         return NOTHING;
     enum status status = take_is_drawn_from_depth(take) ? take_open_drawn(&now, r, name) : take_open(&now, r, name);
     if (status == OK)
-        status = take_id(now) == take_id(take) && index_crc(now) == index_crc(take) ? OK : NOTHING;
+        status = take_id(now) == take_id(take) && take_index_crc(now) == take_index_crc(take) ? OK : NOTHING;
     take_close(&now);
     return status;
 }
