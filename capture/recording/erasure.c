@@ -27,13 +27,9 @@ static enum status has_table(struct database *db, bool *out)
 // A commit that changes nothing, and the log emptied behind it: only a program that reads just now can hinder that.
 static enum status check_readers(struct database *db)
 {
-    int64_t version = 0;
-    char same[48];
-    enum status status = database_number(db, "PRAGMA user_version", &version);
-    if (status != OK)
-        return status;
-    snprintf(same, sizeof same, "PRAGMA user_version = %" PRId64, version);
-    status = database_run(db, same);
+    enum status status = database_begin(db);
+    if (status == OK)
+        status = database_run(db, "COMMIT");
     return status == OK ? database_empty_log(db) : status;
 }
 
@@ -72,10 +68,14 @@ enum status erasure_note(struct database *db, const struct erasure_request *requ
 static enum status forget(struct database *db)
 {
     int64_t rows = 0;
-    enum status status = database_run(db, "DELETE FROM prepared WHERE rowid = " REQUEST_ROW);
+    enum status status = database_begin(db);
+    if (status == OK)
+        status = database_run(db, "DELETE FROM prepared WHERE rowid = " REQUEST_ROW);
     if (status == OK)
         status = database_number(db, "SELECT count(*) FROM prepared", &rows);
-    return status == OK && !rows ? database_run(db, "DROP TABLE prepared") : status;
+    if (status == OK && !rows)
+        status = database_run(db, "DROP TABLE prepared");
+    return status == OK ? database_run(db, "COMMIT") : status;
 }
 
 enum status erasure_finish(struct database *db, const char *done)
