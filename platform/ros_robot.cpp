@@ -19,11 +19,15 @@ extern "C" {
 #include <tf2/exceptions.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <new>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace
@@ -32,6 +36,9 @@ namespace
 const char *const topic_names[ROS_IMAGE_TOPICS] = {"panorama", "depth_front", "depth_left", "depth_back",
                                                    "depth_right"};
 constexpr double REACHED_S = 0.1; // for a last command to reach the socket, chosen by hand
+// How long a command that moves is valid: less than the half second after which a robot with a watchdog stops, more
+// than the slowest picture between two commands where the processor draws. Chosen by hand.
+constexpr std::chrono::milliseconds VALID(400);
 
 int64_t time_of(const ros::Time &t) { return static_cast<int64_t>(t.toNSec()); }
 
@@ -56,6 +63,12 @@ struct ros_robot {
     std::vector<uint8_t> rgb;
     std::vector<uint16_t> depth;
     int64_t refused = 0;
+    // Stops the robot where commands cease because the program hangs: a thread, which does not hang with it.
+    std::mutex lock; // of the four below
+    std::condition_variable changed;
+    std::chrono::steady_clock::time_point sent;
+    bool moves = false, closing = false;
+    std::thread watchdog;
 
     ros_robot()
     {
@@ -78,6 +91,46 @@ struct ros_robot {
                 node.subscribe<tf2_msgs::TFMessage>(is_static ? "/tf_static" : "/tf", 100, on_places));
         }
         commands = node.advertise<geometry_msgs::Twist>("cmd_vel", 1);
+        watchdog = std::thread([this] { watch(); });
+    }
+
+    ~ros_robot()
+    {
+        {
+            const std::lock_guard<std::mutex> held(lock);
+            closing = true;
+        }
+        changed.notify_all();
+        watchdog.join();
+    }
+
+    ros_robot(const ros_robot &) = delete;
+    ros_robot &operator=(const ros_robot &) = delete;
+
+    void send(double speed, double turn_rate)
+    {
+        geometry_msgs::Twist twist;
+        twist.linear.x = speed;
+        twist.angular.z = turn_rate;
+        const std::lock_guard<std::mutex> held(lock);
+        commands.publish(twist);
+        sent = std::chrono::steady_clock::now();
+        moves = speed != 0 || turn_rate != 0;
+    }
+
+    void watch()
+    {
+        std::unique_lock<std::mutex> held(lock);
+        while (!closing) {
+            if (moves && std::chrono::steady_clock::now() - sent > VALID) {
+                moves = false;
+                try {
+                    commands.publish(geometry_msgs::Twist());
+                } catch (const std::exception &) { // the robot's own watchdog is left
+                }
+            }
+            changed.wait_for(held, VALID / 8);
+        }
     }
 
     void refuse() { refused++; }
@@ -273,10 +326,7 @@ enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to)
 void ros_robot_command(struct ros_robot *r, double speed, double turn_rate)
 {
     try {
-        geometry_msgs::Twist twist;
-        twist.linear.x = speed;
-        twist.angular.z = turn_rate;
-        r->commands.publish(twist);
+        r->send(speed, turn_rate);
     } catch (const std::exception &) { // the next one follows; without any the robot stops
     }
 }

@@ -8,7 +8,7 @@
 //   out  cmd_vel                                           geometry_msgs/Twist: linear.x m/s, angular.z rad/s
 //
 // Of images that wait only the newest of a topic is kept. One in a process at a time, and after ros_robot_close none
-// can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets; one thread calls, and
+// can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets, one watches the commands; one thread calls, and
 // the receivers are called by it inside ros_robot_poll.
 #pragma once
 #include "base/geometry.h"
@@ -50,8 +50,9 @@ void ros_robot_close(struct ros_robot **r); // NULL is fine. Commands that were 
 // out. ERR_IO: the node was shut down from outside. ERR_MEMORY.
 MUST_CHECK enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to);
 
-// speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known. The message has no lifetime: the
-// robot must stop by itself when none follows. A process that ends by exit() sends a stop; a killed one cannot.
+// speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known. Valid for 0.4 s: when none
+// follows, a thread sends a stop, also where this program hangs, and one that ends by exit() sends a stop. One that is
+// killed or stopped cannot: the message itself has no lifetime, and a robot must stop by itself when none follows.
 void ros_robot_command(struct ros_robot *r, double speed, double turn_rate);
 
 int64_t ros_robot_refused(const struct ros_robot *r); // messages left out

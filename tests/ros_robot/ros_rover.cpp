@@ -20,6 +20,7 @@ extern "C" {
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -203,8 +204,10 @@ int main(int argc, char **argv)
 {
     robot r;
     ros::init(argc, argv, "rover", ros::init_options::NoRosout);
-    if (argc != 3 || !write_calibration(r.how, argv[1]))
+    if (argc < 3 || argc > 4 || !write_calibration(r.how, argv[1]))
         return 2;
+    if (argc == 4)
+        r.watch.patience_s = std::atof(argv[3]); // without a command it drives on for so long
     ros::NodeHandle node;
     const ros::Subscriber commands = node.subscribe("cmd_vel", 1, &robot::on_command, &r);
     r.panorama = node.advertise<sensor_msgs::Image>("panorama", 1);

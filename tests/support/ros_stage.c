@@ -52,7 +52,7 @@ bool ros_stage_read(struct ros_stage *r)
 
 static void wait_a_little(void) { clock_sleep_until_ns(clock_now_ns() + 50000000); }
 
-void ros_stage_open(struct ros_stage *r, const char *robot)
+void ros_stage_open(struct ros_stage *r, const char *robot, const char *patience_s)
 {
     char port[16];
     const int number = free_port();
@@ -69,7 +69,7 @@ void ros_stage_open(struct ros_stage *r, const char *robot)
     r->master = process_start((const char *const[]){MASTER, "--core", "-p", port, NULL});
     for (int i = 0; i < PATIENCE && !answers(number); i++)
         wait_a_little();
-    r->rover = process_start((const char *const[]){robot, r->calibration, r->truth, NULL});
+    r->rover = process_start((const char *const[]){robot, r->calibration, r->truth, patience_s, NULL});
     for (int i = 0; i < PATIENCE && !ros_stage_read(r); i++)
         wait_a_little();
 }

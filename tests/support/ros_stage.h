@@ -15,8 +15,8 @@ struct ros_stage {
 
 // False: ROS is not there.
 bool ros_stage_available(void);
-// robot: the simulated one's program, ros-rover.
-void ros_stage_open(struct ros_stage *r, const char *robot);
+// robot: the simulated one's program, ros-rover. patience_s: how long that drives on without a command, as "0.5".
+void ros_stage_open(struct ros_stage *r, const char *robot, const char *patience_s);
 void ros_stage_close(struct ros_stage *r); // zeroed is fine, also after a failed test
 
 // Reads what the robot says of itself into r->is. False: not now.

@@ -7,6 +7,8 @@
 #include "tests/support/ros_stage.h"
 
 #include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #define TICK_NS 50000000
 enum { PATIENCE = 30 * 20 /* ticks: a busy machine is slow, not wrong */ };
@@ -30,9 +32,9 @@ static void step(struct robot *r, double ahead)
     ros_stage_read(&r->ros);
 }
 
-static void start(struct robot *r)
+static void start(struct robot *r, const char *patience_s)
 {
-    ros_stage_open(&r->ros, PROGRAM_DIR "/ros-rover");
+    ros_stage_open(&r->ros, PROGRAM_DIR "/ros-rover", patience_s);
     struct drive_options how = drive_default_options();
     how.calibration = r->ros.calibration;
     how.threads = true;
@@ -147,7 +149,7 @@ static void test_a_ros_robot_is_driven(void **state)
         print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
         skip();
     }
-    start(r);
+    start(r, "0.5");
     // The world begins where the first capture is taken; on a busy machine the robot would have moved by then.
     for (int i = 0; i < PATIENCE && !r->session.ros.surroundings.any_taken; i++)
         step(r, 0);
@@ -170,6 +172,38 @@ static void test_a_ros_robot_is_driven(void **state)
     EXPECT_NEAR(r->ros.is.speed, 0, 0);
 }
 
+// A robot that drives on for a minute without a command, and a program that hangs: it stands soon all the same. In a
+// process of its own, for there is one node in each.
+static void test_a_program_that_hangs_stops_the_robot(void **state)
+{
+    (void)state;
+    struct robot *const r = &driven;
+    if (!ros_stage_available())
+        skip();
+    const pid_t child = fork();
+    if (child == 0) {
+        start(r, "60");
+        for (int i = 0; i < PATIENCE && !r->session.ros.surroundings.any_taken; i++)
+            step(r, 0);
+        for (int i = 0; i < PATIENCE && !(r->ros.is.speed > 0); i++)
+            step(r, r->session.ros.stopped ? 0 : 0.05);
+        const bool moved = r->ros.is.speed > 0;
+        const int64_t from = clock_now_ns();
+        while (clock_now_ns() - from < 10000000000 && r->ros.is.speed > 0) { // nothing is sent
+            clock_sleep_until_ns(clock_now_ns() + 10000000);
+            ros_stage_read(&r->ros);
+        }
+        const double took_s = (double)(clock_now_ns() - from) * 1e-9;
+        print_message("moved: %d; stands %.2f s after the last command\n", moved, took_s);
+        ros_stage_close(&r->ros);
+        _exit(moved && took_s < 1 ? 0 : 1);
+    }
+    int status = -1;
+    EXPECT_INT(waitpid(child, &status, 0), child);
+    EXPECT_TRUE(WIFEXITED(status));
+    EXPECT_INT(WEXITSTATUS(status), 0);
+}
+
 static void test_what_is_missing_is_said(void **state)
 {
     (void)state;
@@ -188,6 +222,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_missing_is_said),
+        cmocka_unit_test(test_a_program_that_hangs_stops_the_robot), // before this process has threads
         cmocka_unit_test_teardown(test_a_ros_robot_is_driven, end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

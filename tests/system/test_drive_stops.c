@@ -30,7 +30,7 @@ static int open_stage(void **state)
     if (!ros_stage_available())
         return 0;
     scratch = scratch_make();
-    ros_stage_open(&ros, PROGRAM_DIR "/ros-rover");
+    ros_stage_open(&ros, PROGRAM_DIR "/ros-rover", "0.5");
     setenv("SDL_VIDEODRIVER", "x11", 1);
     if (!display_open(&display, scratch.path, WIDTH, HEIGHT))
         return 1;
