@@ -8,8 +8,8 @@
 //   out  cmd_vel                                           geometry_msgs/Twist: linear.x m/s, angular.z rad/s
 //
 // Of images that wait only the newest of a topic is kept. One in a process at a time, and after ros_robot_close none
-// can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets, one watches the commands; one thread calls, and
-// the receivers are called by it inside ros_robot_poll.
+// can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets, one watches the
+// commands; one thread calls, and the receivers are called by it inside ros_robot_poll.
 #pragma once
 #include "base/geometry.h"
 

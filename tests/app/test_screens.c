@@ -376,95 +376,6 @@ static void test_mirror_flips_actor(void **state)
     glass_close(&g);
 }
 
-// Mean difference of the screen, between the controls, from the recorded image of that frame, which fills its height.
-static double difference_from_sensor(struct glass *g, int64_t frame)
-{
-    struct recording *recording;
-    struct take *take;
-    struct take_images images;
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&take, recording, "once more"), OK);
-    EXPECT_STATUS(take_read(take, frame, TAKE_COLOR, &images), OK);
-    const struct lens *lens = &take_calibration(take)->color;
-    const double scale = fmin((double)g->width / lens->width, (double)g->height / lens->height);
-    double sum = 0;
-    int count = 0;
-    glass_read(g);
-    for (int y = (int)(0.25 * lens->height); y < 0.55 * lens->height; y++)
-        for (int x = (int)(0.2 * lens->width); x < 0.8 * lens->width; x++) {
-            const int sx = (int)(g->width / 2.0 + scale * (x + 0.5 - lens->width / 2.0));
-            const int sy = (int)(g->height / 2.0 + scale * (y + 0.5 - lens->height / 2.0));
-            for (int c = 0; c < 3; c++, count++)
-                sum += abs(g->rgba[4 * (sy * g->width + sx) + c] - images.color[3 * (y * lens->width + x) + c]);
-        }
-    take_close(&take);
-    recording_free(&recording);
-    return sum / count;
-}
-
-// From a cold start: what the sensor saw, then the whole body. No picture shows parts of one.
-static void expect_no_parts(struct glass *g, int *with_sensor)
-{
-    const struct take_view_image *p = &g->viewer.image;
-    if (p->making) {
-        EXPECT_TRUE(!p->actor && !p->shadow && p->sensor && !p->parts && !p->prepared);
-        EXPECT_AT_MOST(difference_from_sensor(g, p->frame), 8);
-        ++*with_sensor;
-    } else {
-        EXPECT_TRUE(p->prepared && p->actor);
-        EXPECT_AT_LEAST(p->parts, 8);
-    }
-}
-
-static void test_take_opens_immediately_and_refines(void **state)
-{
-    (void)state;
-    struct glass g;
-    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "once more", NULL); // no other test opens it
-    struct viewer *v = &g.viewer;
-    glass_draw(&g);
-    EXPECT_TRUE(v->image.making);
-    int with_sensor = 0;
-    expect_no_parts(&g, &with_sensor);
-    glass_seek(&g, 0.3);
-    int plain = 0, both = 0, simple = 0, better = 0;
-    double share = 0;
-    const int64_t making = clock_now_ns();
-    for (int64_t until = making + 200000000000; (v->state.crossfade < 1 || !v->image.full) && clock_now_ns() < until;) {
-        glass_draw_and_wait(&g);
-        expect_no_parts(&g, &with_sensor);
-        EXPECT_AT_LEAST(v->state.avatar_progress, share);
-        share = v->state.avatar_progress;
-        plain += !v->image.prepared;
-        both += v->image.prepared && v->image.sensor;
-        simple += v->image.prepared && !v->image.full;
-    }
-    glass_draw(&g);
-    better = v->image.prepared && !v->image.sensor;
-    EXPECT_AT_LEAST(with_sensor, 2);
-    print_message("%d frames without the avatar, %d with both, %d with the simple one\n", plain, both, simple);
-    EXPECT_AT_LEAST(simple, 1);
-    EXPECT_AT_LEAST(plain, 1);
-    EXPECT_AT_LEAST(both, 1);
-    EXPECT_INT(better, 1);
-    const int64_t made_ns = clock_now_ns() - making;
-    glass_close(&g); // after the avatar was written into the recording
-    const int64_t reading = clock_now_ns();
-    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "once more", NULL);
-    int made_again = 0;
-    do { // with the first drawing, but on a machine that is busy with more
-        glass_draw(&g);
-        made_again += v->image.prepared && !v->image.full; // the simple one, which is shown while one is made
-    } while (!v->image.full && clock_now_ns() < reading + 200000000000);
-    EXPECT_INT(made_again, 0);
-    print_message("full after %.1f s, when opened again after %.1f s\n", (double)made_ns * 1e-9,
-                  (double)(clock_now_ns() - reading) * 1e-9);
-    EXPECT_AT_MOST((double)(clock_now_ns() - reading), 0.5 * (double)made_ns);
-    glass_draw(&g);
-    EXPECT_NEAR(v->state.avatar_progress, 1, 0);
-    glass_close(&g);
-}
-
 static void test_file_without_take_is_reported(void **state)
 {
     (void)state;
@@ -627,7 +538,6 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_removed_recording_plays_on),
         cmocka_unit_test(test_lost_camera_gives_advice),
         cmocka_unit_test(test_mirror_flips_actor),
-        cmocka_unit_test(test_take_opens_immediately_and_refines),
         cmocka_unit_test(test_file_without_take_is_reported),
         cmocka_unit_test(test_every_screen_orientation_and_theme),
     };
