@@ -4,6 +4,7 @@
 #include "app/commands/objects_search.h"
 #include "app/commands/place_input.h"
 #include "app/commands/source_frames.h"
+#include "base/clock.h"
 #include "base/text.h"
 #include "capture/mapping/map_advice.h"
 #include "capture/recording/recording.h"
@@ -256,6 +257,19 @@ static void warn(const char *program, const struct map_advice *advice)
         fprintf(stderr, "%s: warning: %s\n", program, advice->line[i]);
 }
 
+// Off a terminal: a line every ten seconds, so that a log shows that it works.
+static void on_step(void *self)
+{
+    const int64_t every_ns = 10000000000, now_ns = clock_now_ns();
+    int64_t *last_ns = self;
+    if (!*last_ns)
+        *last_ns = now_ns;
+    if (isatty(STDERR_FILENO) || now_ns - *last_ns < every_ns)
+        return;
+    *last_ns = now_ns;
+    fputs("adjusting tags, landmarks and the camera's path to one another\n", stderr);
+}
+
 // Solves for everything that was seen, which has no steps to count: some seconds, a minute for a long sweep.
 static enum status finish_map(struct mapper *mapper, struct place *place, struct mapper_report *report)
 {
@@ -279,6 +293,9 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     struct mapper_options wanted = mapper_default_options();
     const char *file = a->into ? a->into : a->out;
     struct sweep_trouble trouble = {0};
+    int64_t last_ns = 0; // when on_step last said something
+    wanted.on_step = on_step;
+    wanted.self = &last_ns;
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
     wanted.prior = a->into ? &before : NULL;

@@ -269,6 +269,22 @@ static void draw_progress(struct progress_bar *p, int64_t now_ns)
     fflush(stderr);
 }
 
+// Not on a terminal: a line now and then, which a log can hold.
+static void print_progress(struct progress_bar *p, int64_t now_ns)
+{
+    const int64_t every_ns = 10000000000;
+    char left[32] = "";
+    if (now_ns - (p->printed_ns ? p->printed_ns : p->started_ns) < every_ns)
+        return;
+    p->printed_ns = now_ns;
+    if (p->total > 0)
+        time_left(p, now_ns, left);
+    fprintf(stderr, "%s: %lld", p->what, (long long)p->done);
+    if (p->total > 0)
+        fprintf(stderr, " of %lld%s%s", (long long)p->total, *left ? ", " : "", left);
+    fputc('\n', stderr);
+}
+
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total)
 {
     *p = (struct progress_bar){.what = what, .total = total, .started_ns = clock_now_ns()};
@@ -278,7 +294,9 @@ void progress_bar_step(struct progress_bar *p)
 {
     p->done++;
     int64_t now = clock_now_ns();
-    if (isatty(STDERR_FILENO) && now - p->drawn_ns > 100000000) {
+    if (!isatty(STDERR_FILENO)) {
+        print_progress(p, now);
+    } else if (now - p->drawn_ns > 100000000) {
         p->drawn_ns = now;
         draw_progress(p, now);
     }

@@ -111,12 +111,12 @@ MUST_CHECK enum status command_print_json(struct json **root);
 void command_catch_signals(void);
 bool command_stopped(void);
 
-// A bar on stderr where that is a terminal, else nothing, with the time left as soon as that is known. total <= 0:
-// only the count is shown.
+// A bar on stderr where that is a terminal, else a line every ten seconds, with the time left as soon as that is known.
+// total <= 0: only the count is shown.
 struct progress_bar {
     const char *what;
     int64_t total, done;
-    int64_t started_ns, drawn_ns;
+    int64_t started_ns, drawn_ns, printed_ns;
     char note[192]; // shown behind the bar
 };
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);

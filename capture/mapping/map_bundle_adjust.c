@@ -182,6 +182,8 @@ static void apply_solution(struct map *m, const struct ba_problem *p)
 static enum status adjust_all(struct map *m, const struct adjust_options *options)
 {
     const bool *included = options->included;
+    if (m->on_step)
+        m->on_step(m->self);
     map_undo_rolling_shutter(m);
     struct adjust_arrays a;
     enum status status = adjust_arrays_alloc(&a, m, count_residuals(m, included));

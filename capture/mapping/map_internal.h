@@ -80,6 +80,8 @@ struct map {
     double side_ratio;   // the sides that the depth shows over the listed ones, their median; 0: not known
     double depth_scale;  // true depth = the sensor's depth times this
     double rms_px, rms_m;
+    void (*on_step)(void *self); // as in mapper_options
+    void *self;
     double expected_m; // rms_m, if depth were as exact as depth_absolute_sigma_m says
 };
 

@@ -15,6 +15,7 @@ struct mapper {
     struct map_frontend *frontend;
     struct sweep_tracker *sweep; // NULL: without a plan
     int32_t frames_seen, stride, image_stride;
+    int32_t still;                         // frames that showed the same view as the last one kept, one after the other
     int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
 };
 
@@ -84,6 +85,8 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
         return fail(ERR_MEMORY, "no memory to map a place");
     m->map.calibration = *calibration;
     m->map.depth_scale = 1;
+    m->map.on_step = wanted.on_step;
+    m->map.self = wanted.self;
     m->options = wanted;
     m->stride = m->image_stride = 1;
     status = fill(m, tags, tag_count);
@@ -171,6 +174,43 @@ static enum status copy_image(const struct mapper *m, const struct frame *frame,
     return OK;
 }
 
+// Where a sensor stands still, its first FIRST_STILL frames are kept, and then one of so many: what they show is the
+// same, and the time that a map takes grows with the square of the frames that show a landmark. All chosen by hand.
+enum { FIRST_STILL = 12, ONE_STILL_OF = 8, COMPARED = 200, LEAST_COMPARED = 60, SAME_BITS = 40 };
+static const double SAME_PX = 1, SAME_SHARE = 0.6;
+
+static bool shows_feature(const struct map_frame *f, const struct feature *wanted)
+{
+    for (int32_t i = 0; i < f->feature_count; i++) {
+        const struct feature *own = &f->features[i].feature;
+        if (fabs(own->at.x - wanted->at.x) < SAME_PX && fabs(own->at.y - wanted->at.y) < SAME_PX &&
+            feature_distance(own->descriptor, wanted->descriptor) < SAME_BITS)
+            return true;
+    }
+    return false;
+}
+
+static bool shows_the_same(const struct map_frame *a, const struct map_frame *b)
+{
+    const int32_t count = a->feature_count < COMPARED ? a->feature_count : COMPARED;
+    int32_t same = 0;
+    for (int32_t i = 0; i < count; i++)
+        same += shows_feature(b, &a->features[i * (int64_t)a->feature_count / count].feature);
+    return count >= LEAST_COMPARED && same > SAME_SHARE * count;
+}
+
+// Whether a frame tells nothing new.
+static bool is_superfluous(struct mapper *m, const struct map_frame *f)
+{
+    const struct map *map = &m->map;
+    if (!map->frame_count || !shows_the_same(f, &map->frames[map->frame_count - 1])) {
+        m->still = 0;
+        return false;
+    }
+    m->still++;
+    return m->still >= FIRST_STILL && m->still % ONE_STILL_OF;
+}
+
 // The next image from the front end becomes a frame of the map. NOTHING: there is none.
 static enum status take_frame(struct mapper *m)
 {
@@ -181,6 +221,10 @@ static enum status take_frame(struct mapper *m)
     if (m->sweep)
         sweep_tracker_add(m->sweep, &result.observed, result.frame.depth);
     if (result.number % m->stride) { // m->stride has grown since it was put, or it is for the plan alone
+        map_frame_free(&result.observed);
+        return OK;
+    }
+    if (is_superfluous(m, &result.observed)) {
         map_frame_free(&result.observed);
         return OK;
     }

@@ -42,6 +42,9 @@ struct mapper_options {
     const struct place *prior;
     // Also follows the sensor while it sweeps, for mapper_plan. Costs some milliseconds an image; the map is the same.
     bool plan;
+    // Called now and then while mapper_finish works, which may take a minute. Default NULL.
+    void (*on_step)(void *self);
+    void *self;
 };
 struct mapper_options mapper_default_options(void);
 
@@ -55,7 +58,8 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
 
 // Has tags and features detected in a copy of the frame; waits only while several frames are in work. A frame
 // without colour is ignored. Depth is used where the calibration says `registered`.
-// Of a long sweep every second, fourth ... frame is kept, so that memory is bounded.
+// Of a long sweep every second, fourth ... frame is kept, so that memory is bounded; and of a sensor that stands still
+// only some.
 // ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's: it and this frame are left out, the mapper stays usable.
 MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
 

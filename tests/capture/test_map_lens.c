@@ -192,6 +192,35 @@ static void test_scaled_list_is_named(void **state)
     EXPECT_TRUE(is_said(&advice, "correct the list"));
 }
 
+// A sensor on a stand shows the same again and again: most of it is left out, however long it films.
+static void test_still_sensor_is_mapped_from_some_pictures(void **state)
+{
+    (void)state;
+    enum { STILL = 60 };
+    const struct lens *lens = &room.calibration.color;
+    struct mapper *m;
+    struct mapper_report report;
+    struct place place;
+    uint8_t *color = malloc(lens_pixels(lens) * 3);
+    EXPECT_STATUS(mapper_open(&m, &room.calibration, room.tags, room.tag_count, NULL), OK);
+    for (int i = 0; i < STILL; i++) {
+        memcpy(color, room.color[6], lens_pixels(lens) * 3);
+        world_color_noise(color, lens->width, lens->height, 900 + (uint64_t)i);
+        EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = 33333333LL * i, .color = color, .depth = room.depth[6]}),
+                      OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    printf("%d of %d pictures used, %d placed, %d landmarks\n", (int)report.frames, (int)report.frames_seen,
+           (int)report.frames_placed, (int)place.point_count);
+    EXPECT_INT(report.frames_seen, STILL);
+    EXPECT_AT_MOST(report.frames, STILL / 3);
+    EXPECT_INT(report.frames_placed, report.frames);
+    EXPECT_AT_LEAST(place.point_count, 100);
+    place_free(&place);
+    mapper_close(&m);
+    free(color);
+}
+
 // Why no listed tag is in any picture.
 static void test_missing_tags_are_explained(void **state)
 {
@@ -230,8 +259,11 @@ static void test_missing_tags_are_explained(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_right_sweep_is_not_blamed),  cmocka_unit_test(test_wrong_lens_is_named),
-        cmocka_unit_test(test_useless_maps_are_refused),   cmocka_unit_test(test_scaled_list_is_named),
+        cmocka_unit_test(test_right_sweep_is_not_blamed),
+        cmocka_unit_test(test_wrong_lens_is_named),
+        cmocka_unit_test(test_useless_maps_are_refused),
+        cmocka_unit_test(test_scaled_list_is_named),
+        cmocka_unit_test(test_still_sensor_is_mapped_from_some_pictures),
         cmocka_unit_test(test_missing_tags_are_explained),
     };
     return cmocka_run_group_tests_name("map_lens", tests, film_room, leave_room);
