@@ -8,16 +8,32 @@
 
 static _Thread_local char sentence[512];
 
+// Takes USER:PASSWORD@ out of every address (SCHEME://USER:PASSWORD@HOST): a sentence is shown to others, and kept in
+// logs.
+static void hide_passwords(char *text)
+{
+    for (char *begin = text; (begin = strstr(begin, "://"));) {
+        begin += 3;
+        const size_t length = strcspn(begin, "/?#\\ \t\r\n'\"");
+        char *host = begin;
+        for (char *at = begin; at < begin + length; at++)
+            if (*at == '@')
+                host = at + 1;
+        memmove(begin, host, strlen(host) + 1);
+    }
+}
+
 enum status fail(enum status status, const char *format, ...)
 {
     // Formatted into a buffer first: an argument may be status_message() itself.
-    char formatted[sizeof sentence];
+    char formatted[4 * sizeof sentence]; // what is cut off in the end may say that a password goes before it
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(formatted, sizeof formatted, format, arguments);
     va_end(arguments);
-    text_make_printable(formatted); // names in it may come from outside
-    snprintf(sentence, sizeof sentence, "%s", formatted);
+    hide_passwords(formatted);
+    snprintf(sentence, sizeof sentence, "%.*s", (int)sizeof sentence - 1, formatted);
+    text_make_printable(sentence); // names in it may come from outside
     return status;
 }
 

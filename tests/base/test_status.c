@@ -36,12 +36,33 @@ static void test_longest_sentence_is_kept_whole(void **state)
     assert_string_equal(status_message(), text);
 }
 
+static void test_no_sentence_holds_a_password(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *given, *said;
+    } cases[] = {{"'http://me:secret@host:80/a@b' is no sensor", "'http://host:80/a@b' is no sensor"},
+                 {"https://me@host, ros:http://u:p@q@h/ and ://x", "https://host, ros:http://h/ and ://x"},
+                 {"a@b and http://host/me@there", "a@b and http://host/me@there"},
+                 {"ftp://u:p@", "ftp://"}};
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        EXPECT_STATUS(fail(ERR_INPUT, "%s", cases[i].given), ERR_INPUT);
+        assert_string_equal(status_message(), cases[i].said);
+    }
+    char text[800] = "http://me:"; // the @ lies beyond what is kept
+    memset(text + 10, 's', 600);
+    strcpy(text + 610, "@host/ is not there");
+    EXPECT_STATUS(fail(ERR_INPUT, "%s", text), ERR_INPUT);
+    assert_string_equal(status_message(), "http://host/ is not there");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sentence_may_contain_the_last_one),
         cmocka_unit_test(test_failure_survives_other_failures),
         cmocka_unit_test(test_longest_sentence_is_kept_whole),
+        cmocka_unit_test(test_no_sentence_holds_a_password),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
