@@ -437,8 +437,10 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *prior = m->options.prior;
-    if (m->map.tag_count && !prior && map_most_observed_tag(&m->map, false) < 0)
+    if (m->map.tag_count && !prior && map_most_observed_tag(&m->map, false) < 0) {
+        report_tags(m, report);
         return map_explain_no_tags(&m->map, m->frames_with_tag);
+    }
     report->depth_turn = map_find_depth_turn(&m->map);
     status = map_check_tag_sides(&m->map);
     if (status == OK && prior)

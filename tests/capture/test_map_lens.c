@@ -59,6 +59,8 @@ static int leave_room(void **state)
 
 // What is done to the sweep before it is mapped.
 struct wrong {
+    int32_t one; // index of the tag whose side is `one_side` times the true one in the list; only if that is not 0
+    double one_side;
     double focal, centre_x;  // of the lens over the true one; added, a share of the width
     double unit;             // of depth
     double sides;            // of the list
@@ -77,6 +79,8 @@ static enum status map_wrongly(const struct wrong *w, struct mapper_report *repo
     options.most_points = 1500;
     for (int32_t i = 0; i < room.tag_count; i++)
         tags[i] = (struct mapper_tag){room.tags[i].id, room.tags[i].side_m * w->sides};
+    if (w->one_side > 0)
+        tags[w->one].side_m *= w->one_side;
     c.color.fx *= w->focal, c.color.fy *= w->focal, c.color.cx += w->centre_x * width;
     c.depth.fx *= w->focal, c.depth.fy *= w->focal, c.depth.cx += w->centre_x * width;
     EXPECT_STATUS(mapper_open(&m, &c, tags, room.tag_count, &options), OK);
@@ -192,6 +196,26 @@ static void test_scaled_list_is_named(void **state)
     EXPECT_TRUE(is_said(&advice, "correct the list"));
 }
 
+// One side of the list is a little off: less than depth shows, but the tag fits worse than the others.
+static void test_one_tag_that_fits_badly_is_named(void **state)
+{
+    (void)state;
+    struct mapper_report r;
+    struct map_advice advice;
+    struct wrong one = right;
+    char name[24];
+    one.one = 2;
+    one.one_side = 1.05;
+    snprintf(name, sizeof name, "tag %d fits", (int)room.tags[one.one].id);
+    EXPECT_STATUS(map_wrongly(&one, &r, &advice), OK);
+    for (int i = 0; i < advice.count; i++)
+        printf("%s\n", advice.line[i]);
+    EXPECT_INT(r.lens.fault, LENS_FITS);
+    EXPECT_TRUE(is_said(&advice, name));
+    EXPECT_STATUS(map_wrongly(&right, &r, &advice), OK);
+    EXPECT_TRUE(!is_said(&advice, "fits to"));
+}
+
 // A sensor on a stand shows the same again and again: most of it is left out, however long it films.
 static void test_still_sensor_is_mapped_from_some_pictures(void **state)
 {
@@ -263,6 +287,7 @@ int main(void)
         cmocka_unit_test(test_wrong_lens_is_named),
         cmocka_unit_test(test_useless_maps_are_refused),
         cmocka_unit_test(test_scaled_list_is_named),
+        cmocka_unit_test(test_one_tag_that_fits_badly_is_named),
         cmocka_unit_test(test_still_sensor_is_mapped_from_some_pictures),
         cmocka_unit_test(test_missing_tags_are_explained),
     };
