@@ -66,8 +66,9 @@ static void test_pause_row_and_trim_states(void **state)
     EXPECT_TRUE(s.page == STUDIO_LIVE && s.kept == 1 && s.number == 2 && !s.queued && *s.notice);
     s.page = STUDIO_PLAYBACK;
     studio_do(&s, STUDIO_TRIM, 0);
-    EXPECT_TRUE(s.page == STUDIO_REVIEW && next_command(&s, STUDIO_CLOSE_PLAYBACK) &&
-                next_command(&s, STUDIO_TRIM_TAKE));
+    EXPECT_TRUE(s.page == STUDIO_REVIEW && next_command(&s, STUDIO_CLOSE_PLAYBACK) && !s.queued);
+    EXPECT_INT(s.waiting.kind, ERASES_ENDS); // it can be taken back
+    s.waiting.kind = ERASES_NOTHING;
     // What was plugged in again is found within some seconds.
     studio_fail(&s, "unplugged", 0);
     studio_tick(&s, SECOND);
@@ -425,7 +426,13 @@ static void test_trim_while_it_plays(void **state)
     stage_press(&g, 's');
     stage_draw(&g);
     EXPECT_TRUE(!g.studio.playing && g.studio.state.page == STUDIO_REVIEW);
+    EXPECT_INT(g.studio.state.waiting.kind, ERASES_ENDS);
+    g.skipped_ns += STUDIO_UNDO_S * SECOND; // nobody takes it back
+    for (const int64_t until = clock_now_ns() + 100 * SECOND;
+         g.studio.shown.judgement.frames != 19 && clock_now_ns() < until;)
+        stage_draw(&g);
     printf("%s\n", g.studio.state.notice);
+    EXPECT_INT(g.studio.shown.judgement.frames, 19); // judged anew
     EXPECT_STATUS(recording_open(&recording, g.studio.options.file), OK);
     EXPECT_STATUS(take_open(&take, recording, "take-1"), OK);
     EXPECT_INT(take_frame_count(take), 19); // from 0.4 s to 1.0 s, both included
