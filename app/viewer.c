@@ -19,6 +19,13 @@ static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames 
 
 double viewer_px_per_dp(double dpi) { return fmax(dpi / 160, 0.85); } // a desk's screen is farther from the eye
 
+double viewer_px_per_dp_with_text(double px_per_dp, double text_size, int width, int height)
+{
+    static const double LEAST_DP = 376;
+    const double most = fmin(width, height) / LEAST_DP;
+    return fmin(px_per_dp * text_size, fmax(px_per_dp, most));
+}
+
 // ---------------------------------------------------------------- opening
 
 static enum status open_recording(struct viewer *v)
@@ -39,6 +46,8 @@ static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
     v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
     v->state.trim.offered = v->options.offer_trim;
+    v->state.developer = v->options.developer;
+    v->state.text_size = v->options.text_size > 0 ? v->options.text_size : 1;
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))
             view_state_choose_take(&v->state, i);
@@ -169,7 +178,7 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     const struct ui_point at = {v->input.pointer_x, v->input.pointer_y};
     if (wheel != 0 && v->state.page == PAGE_TAKES)
         screen_takes_wheel(&v->screens, wheel);
-    if (wheel != 0 && v->state.page == PAGE_WATCH && thing_sheet_wheel(&v->screens.room, v->state.sheet, at, wheel))
+    if (wheel != 0 && screens_wheel(&v->screens, &v->state, at, wheel))
         wheel = 0;
     const bool on_map = v->state.page == PAGE_WATCH && v->state.room.map && v->screens.map_held;
     if (wheel != 0 && !on_map)
@@ -457,7 +466,7 @@ static enum status draw_live(struct viewer *v, const struct viewer_surface *surf
 
 static enum status draw_screen(struct viewer *v, int64_t now_ns)
 {
-    const struct brush brush = {v->ui, theme_of(v->state.dark)};
+    const struct brush brush = {v->ui, theme_of(v->state.dark), NULL};
     if (v->state.page == PAGE_TAKES) {
         const struct takes_page page = {v->takes.file, v->takes.cards, v->takes.count};
         screen_takes(&brush, &v->screens, &v->state, &page, now_ns);
@@ -479,7 +488,7 @@ static enum status draw_screen(struct viewer *v, int64_t now_ns)
 
 static enum status take_screenshot(struct viewer *v, int64_t now_ns)
 {
-    const struct brush brush = {v->ui, theme_of(v->state.dark)};
+    const struct brush brush = {v->ui, theme_of(v->state.dark), NULL};
     char path[600], notice[160];
     v->state.screenshot_wanted = false;
     enum status status = screenshot_path(v->options.photos, path, sizeof path);
@@ -506,7 +515,7 @@ static struct ui_input input_of(const struct viewer *v, const struct viewer_surf
 enum status viewer_draw_opening(struct viewer *v, const struct viewer_surface *surface)
 {
     const struct ui_input input = input_of(v, surface, clock_now_ns());
-    const struct brush brush = {v->ui, theme_of(!v->options.light)};
+    const struct brush brush = {v->ui, theme_of(!v->options.light), NULL};
     const char *slash = strrchr(v->options.file, '/');
     enum status status = ui_begin(v->ui, &input);
     if (status != OK)
@@ -541,7 +550,7 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     ui_end(v->ui);
     if (status == OK)
         status = ui_draw(v->ui, surface->target, surface->quarter_turns);
-    s->changed |= v->input.leaving || ui_letters_wanted(v->ui);
+    s->changed |= v->input.leaving || ui_letters_wanted(v->ui) || ui_comes_to_rest(v->ui);
     input_map_frame_done(&v->input);
     v->controls_ns = clock_now_ns();
     double took_ms = (double)(v->controls_ns - v->drawing_ns) * 1e-6;

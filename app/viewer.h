@@ -22,7 +22,8 @@ struct viewer_options {
     bool no_body_points; // are looked for in the sensor's colour images
     bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
     const char *photos;  // folder for screenshots; NULL: the user's pictures
-    bool light;
+    bool light, developer;
+    double text_size;   // of view_text_sizes; 0: 1
     bool mirrored;      // the actor is shown left and right exchanged from the start, and with a sensor judged by so
     bool offer_trim;    // the take's ends can be cut off: state.trim
     bool ask_knowledge; // ask a thing's own address what is newer when its card is opened
@@ -103,3 +104,6 @@ bool view_request_equal(const struct take_view_request *a, const struct take_vie
 
 // Pixels per dp for a screen of that dpi.
 double viewer_px_per_dp(double dpi);
+// With everything larger by `text_size`, though never so large that less than 376 dp of the shorter side remain: below
+// that the controls have no room.
+double viewer_px_per_dp_with_text(double px_per_dp, double text_size, int width, int height);

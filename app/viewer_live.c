@@ -153,7 +153,9 @@ static void adopt_result(struct viewer *v, int64_t now_ns)
     l->shown = attempt;
     const struct joint_samples *s = &attempt.samples;
     const int64_t length_ns = s->count ? s->at[s->count - 1].time_ns : 0;
-    const struct live_result result = {.score = attempt.comparison.score,
+    const struct comparison *c = &attempt.comparison;
+    const struct live_result result = {.worst_ns = c->finding_count ? finding_moment_ns(c, &c->findings[0]) : 0,
+                                       .score = c->score,
                                        .length_s = (double)length_ns * 1e-9,
                                        .findings = attempt.comparison.finding_count,
                                        .compared = attempt.compared};

@@ -14,6 +14,7 @@ extern "C" {
 
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <new>
 #include <set>
 #include <vector>
@@ -36,6 +37,11 @@ struct ui {
     bool letters_wanted, letters_refused; // texts asked for more; with them the atlas would be too large for the GPU
     struct system_fonts *system; // NULL until a text asks for a letter that the faces lack, or if there are none
     int width_px, height_px;
+    int layer;
+    int64_t now_ns, rest_ns;       // rest_ns: since when the pointer is on the area of rest_id
+    ImGuiID rest_id, seen_rest;    // 0: on none; seen_rest: found in this frame
+    bool long_held, was_long_held; // an area was held until it rested, in this frame and in the last
+    std::vector<ui_mark> marks;
     ImDrawList *draw_list; // between ui_begin and ui_end
     std::vector<gpu_draw2d_batch> batches;
     std::vector<gpu_draw2d_vertex> vertices;
@@ -56,6 +62,7 @@ ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
                                 0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 const ImWchar digits[] = {'0', '9', 0};
+const ImWchar ascii[] = {0x20, 0x7e, 0xb0, 0xb0, 0};
 // What else the faces have: Greek, Cyrillic and Vietnamese. It takes as much of the atlas again, so only where a name
 // holds any of it, but then all, because other letters of the same name will follow.
 const ImWchar own_ranges[] = {0x300, 0x52f, 0x1e00, 0x1fff, 0};
@@ -123,7 +130,7 @@ bool build_atlas(ui *u, double px_per_dp, const std::vector<letter_set> &letters
     for (size_t f = 0; f < u->faces.size(); f++) {
         const ui_face &face = u->faces[f];
         ImFontGlyphRangesBuilder builder;
-        builder.AddRanges(face.digits_only ? digits : glyph_ranges);
+        builder.AddRanges(face.digits_only ? digits : face.ascii_only ? ascii : glyph_ranges);
         for (uint32_t letter : letters[f])
             if (is_in(own_ranges, letter))
                 builder.AddRanges(own_ranges);
@@ -218,7 +225,7 @@ bool has_own_ranges(const ui *u, int face)
 // Notes the letters of a text that the atlas lacks.
 void ask_for_letters(ui *u, int face, const char *text)
 {
-    if (u->faces[size_t(face)].digits_only)
+    if (u->faces[size_t(face)].digits_only || u->faces[size_t(face)].ascii_only)
         return;
     while (*text) {
         unsigned letter = uint8_t(*text);
@@ -236,6 +243,34 @@ ImFont *font_of(const ui *u, int face)
 }
 
 float size_of(const ui *u, int face) { return float(u->faces[size_t(face)].size); }
+
+const int64_t REST_NS = 500000000; // chosen by hand: longer than a tap, shorter than patience
+
+void mark(ui *u, bool is_text, const char *text, struct ui_box box)
+{
+    if (!*text)
+        return;
+    const ImVec2 low = u->draw_list->GetClipRectMin(), high = u->draw_list->GetClipRectMax();
+    const size_t length = strlen(text);
+    const bool shortened = is_text && length > 3 && !strcmp(text + length - 3, "…");
+    ui_mark m = {is_text, shortened, {}, box, {low.x, low.y, double(high.x) - low.x, double(high.y) - low.y}, u->layer};
+    for (size_t i = 0; i + 1 < sizeof m.text && text[i]; i++)
+        m.text[i] = text[i];
+    u->marks.push_back(m);
+}
+
+// Notes on which area the pointer stays.
+void note_rest(ui *u, ui_touch *touch)
+{
+    const ImGuiID id = ImGui::GetItemID();
+    touch->rested = u->was_long_held && id == u->rest_id;
+    if (!touch->over && !touch->held)
+        return;
+    u->rest_ns = id == u->rest_id ? u->rest_ns : u->now_ns;
+    u->rest_id = u->seen_rest = id;
+    touch->rests = u->now_ns - u->rest_ns >= REST_NS;
+    u->long_held = u->long_held || (touch->rests && touch->held);
+}
 
 } // namespace
 
@@ -286,6 +321,12 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     }
     u->width_px = in->width_px;
     u->height_px = in->height_px;
+    u->now_ns = in->now_ns;
+    u->was_long_held = u->long_held;
+    u->long_held = false;
+    u->seen_rest = 0;
+    u->layer = 0;
+    u->marks.clear();
     ImGuiIO &io = ImGui::GetIO();
     // Rounded up: ImGui clips to whole dp, and rounding down would leave the last row and column empty.
     io.DisplaySize =
@@ -336,6 +377,7 @@ void ui_end(struct ui *u)
                                       base_index + int(c.IdxOffset), int(c.ElemCount)});
     }
     u->draw_list = nullptr;
+    u->rest_id = u->seen_rest;
 }
 
 enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
@@ -357,7 +399,13 @@ double ui_px_per_dp(const struct ui *u) { return u->px_per_dp; }
 
 // ---------------------------------------------------------------- drawing
 
-void ui_layer(struct ui *u, int layer) { u->draw_list->ChannelsSetCurrent(layer); }
+int ui_layer(struct ui *u, int layer)
+{
+    const int before = u->layer;
+    u->draw_list->ChannelsSetCurrent(layer);
+    u->layer = layer;
+    return before;
+}
 
 void ui_fill(struct ui *u, struct ui_box box, double radius, uint32_t color)
 {
@@ -448,12 +496,28 @@ void ui_text(struct ui *u, int face, struct ui_point top_left, uint32_t color, c
 
 void ui_text_lines(struct ui *u, int face, struct ui_point top_left, double width, uint32_t color, const char *text)
 {
+    const ImVec2 size = font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, float(width), text);
     ask_for_letters(u, face, text);
+    mark(u, true, text, {top_left.x, top_left.y, double(size.x), double(size.y)});
     // Rounded to whole pixels: text between them is blurred.
     const double s = u->px_per_dp;
     ImVec2 where = at(std::round(top_left.x * s) / s, std::round(top_left.y * s) / s);
     u->draw_list->AddText(font_of(u, face), size_of(u, face), where, to_imgui_color(color), text, nullptr,
                           float(width));
+}
+
+struct ui_point ui_text_extent(struct ui *u, int face, double size, const char *text, double width)
+{
+    const ImVec2 extent = font_of(u, face)->CalcTextSizeA(float(size), FLT_MAX, float(width), text);
+    return {double(extent.x), double(extent.y)};
+}
+
+void ui_text_sized(struct ui *u, int face, double size, struct ui_box box, uint32_t color, const char *text)
+{
+    const ui_point extent = ui_text_extent(u, face, size, text, box.w);
+    mark(u, true, text, {box.x, box.y, extent.x, extent.y});
+    u->draw_list->AddText(font_of(u, face), float(size), first(box), to_imgui_color(color), text, nullptr,
+                          float(box.w));
 }
 
 void ui_clip(struct ui *u, struct ui_box box)
@@ -485,7 +549,24 @@ struct ui_touch ui_area(struct ui *u, const char *name, struct ui_box box)
     const ImVec2 pointer = ImGui::GetIO().MousePos;
     touch.x = double(pointer.x) - box.x;
     touch.y = double(pointer.y) - box.y;
-    (void)u;
+    mark(u, false, name, box);
+    note_rest(u, &touch);
     return touch;
+}
+
+bool ui_comes_to_rest(const struct ui *u) { return u->rest_id && u->now_ns - u->rest_ns < REST_NS; }
+
+struct ui_pointer ui_pointer_now(const struct ui *u)
+{
+    (void)u;
+    const ImGuiIO &io = ImGui::GetIO();
+    const bool there = io.MousePos.x > -FLT_MAX;
+    return {there ? double(io.MousePos.x) : 0, there ? double(io.MousePos.y) : 0, there, io.MouseDown[0]};
+}
+
+const struct ui_mark *ui_marks(const struct ui *u, int *count)
+{
+    *count = int(u->marks.size());
+    return u->marks.data();
 }
 }

@@ -27,8 +27,9 @@ struct ui_point {
 struct ui_face {
     const uint8_t *bytes;
     size_t count;
-    double size;      // dp, of a line
-    bool digits_only; // other characters are not drawn; a large face's letters would fill most of the font atlas
+    double size; // dp, of a line
+    // Other characters are not drawn; a large face's letters would fill most of the font atlas.
+    bool digits_only, ascii_only; // ascii: and the degree sign
 };
 
 // The other functions name faces by their index in this list. ERR_MEMORY; ERR_DEVICE as gpu_draw2d_open. *out is NULL
@@ -65,7 +66,8 @@ double ui_px_per_dp(const struct ui *ui); // of the last ui_begin
 
 // ---- drawing
 enum { UI_LAYERS = 3 };
-void ui_layer(struct ui *ui, int layer); // of the shapes that follow; higher layers cover lower ones; 0 after ui_begin
+// Of the shapes that follow; higher layers cover lower ones; 0 after ui_begin. Returns the one before.
+int ui_layer(struct ui *ui, int layer);
 void ui_fill(struct ui *ui, struct ui_box box, double radius, uint32_t color);
 void ui_border(struct ui *ui, struct ui_box box, double radius, double thickness, uint32_t color);
 void ui_fade(struct ui *ui, struct ui_box box, uint32_t top, uint32_t bottom); // vertical gradient
@@ -90,6 +92,9 @@ double ui_text_width(struct ui *ui, int face, const char *text);
 double ui_text_height(struct ui *ui, int face, const char *text, double width); // broken into lines of that width
 void ui_text(struct ui *ui, int face, struct ui_point top_left, uint32_t color, const char *text);
 void ui_text_lines(struct ui *ui, int face, struct ui_point top_left, double width, uint32_t color, const char *text);
+// The same in another size (dp, of a line) than the face's: soft where it is larger.
+struct ui_point ui_text_extent(struct ui *ui, int face, double size, const char *text, double width);
+void ui_text_sized(struct ui *ui, int face, double size, struct ui_box box, uint32_t color, const char *text);
 
 // Nothing outside of box is drawn or touched until the matching ui_unclip.
 void ui_clip(struct ui *ui, struct ui_box box);
@@ -101,11 +106,33 @@ struct ui_touch {
     bool went_down;
     bool held;   // the pointer went down in the area and is still down, wherever it is
     bool tapped; // the pointer went down and up in the area
+    bool rests;  // the pointer has been over it, or down in it, for half a second
+    bool rested; // and was so, and down, in the last frame: who holds it long asks what it is for
     double x, y; // of the pointer, relative to the box's top left
 };
 // An area that takes the pointer. Of overlapping areas the first one called gets it. `name` is the area's identity
 // within a frame and from frame to frame.
 struct ui_touch ui_area(struct ui *ui, const char *name, struct ui_box box);
+// The pointer comes to rest on something: the next frames may show more without other input.
+bool ui_comes_to_rest(const struct ui *ui);
+
+struct ui_pointer {
+    double x, y; // dp
+    bool there, down;
+};
+struct ui_pointer ui_pointer_now(const struct ui *ui);
+
+// ---- what the last frame laid out, in the order of drawing: for tests of screens that nobody looks at
+enum { UI_MARK_TEXT_BYTES = 96 };
+struct ui_mark {
+    bool is_text;                  // else an area
+    bool shortened;                // the text ends with …
+    char text[UI_MARK_TEXT_BYTES]; // or the area's name; its beginning
+    struct ui_box box, clip;       // dp; clip: outside of it nothing is drawn or touched
+    int layer;
+};
+// Valid until the next ui_begin.
+const struct ui_mark *ui_marks(const struct ui *ui, int *count);
 
 #ifdef __cplusplus
 }

@@ -13,6 +13,7 @@ struct studio_arguments {
     const char *file, *sensor, *tags;
     enum verdict_purpose purpose;
     bool fullscreen, light, say_in_window;
+    double text; // 0: as it was
     int size[2]; // of the window, pixels
     double dpi, seconds;
 };
@@ -21,6 +22,7 @@ enum {
     KEY_SENSOR = COMMAND_KEY,
     KEY_FULLSCREEN,
     KEY_LIGHT,
+    KEY_TEXT,
     KEY_SIZE,
     KEY_DPI,
     KEY_SECONDS,
@@ -37,6 +39,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_TAGS: a->tags = value; return 0;
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
+    case KEY_TEXT: a->text = command_parse_text_size(state, value); return 0;
     case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
     case KEY_SAY_IN_WINDOW: a->say_in_window = true; return 0;
     case KEY_FOR:
@@ -76,7 +79,10 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
 {
     int64_t due_ns = 0;
     while (!studio_finished(&r->studio)) {
-        const double px_per_dp = viewer_px_per_dp(window_dpi(r->window));
+        int width, height;
+        window_size(r->window, &width, &height);
+        const double px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(r->window)),
+                                                            r->studio.state.text_size, width, height);
         int64_t wait_ns = due_ns - clock_now_ns();
         for (;;) {
             const int wait_ms = wait_ns > 100000000 ? 100 : wait_ns > 0 ? (int)(wait_ns / 1000000) : 0;
@@ -117,6 +123,7 @@ int capture_studio(int argc, char **argv)
          "what takes are for: compare (turning round is not asked for), watch or both (the default)", 0},
         {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
         {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+        {"text", KEY_TEXT, "PERCENT", 0, "size of the text and all else on the screen: 100, 125 or 150", 0},
         {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
         {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
         {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
@@ -134,7 +141,7 @@ int capture_studio(int argc, char **argv)
         "sensor is located in. A hand held "
         "above the head starts and stops.\n\nKeys: space start and stop, M map the "
         "room, P pause and play, R takes in a row, F what they are for, K keep, X discard, A once more, N "
-        "rename; while a take plays , and . its new ends, S trim; D dark or light, "
+        "rename; while a take plays , and . its new ends, S trim; D dark or light, Y larger letters, "
         "Escape back, Q leave.",
         NULL,
         NULL,
@@ -154,6 +161,7 @@ int capture_studio(int argc, char **argv)
                                            .sensor = given.sensor,
                                            .tags = given.tags,
                                            .light = given.light,
+                                           .text_size = given.text,
                                            .purpose = given.purpose,
                                            .body_points = true,
                                            .refresh_hz = window_refresh_hz(run.window),

@@ -134,6 +134,14 @@ double command_parse_number(const struct argp_state *state, const char *option, 
     return x;
 }
 
+double command_parse_text_size(const struct argp_state *state, const char *value)
+{
+    const double percent = command_parse_number(state, "--text", value, 100, 150);
+    if (fabs(remainder(percent, 25)) > 1e-9)
+        argp_error(state, "--text takes 100, 125 or 150, not '%s'", value);
+    return percent / 100;
+}
+
 void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
                         int size[2])
 {

@@ -77,6 +77,9 @@ void command_require(const struct argp_state *state, const void *given, const ch
 double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
                             double most);
 
+// Of --text, percent: 1, 1.25 or 1.5.
+double command_parse_text_size(const struct argp_state *state, const char *value);
+
 // The value of an option that takes two whole numbers as in 1280x800, each from `least` to `most`.
 void command_parse_size(const struct argp_state *state, const char *option, const char *value, int least, int most,
                         int size[2]);

@@ -12,9 +12,9 @@
 
 struct watch_arguments {
     const char *file, *take, *camera, *sensor, *photos;
-    bool fullscreen, light, mirrored, no_body_points, stats, ask, say_in_window;
+    bool fullscreen, light, developer, mirrored, no_body_points, stats, ask, say_in_window;
     int rotate, size[2];
-    double dpi, seconds;
+    double dpi, seconds, text; // text: 0: as it was
 };
 
 enum {
@@ -32,7 +32,9 @@ enum {
     KEY_SECONDS,
     KEY_STATS,
     KEY_KNOWLEDGE,
-    KEY_SAY_IN_WINDOW
+    KEY_SAY_IN_WINDOW,
+    KEY_TEXT,
+    KEY_DEVELOPER
 };
 
 static const struct argp_option options[] = {
@@ -46,6 +48,8 @@ static const struct argp_option options[] = {
      "ask a thing's own server for what is newer when its card is opened (default: only what the recording keeps)", 0},
     {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
     {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+    {"text", KEY_TEXT, "PERCENT", 0, "size of the text and all else on the screen: 100, 125 or 150", 0},
+    {"developer", KEY_DEVELOPER, NULL, 0, "offer what developers look at: times of frames, where pixels come from", 0},
     {"mirrored", KEY_MIRRORED, NULL, 0, "the actor with left and right exchanged; with --sensor you are judged by that",
      0},
     {"no-body-points", KEY_NO_BODY_POINTS, NULL, 0, "with --sensor: track from depth alone", 0},
@@ -69,6 +73,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_PHOTOS: a->photos = value; return 0;
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
+    case KEY_DEVELOPER: a->developer = true; return 0;
+    case KEY_TEXT: a->text = command_parse_text_size(state, value); return 0;
     case KEY_MIRRORED: a->mirrored = true; return 0;
     case KEY_NO_BODY_POINTS: a->no_body_points = true; return 0;
     case KEY_KNOWLEDGE: a->ask = true; return 0;
@@ -117,7 +123,13 @@ struct watch {
 
 static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
 
-static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
+static double px_per_dp(const struct watch *w)
+{
+    int width, height;
+    window_size(w->screen, &width, &height);
+    const double text = w->viewer.state.text_size > 0 ? w->viewer.state.text_size : 1; // 0: while it is being opened
+    return viewer_px_per_dp_with_text(viewer_px_per_dp(window_dpi(w->screen)), text, width, height);
+}
 
 // Prints when, since the program began, the screen first showed something, the actor, and the actor's model.
 static void print_milestones(struct watch *w)
@@ -188,6 +200,8 @@ static enum status watch_open(struct watch *w)
                                        .no_body_points = a->no_body_points,
                                        .photos = a->photos,
                                        .light = a->light,
+                                       .developer = a->developer,
+                                       .text_size = a->text,
                                        .mirrored = a->mirrored,
                                        .ask_knowledge = a->ask,
                                        .refresh_hz = window_refresh_hz(w->screen),
@@ -213,6 +227,7 @@ static enum status watch_reopen(struct watch *w)
     char *take = t->take_view ? strdup(t->takes.cards[t->state.take].name) : NULL;
     again.take = take ? take : again.take;
     again.light = !t->state.dark;
+    again.text = t->state.text_size;
     again.mirrored = t->options.sensor ? t->state.live.mirrored : t->state.placement.mirrored;
     again.fullscreen = w->fullscreen;
     watch_close(w);
@@ -342,7 +357,8 @@ int reenact_watch(int argc, char **argv)
         "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
         "nearer with two fingers or the wheel.\n\n"
         "Keys: space play, arrows step, Home and End, - and + speed, L loop, M mirror, B skeleton, X where pixels come "
-        "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, E names at the things, W "
+        "from, I the sensor's picture, T times, Y larger letters, G move the actor, R put back, P photograph, E names "
+        "at the things, W "
         "find a "
         "thing, C map, Z the filmed room, D dark or light, F fullscreen, Escape back, Q leave. A game pad: A play, X "
         "photograph, Y move, shoulders speed, cross step, "

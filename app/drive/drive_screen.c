@@ -126,7 +126,7 @@ enum status drive_screen_draw(struct drive_screen *s, const struct viewer_surfac
 {
     const struct ui_input input = {
         .width_px = surface->width, .height_px = surface->height, .px_per_dp = surface->px_per_dp, .now_ns = now_ns};
-    const struct brush brush = {s->ui, theme_of(true)};
+    const struct brush brush = {s->ui, theme_of(true), NULL};
     enum status status = draw_panes(s, surface);
     if (status == OK && s->has_place)
         drive_place_update(&s->place, drive_session_surroundings(s->session));

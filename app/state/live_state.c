@@ -225,7 +225,7 @@ void live_state_on_result(struct live_state *s, const struct live_result *result
     s->results_ever++;
     s->judged = s->finished;
     s->review_length_ns = length_ns;
-    s->review_at_ns = s->review_from_ns = 0;
+    s->review_at_ns = s->review_from_ns = result->worst_ns < length_ns ? result->worst_ns : length_ns;
     s->reviewing = false;
     s->phase_ns = s->phase == LIVE_SUMMARY ? now_ns : s->phase_ns;
 }

@@ -60,7 +60,8 @@ struct live_result {
     double score; // 0..100
     double length_s;
     int findings;
-    bool compared; // false: too little of the person was seen
+    bool compared;    // false: too little of the person was seen
+    int64_t worst_ns; // the moment of the attempt that the summary opens at
 };
 
 struct live_state {

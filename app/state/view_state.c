@@ -14,6 +14,8 @@ static const double APPEAR_S = 0.2, FADE_S = 0.7, CROSSFADE_S = 0.5;
 
 const double view_speeds[VIEW_SPEEDS] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
 
+const double view_text_sizes[VIEW_TEXT_SIZES] = {1, 1.25, 1.5};
+
 struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
 {
     return (struct view_state){.page = take_count == 1 ? PAGE_WATCH : PAGE_TAKES,
@@ -23,6 +25,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
                                .orbiting = true,
                                .avatar_progress = 1,
                                .error_px = 1,
+                               .text_size = 1,
                                .tag_moved_notified = -1,
                                .room = room_state_start(),
                                .dark = dark,
@@ -123,12 +126,31 @@ static void toggle_sheet(struct view_state *s, enum view_sheet sheet)
     s->sheet = s->sheet == sheet ? SHEET_NONE : sheet;
 }
 
+static void next_text_size(struct view_state *s)
+{
+    int i = 0;
+    while (i < VIEW_TEXT_SIZES && view_text_sizes[i] <= s->text_size + 0.01)
+        i++;
+    s->text_size = view_text_sizes[i % VIEW_TEXT_SIZES];
+}
+
+// Up and down in a list that is open.
+static bool steps_in_list(struct view_state *s, enum view_action action)
+{
+    const bool list = s->sheet != SHEET_NONE || (s->page == PAGE_LIVE && s->live.phase == LIVE_SUMMARY);
+    if (!list || s->page == PAGE_TAKES || (action != DO_PREVIOUS && action != DO_NEXT))
+        return false;
+    s->list_steps += action == DO_NEXT ? 1 : -1;
+    return true;
+}
+
 // Actions that mean the same on every page.
 static bool do_anywhere(struct view_state *s, enum view_action action)
 {
     switch (action) {
     case DO_BACK: go_back(s); return true;
     case DO_THEME: s->dark = !s->dark; return true;
+    case DO_TEXT_SIZE: next_text_size(s); return true;
     case DO_FULLSCREEN: s->fullscreen = !s->fullscreen; return true;
     case DO_QUIT: s->quit = true; return true;
     case DO_TAKES:
@@ -273,9 +295,11 @@ void view_state_do(struct view_state *s, enum view_action action, int64_t now_ns
     if (action == DO_NOTHING)
         return;
     view_state_on_input(s, now_ns);
-    if (do_anywhere(s, action))
+    if (do_anywhere(s, action) || steps_in_list(s, action))
         return;
-    if (s->page == PAGE_TAKES)
+    if (s->page == PAGE_LIVE && action == DO_LAYERS)
+        toggle_sheet(s, SHEET_LIVE);
+    else if (s->page == PAGE_TAKES)
         do_on_takes(s, action);
     else if (s->page == PAGE_WATCH)
         do_on_watch(s, action, now_ns);
@@ -308,6 +332,12 @@ void view_state_scrub(struct view_state *s, bool held, double share, int64_t now
 void view_state_set_speed(struct view_state *s, double speed, int64_t now_ns)
 {
     playback_set_speed(&s->playback, now_ns, speed);
+    view_state_on_input(s, now_ns);
+}
+
+void view_state_set_text_size(struct view_state *s, double size, int64_t now_ns)
+{
+    s->text_size = size;
     view_state_on_input(s, now_ns);
 }
 

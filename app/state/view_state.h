@@ -22,6 +22,7 @@ enum view_sheet {
     SHEET_SPEED,
     SHEET_THINGS, // find a thing by its name
     SHEET_CARD,   // what is known of room.card
+    SHEET_LIVE,   // of PAGE_LIVE: how it is done
 };
 
 enum view_action {
@@ -41,6 +42,7 @@ enum view_action {
     DO_INSET,
     DO_FRAME_GRAPH,
     DO_THEME,
+    DO_TEXT_SIZE,       // the next
     DO_MOVE,            // begin or end moving the actor
     DO_RESET_PLACEMENT, // put the actor back to where the take was filmed
     DO_SCREENSHOT,
@@ -114,6 +116,9 @@ struct view_state {
     struct placement placement;
     bool moving; // fingers move the actor, not the view
     bool skeleton, sources, inset, frame_graph, dark, fullscreen;
+    double text_size; // of view_text_sizes; everything on the screen grows with it
+    bool developer;   // what only developers understand is offered, too
+    int list_steps;   // up or down in the list that is open; who draws it takes them
     bool screenshot_wanted, quit;
     struct view_trim trim;
 
@@ -144,6 +149,10 @@ struct view_state {
 // The speeds to choose from, from PLAYBACK_SLOWEST to PLAYBACK_FASTEST.
 enum { VIEW_SPEEDS = 8 };
 extern const double view_speeds[VIEW_SPEEDS];
+
+// Text sizes to choose from; 1: as it was designed.
+enum { VIEW_TEXT_SIZES = 3 };
+extern const double view_text_sizes[VIEW_TEXT_SIZES];
 
 struct view_state view_state_start(int take_count, bool dark, int64_t now_ns);
 
@@ -179,6 +188,7 @@ void view_state_find_thing(struct view_state *s, int thing, int64_t now_ns);
 // The timeline is held at that share of its length, or (held false) released.
 void view_state_scrub(struct view_state *s, bool held, double share, int64_t now_ns);
 void view_state_set_speed(struct view_state *s, double speed, int64_t now_ns);
+void view_state_set_text_size(struct view_state *s, double size, int64_t now_ns);
 void view_state_set_error(struct view_state *s, double error_px);
 void view_state_set_yaw(struct view_state *s, double yaw_rad);
 void view_state_choose_take(struct view_state *s, int take);

@@ -154,7 +154,7 @@ static void draw_plan(const struct brush *b, const struct studio_view *v, struct
     label(b, FACE_SMALL, (struct ui_box){foot.x + metre + 12, foot.y, 46, 26}, b->theme->quiet, "1 m");
     ui_disc(b->ui, (struct ui_point){foot.x + metre + 74, foot.y + 14}, 6, b->theme->accent);
     label(b, FACE_SMALL, (struct ui_box){foot.x + metre + 86, foot.y, foot.w - metre - 86, 26}, b->theme->quiet,
-          "can be recognised");
+          foot.w - metre - 86 > 140 ? "can be recognised" : "known");
 }
 
 // "9 of 12 tags · missing 3, 5, 7"
@@ -188,7 +188,18 @@ static void draw_sweep(const struct brush *b, struct studio_state *s, const stru
     char text[300];
     const struct sweep_plan *p = &v->shown->room.plan;
     const bool upright = in.h > in.w;
-    struct ui_box foot = cut_bottom(&in, 92);
+    const bool on = s->page == STUDIO_ROOM;
+    const struct control controls[] = {
+        {"room-leave", "Leave", BUTTON_RAISED, STUDIO_BACK},
+        {"room-done", on ? "Done" : "Computing ...", on ? BUTTON_MAIN : BUTTON_ON, STUDIO_START}};
+    const char *const help =
+        on ? "Walk slowly round the empty room, then Done" : "All pictures are put together: some seconds";
+    tags_text(p, text, sizeof text);
+    const double buttons_w = fmin(330, 0.5 * in.w), text_w = in.w - buttons_w - 2 * GAP;
+    const double tags_h = ui_text_height(b->ui, FACE_SMALL, text, text_w) + 6;
+    const double foot_h = fmax(tags_h + ui_text_height(b->ui, FACE_SMALL, help, text_w),
+                               controls_height(b, controls, (int)COUNT_OF(controls), buttons_w));
+    struct ui_box foot = cut_bottom(&in, foot_h);
     struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
     const bool color = studio_snapshot_sees_color(v->shown);
     const struct calibration *c = &v->shown->calibration;
@@ -200,22 +211,15 @@ static void draw_sweep(const struct brush *b, struct studio_state *s, const stru
     else
         studio_hint_draw(b, ICON_WARNING, true, coach_fault_text(FAULT_NO_COLOR), hint);
     draw_plan(b, v, plan);
-    const bool on = s->page == STUDIO_ROOM;
-    struct ui_box button = cut_right(&foot, 200);
-    button = (struct ui_box){button.x, button.y + 12, button.w, 64};
-    if (text_button(b, "room-done", on ? "Done" : "Computing ...", on ? BUTTON_MAIN : BUTTON_ON, button))
-        studio_do(s, STUDIO_START, now_ns);
-    struct ui_box leave = cut_right(&foot, 130);
-    leave = (struct ui_box){leave.x, leave.y + 12, leave.w, 64};
-    if (on && text_button(b, "room-leave", "Leave", BUTTON_RAISED, leave))
-        studio_do(s, STUDIO_BACK, now_ns);
-    tags_text(p, text, sizeof text);
-    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 10, foot.w, 26}, b->theme->text, text);
-    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 40, foot.w, 26}, b->theme->quiet,
-          on ? "Walk slowly round the empty room, then Done" : "All pictures are put together: some seconds");
+    const int done = controls_draw(b, controls + !on, 1 + on, cut_right(&foot, buttons_w));
+    if (done >= 0)
+        studio_do(s, (enum studio_action)done, now_ns);
+    ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y}, text_w, b->theme->text, text);
+    ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){foot.x, foot.y + tags_h}, text_w, b->theme->quiet, help);
 }
 
-static void draw_lines(const struct brush *b, const struct studio_room_view *room, struct ui_box box)
+static void draw_lines(const struct brush *b, const struct studio_room_view *room, struct scroll *scroll,
+                       struct ui_box box)
 {
     const bool failed = *room->failure, good = !failed && !room->advice.count;
     char text[120];
@@ -224,49 +228,40 @@ static void draw_lines(const struct brush *b, const struct studio_room_view *roo
     icon_draw(b->ui, good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&head, 40)), 34,
               good ? b->theme->accent : b->theme->warn);
     label(b, FACE_HEAD, head, b->theme->text, failed ? "No map" : good ? "A good map" : "A map, with gaps");
-    double y = in.y + 6;
-    if (!failed) {
-        snprintf(text, sizeof text, "A camera finds its way before %.0f %% of what stands in the room",
-                 100 * sweep_plan_recognisable(&room->plan));
-        const char *const first[2] = {room->advice.summary, text};
-        for (int i = 0; i < 2; i++) {
-            ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, y}, in.w, b->theme->text, first[i]);
-            y += ui_text_height(b->ui, FACE_BODY, first[i], in.w) + 8;
-        }
+    const char *lines[MAP_ADVICE_LINES + 3];
+    int count = 0;
+    snprintf(text, sizeof text, "A camera finds its way before %.0f %% of what stands in the room",
+             100 * sweep_plan_recognisable(&room->plan));
+    if (failed) {
+        lines[count++] = room->failure;
+    } else {
+        lines[count++] = room->advice.summary;
+        lines[count++] = text;
+        for (int i = 0; i < room->advice.count; i++)
+            lines[count++] = room->advice.line[i];
     }
-    const int lines = failed ? 1 : room->advice.count + (room->plan.bare_count > 0);
-    for (int i = 0; i < lines && y < in.y + in.h - 26; i++) {
-        const char *line = failed ? room->failure
-                           : i < room->advice.count
-                               ? room->advice.line[i]
-                               : "the places marked in the plan are bare: hang a tag there, or put "
-                                 "something with print, and film them again";
-        ui_disc(b->ui, (struct ui_point){in.x + 8, y + 13}, 3, b->theme->quiet);
-        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x + 24, y}, in.w - 24, b->theme->text, line);
-        y += ui_text_height(b->ui, FACE_BODY, line, in.w - 24) + 8;
-    }
+    if (!failed && room->plan.bare_count > 0)
+        lines[count++] = "the places marked in the plan are bare: hang a tag there, or put something with print, and "
+                         "film them again";
+    bullet_list(b, scroll, in, lines, count);
 }
 
 static void draw_room_review(const struct brush *b, struct studio_state *s, const struct studio_view *v,
                              struct ui_box in, int64_t now_ns)
 {
-    static const struct {
-        const char *text;
-        enum studio_action action;
-    } choices[] = {{"Keep", STUDIO_KEEP}, {"Film again", STUDIO_RETAKE}, {"Discard", STUDIO_DISCARD}};
+    static const struct control choices[] = {{"Keep", "Keep", BUTTON_MAIN, STUDIO_KEEP},
+                                             {"Film again", "Film again", BUTTON_RAISED, STUDIO_RETAKE},
+                                             {"Discard", "Discard", BUTTON_RAISED, STUDIO_DISCARD}};
     const struct studio_room_view *room = &v->shown->room;
     const bool upright = in.h > in.w;
-    struct ui_box buttons = cut_bottom(&in, TARGET);
-    struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
-    draw_lines(b, room, in);
-    draw_plan(b, v, plan);
     const int first = *room->failure ? 1 : 0, count = (int)COUNT_OF(choices) - first;
-    const double w = (buttons.w - (count - 1) * GAP) / count;
-    for (int i = 0; i < count; i++) {
-        const struct ui_box at = {buttons.x + i * (w + GAP), buttons.y, w, TARGET};
-        if (text_button(b, choices[first + i].text, choices[first + i].text, i ? BUTTON_RAISED : BUTTON_MAIN, at))
-            studio_do(s, choices[first + i].action, now_ns);
-    }
+    const struct ui_box buttons = cut_bottom(&in, controls_height(b, choices + first, count, in.w));
+    struct ui_box plan = upright ? cut_bottom(&in, in.h * 0.56) : cut_right(&in, fmin(in.h, in.w * 0.52));
+    draw_lines(b, room, v->scroll, in);
+    draw_plan(b, v, plan);
+    const int done = controls_draw(b, choices + first, count, buttons);
+    if (done >= 0)
+        studio_do(s, (enum studio_action)done, now_ns);
 }
 
 void room_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,

@@ -50,6 +50,7 @@ enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_o
     *s = (struct studio){.options = *options, .gpu = gpu};
     const int64_t now_ns = clock_now_ns();
     s->state = studio_start(!options->light);
+    s->state.text_size = options->text_size > 0 ? options->text_size : 1;
     s->state.number = next_number(options->file);
     s->state.purpose = (int)options->purpose;
     enum status status = open_ui(s);
@@ -110,6 +111,7 @@ static enum status open_playback(struct studio *s, int64_t now_ns)
                                        .take = s->state.take,
                                        .offer_trim = true,
                                        .light = !s->state.dark,
+                                       .text_size = s->state.text_size,
                                        .refresh_hz = s->options.refresh_hz,
                                        .wake = s->options.wake,
                                        .wake_self = s->options.wake_self};
@@ -340,6 +342,7 @@ static bool handle_key(struct studio *s, const struct window_event *event, int64
     case 'n': studio_do(state, STUDIO_EDIT_NAME, now_ns); break;
     case 'u': studio_do(state, STUDIO_UNDO, now_ns); break;
     case 'd': studio_do(state, STUDIO_THEME, now_ns); break;
+    case 'y': studio_do(state, STUDIO_TEXT_SIZE, now_ns); break;
     case 'q': studio_do(state, STUDIO_QUIT, now_ns); break;
     default: break;
     }
@@ -360,7 +363,8 @@ bool studio_event(struct studio *s, const struct window_event *event, double px_
         studio_type(&s->state, event->text);
         return true;
     }
-    if (event->kind == WINDOW_RESIZED || event->kind == WINDOW_SHOWN || event->kind == WINDOW_POINTER_MOVE)
+    if (event->kind == WINDOW_RESIZED || event->kind == WINDOW_SHOWN || event->kind == WINDOW_POINTER_MOVE ||
+        event->kind == WINDOW_WHEEL)
         s->state.changed = true;
     const bool pressed = input_map_event(&s->input, &s->ignored, event, px_per_dp, now_ns);
     s->state.changed |= pressed;
@@ -426,13 +430,18 @@ enum status studio_draw(struct studio *s, const struct viewer_surface *surface, 
     status = ui_begin(s->ui, &input);
     if (status != OK)
         return status;
-    const struct brush brush = {s->ui, theme_of(s->state.dark)};
-    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown,
-                                     s->color,        s->depth,   s->plan,         s->plan_part};
+    const struct brush brush = {s->ui, theme_of(s->state.dark), NULL};
+    if (s->scrolled != s->state.page)
+        s->scroll = (struct scroll){0};
+    s->scrolled = s->state.page;
+    (void)scroll_turn(&s->scroll, (struct ui_point){s->input.pointer_x, s->input.pointer_y}, -s->input.wheel);
+    s->input.wheel = 0;
+    const struct studio_view view = {s->options.file, s->devices, s->device_count, &s->shown, s->color,
+                                     s->depth,        s->plan,    s->plan_part,    &s->scroll};
     studio_screen_draw(&brush, &s->state, &view, now_ns);
     ui_end(s->ui);
     status = ui_draw(s->ui, surface->target, surface->quarter_turns);
-    s->state.changed |= s->input.leaving || ui_letters_wanted(s->ui);
+    s->state.changed |= s->input.leaving || ui_letters_wanted(s->ui) || ui_comes_to_rest(s->ui);
     input_map_frame_done(&s->input);
     return status;
 }

@@ -12,6 +12,7 @@ struct studio_options {
     const char *sensor;           // URI; NULL: the user chooses
     const char *tags;             // tags.json for sweeps of the room; NULL: the one beside the file, if there is one
     enum verdict_purpose purpose; // what takes are for, until the user chooses another one
+    double text_size;             // as the viewer's; 0: 1
     bool light;
     bool body_points;
     double refresh_hz;
@@ -33,6 +34,8 @@ struct studio {
     struct gpu_texture *color, *depth, *plan;
     uint8_t *depth_rgb, *plan_rgb;
     size_t depth_rgb_pixels;
+    struct scroll scroll;                                   // of the page that is shown
+    enum studio_page scrolled;                              // that page
     struct ui_box plan_part;                                // of the plan that is shown, shares of its width
     int gestures, takes_ready, rooms_ready, rooms_not_kept; // of the snapshot, handled
     struct viewer viewer;                                   // page PLAYBACK

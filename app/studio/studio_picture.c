@@ -37,16 +37,16 @@ struct ui_box studio_picture_draw(const struct brush *b, const struct gpu_textur
 
 void studio_hint_draw(const struct brush *b, enum icon icon, bool warns, const char *text, struct ui_box picture)
 {
-    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 84, picture.w - 32, 68};
+    static const double LEAST = 68, EDGE = 12, ICON_W = 36;
+    const double text_w = picture.w - 32 - 2 * EDGE - ICON_W - GAP;
+    enum face face = FACE_HEAD; // the largest in which it is not too high
+    while (face > FACE_TINY && ui_text_height(b->ui, (int)face, text, text_w) > fmax(LEAST - EDGE, 0.3 * picture.h))
+        face--;
+    const double text_h = ui_text_height(b->ui, (int)face, text, text_w), h = fmax(LEAST, text_h + EDGE);
+    const struct ui_box box = {picture.x + 16, picture.y + picture.h - 16 - h, picture.w - 32, h};
     ui_fill(b->ui, box, ROUND, b->theme->glass);
     ui_border(b->ui, box, ROUND, 2, warns ? b->theme->warn : b->theme->hairline);
-    struct ui_box line = inner(box, 12);
-    icon_draw(b->ui, icon, middle(cut_left(&line, 36)), 30, warns ? b->theme->warn : b->theme->accent);
-    if (ui_text_width(b->ui, FACE_HEAD, text) <= line.w) {
-        label(b, FACE_HEAD, line, b->theme->text, text);
-        return;
-    }
-    const enum face face = ui_text_height(b->ui, FACE_BODY, text, line.w) <= line.h + 8 ? FACE_BODY : FACE_SMALL;
-    const double h = ui_text_height(b->ui, face, text, line.w);
-    ui_text_lines(b->ui, face, (struct ui_point){line.x, line.y + (line.h - h) / 2}, line.w, b->theme->text, text);
+    struct ui_box line = inner(box, EDGE);
+    icon_draw(b->ui, icon, middle(cut_left(&line, ICON_W)), 30, warns ? b->theme->warn : b->theme->accent);
+    ui_text_lines(b->ui, (int)face, (struct ui_point){line.x, box.y + (h - text_h) / 2}, text_w, b->theme->text, text);
 }

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double SIDE = 380, FOOT = 92, ROW = 64, NARROW = 900, BUTTONS_W = 410;
+static const double SIDE = 380, ROW = 64, BESIDE = 480, LOW = 420, HINT_AND_COUNT = 300, BUTTONS_W = 520;
 
 // ---------------------------------------------------------------- pieces
 
@@ -54,50 +54,50 @@ static void draw_skeleton(const struct brush *b, const struct studio_snapshot *s
     ui_unclip(b->ui);
 }
 
-static void draw_counters(const struct brush *b, const struct studio_snapshot *shown, struct ui_box box)
+enum { LINE_BYTES = 200 };
+
+static void counters_text(const struct studio_snapshot *shown, char text[LINE_BYTES])
 {
+    const size_t size = LINE_BYTES;
     const struct studio_counters *c = &shown->counters;
-    char text[200];
-    int used = c->frames_per_s >= 0.5 ? snprintf(text, sizeof text, "%.0f pictures/s", c->frames_per_s)
-                                      : snprintf(text, sizeof text, "measuring");
-    used += snprintf(text + used, sizeof text - (size_t)used, " · %lld dropped", (long long)c->dropped);
+    int used = c->frames_per_s >= 0.5 ? snprintf(text, size, "%.0f pictures/s", c->frames_per_s)
+                                      : snprintf(text, size, "measuring");
+    used += snprintf(text + used, size - (size_t)used, " · %lld dropped", (long long)c->dropped);
     if (c->mb_per_s >= 0.05)
-        used += snprintf(text + used, sizeof text - (size_t)used, " · %.1f MB/s", c->mb_per_s);
+        used += snprintf(text + used, size - (size_t)used, " · %.1f MB/s", c->mb_per_s);
     if (c->mb_per_s >= 0.05 && c->minutes_left >= 0) {
         const bool hours = c->minutes_left >= 180;
-        used += snprintf(text + used, sizeof text - (size_t)used, hours ? " · %.0f h left" : " · %.0f min left",
+        used += snprintf(text + used, size - (size_t)used, hours ? " · %.0f h left" : " · %.0f min left",
                          hours ? c->minutes_left / 60 : c->minutes_left);
     }
     if (shown->distance_m > 0)
-        snprintf(text + used, sizeof text - (size_t)used, " · %.1f m away", shown->distance_m);
-    label(b, FACE_SMALL, box, c->dropped ? b->theme->warn : b->theme->quiet, text);
+        snprintf(text + used, size - (size_t)used, " · %.1f m away", shown->distance_m);
 }
 
 // Whether the place is known, to how many millimetres, by which tags.
-static void draw_place(const struct brush *b, const struct studio_snapshot *shown, struct ui_box box)
+static void place_text(const struct studio_snapshot *shown, char text[LINE_BYTES])
 {
+    const size_t size = LINE_BYTES;
     const struct sensor_sight *sight = &shown->sight;
-    char text[200];
     int used = 0;
     if (!studio_snapshot_sees_color(shown)) {
-        label(b, FACE_SMALL, box, b->theme->quiet, "Without colour the sensor cannot tell where it stands");
+        snprintf(text, size, "Without colour the sensor cannot tell where it stands");
         return;
     }
     if (!shown->has_place) {
-        label(b, FACE_SMALL, box, b->theme->quiet, "No place in the file: map the room first, or film without");
+        snprintf(text, size, "No place in the file: map the room first, or film without");
         return;
     }
     if (shown->located)
-        used = snprintf(text, sizeof text, "Place known to %.0f mm", fmax(sight->position_sigma_m * 1e3, 1));
+        used = snprintf(text, size, "Place known to %.0f mm", fmax(sight->position_sigma_m * 1e3, 1));
     else
-        used = snprintf(text, sizeof text, "The place is not recognised yet");
-    for (int i = 0; i < sight->tag_count && used < (int)sizeof text - 24; i++)
-        used += snprintf(text + used, sizeof text - (size_t)used, "%s%d", i ? ", " : " · tags ", (int)sight->tags[i]);
+        used = snprintf(text, size, "The place is not recognised yet");
+    for (int i = 0; i < sight->tag_count && used < LINE_BYTES - 24; i++)
+        used += snprintf(text + used, size - (size_t)used, "%s%d", i ? ", " : " · tags ", (int)sight->tags[i]);
     if (!sight->tag_count)
-        used += snprintf(text + used, sizeof text - (size_t)used, " · no tag in sight");
+        used += snprintf(text + used, size - (size_t)used, " · no tag in sight");
     if (sight->points)
-        snprintf(text + used, sizeof text - (size_t)used, " · %d landmarks", (int)sight->points);
-    label(b, FACE_SMALL, box, shown->located ? b->theme->text : b->theme->warn, text);
+        snprintf(text + used, size - (size_t)used, " · %d landmarks", (int)sight->points);
 }
 
 static void draw_hint(const struct brush *b, const struct studio_snapshot *shown, struct ui_box picture)
@@ -110,18 +110,27 @@ static void draw_hint(const struct brush *b, const struct studio_snapshot *shown
 
 // ---------------------------------------------------------------- live, countdown, recording
 
+// What has been seen of the person: the dial, and the figure where there is room for both.
+static void draw_seen(const struct brush *b, double share, enum pose_advice advice, const struct coverage *coverage,
+                      struct ui_box in)
+{
+    static const double LEAST_DIAL = 96, LEAST_FIGURE = 70;
+    const bool flat = in.h < 0.65 * in.w;
+    struct ui_box dial = flat ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
+    if (fmin(dial.w, dial.h) >= LEAST_DIAL)
+        coverage_dial_draw(b, share, advice, dial);
+    if (in.h >= LEAST_FIGURE && in.w >= 2 * LEAST_FIGURE)
+        coverage_figure_draw(b, coverage, in);
+}
+
 static void draw_side(const struct brush *b, const struct studio_view *v, struct ui_box box, bool upright)
 {
-    if (studio_snapshot_sees_color(v->shown)) {
+    if (studio_snapshot_sees_color(v->shown) && (upright ? box.w > 500 : box.h > 300)) {
         struct ui_box depth = upright ? cut_left(&box, box.w * 0.5) : cut_top(&box, fmin(box.w * 0.75, box.h * 0.45));
         studio_picture_draw(b, v->depth, &v->shown->calibration.depth, depth, true);
     }
     panel(b, box, false);
-    struct ui_box in = inner(box, 12);
-    const bool flat = box.h < 0.65 * box.w;
-    struct ui_box dial = flat ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
-    coverage_dial_draw(b, v->shown->share, v->shown->advice, dial);
-    coverage_figure_draw(b, &v->shown->coverage, in);
+    draw_seen(b, v->shown->share, v->shown->advice, &v->shown->coverage, inner(box, 12));
 }
 
 static void draw_countdown(const struct brush *b, const struct studio_state *s, struct ui_box picture)
@@ -161,32 +170,80 @@ static const char *main_button(const struct studio_state *s)
     }
 }
 
-// Three lines of text and the buttons beside them, on an upright screen below.
-static void draw_live_foot(const struct brush *b, struct studio_state *s, const struct studio_view *v,
-                           struct ui_box foot, int64_t now_ns)
+enum { FOOT_LINES = 3 };
+struct live_foot {
+    char line[FOOT_LINES][LINE_BYTES];
+    uint32_t color[FOOT_LINES];
+    struct control controls[4];
+    int control_count;
+    int first;   // line; a low screen leaves out the counters
+    bool beside; // the texts are beside the buttons, else over them
+    double text_w, buttons_w, text_h, buttons_h;
+};
+
+static void fill_foot(struct live_foot *f, const struct brush *b, const struct studio_state *s,
+                      const struct studio_view *v)
 {
-    struct ui_box row = foot.w < NARROW ? cut_bottom(&foot, TARGET) : cut_right(&foot, BUTTONS_W);
-    row = (struct ui_box){row.x, row.y + (row.h - TARGET) / 2, row.w, TARGET};
+    const struct theme *t = b->theme;
+    const bool place = v->shown->has_place && studio_snapshot_sees_color(v->shown);
     const bool waits = s->page == STUDIO_FINISHING || s->page == STUDIO_OPENING;
-    if (text_button(b, "studio-main", main_button(s), waits ? BUTTON_ON : BUTTON_MAIN, cut_right(&row, 180)))
-        studio_do(s, STUDIO_START, now_ns);
-    if (s->page == STUDIO_RECORDING) {
-        if (text_button(b, "studio-pause", s->paused ? "Go on" : "Pause", s->paused ? BUTTON_ON : BUTTON_RAISED,
-                        cut_right(&row, 110)))
-            studio_do(s, STUDIO_PAUSE, now_ns);
-    } else if (s->page == STUDIO_LIVE) {
-        if (studio_snapshot_sees_color(v->shown) &&
-            text_button(b, "studio-room", "Room", BUTTON_RAISED, cut_right(&row, 100)))
-            studio_do(s, STUDIO_MAP_ROOM, now_ns);
-        if (text_button(b, "studio-row", "In a row", s->in_a_row ? BUTTON_ON : BUTTON_RAISED, cut_right(&row, 110)))
-            studio_do(s, STUDIO_IN_A_ROW, now_ns);
+    counters_text(v->shown, f->line[0]);
+    place_text(v->shown, f->line[1]);
+    snprintf(f->line[2], LINE_BYTES, "%s",
+             s->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
+             : s->in_a_row               ? "Raise a hand above your head to start; takes are kept one after the other"
+                                         : "Raise a hand above your head to start");
+    f->color[0] = v->shown->counters.dropped ? t->warn : t->quiet;
+    f->color[1] = !place ? t->quiet : v->shown->located ? t->text : t->warn;
+    f->color[2] = t->quiet;
+    if (s->page == STUDIO_RECORDING)
+        f->controls[f->control_count++] = (struct control){"studio-pause", s->paused ? "Go on" : "Pause",
+                                                           s->paused ? BUTTON_ON : BUTTON_RAISED, STUDIO_PAUSE};
+    if (s->page == STUDIO_LIVE)
+        f->controls[f->control_count++] =
+            (struct control){"studio-row", "In a row", s->in_a_row ? BUTTON_ON : BUTTON_RAISED, STUDIO_IN_A_ROW};
+    static const char *const purposes[STUDIO_PURPOSES] = {"For both", "To compare", "To watch"};
+    if (s->page == STUDIO_LIVE)
+        f->controls[f->control_count++] =
+            (struct control){"studio-purpose", purposes[s->purpose], BUTTON_RAISED, STUDIO_PURPOSE};
+    if (s->page == STUDIO_LIVE && studio_snapshot_sees_color(v->shown))
+        f->controls[f->control_count++] = (struct control){"studio-room", "Room", BUTTON_RAISED, STUDIO_MAP_ROOM};
+    f->controls[f->control_count++] =
+        (struct control){"studio-main", main_button(s), waits ? BUTTON_ON : BUTTON_MAIN, STUDIO_START};
+}
+
+// Texts and buttons, as high as they are at that width.
+static struct live_foot measure_foot(const struct brush *b, const struct studio_state *s, const struct studio_view *v,
+                                     double width)
+{
+    struct live_foot f = {.beside = width >= BESIDE, .first = ui_height(b->ui) < LOW};
+    fill_foot(&f, b, s, v);
+    f.buttons_w = f.beside ? fmin(BUTTONS_W, 0.6 * width) : width;
+    f.text_w = f.beside ? width - f.buttons_w - 2 * GAP : width;
+    f.buttons_h = controls_height(b, f.controls, f.control_count, f.buttons_w);
+    for (int i = f.first; i < FOOT_LINES; i++)
+        f.text_h += ui_text_height(b->ui, FACE_SMALL, f.line[i], f.text_w) + 4;
+    return f;
+}
+
+static double foot_height(const struct live_foot *f)
+{
+    return f->beside ? fmax(f->text_h, f->buttons_h) : f->text_h + GAP + f->buttons_h;
+}
+
+static void draw_live_foot(const struct brush *b, struct studio_state *s, const struct live_foot *f, struct ui_box foot,
+                           int64_t now_ns)
+{
+    struct ui_box row = f->beside ? cut_right(&foot, f->buttons_w) : cut_bottom(&foot, f->buttons_h);
+    row = (struct ui_box){row.x, row.y + (row.h - f->buttons_h) / 2, row.w, f->buttons_h};
+    const int done = controls_draw(b, f->controls, f->control_count, row);
+    if (done >= 0)
+        studio_do(s, (enum studio_action)done, now_ns);
+    double y = foot.y;
+    for (int i = f->first; i < FOOT_LINES; i++) {
+        ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){foot.x, y}, f->text_w, f->color[i], f->line[i]);
+        y += ui_text_height(b->ui, FACE_SMALL, f->line[i], f->text_w) + 4;
     }
-    draw_counters(b, v->shown, (struct ui_box){foot.x, foot.y + 4, foot.w, 26});
-    draw_place(b, v->shown, (struct ui_box){foot.x, foot.y + 32, foot.w, 26});
-    label(b, FACE_SMALL, (struct ui_box){foot.x, foot.y + 60, foot.w, 26}, b->theme->quiet,
-          s->page == STUDIO_RECORDING ? "Raise a hand above your head to stop"
-          : s->in_a_row               ? "Raise a hand above your head to start; takes are kept one after the other"
-                                      : "Raise a hand above your head to start");
 }
 
 // What the picture leaves, in its own shape, and at least a third.
@@ -203,7 +260,8 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
                       int64_t now_ns)
 {
     const bool upright = in.h > in.w;
-    struct ui_box foot = cut_bottom(&in, in.w < NARROW ? FOOT + TARGET + GAP : FOOT);
+    const struct live_foot measured = measure_foot(b, s, v, in.w);
+    struct ui_box foot = cut_bottom(&in, foot_height(&measured));
     struct ui_box side = cut_side(v, &in, upright);
     const struct gpu_texture *picture = studio_snapshot_sees_color(v->shown) ? v->color : v->depth;
     const struct ui_box at = studio_picture_draw(b, picture, large_lens(v->shown), in, true);
@@ -211,14 +269,14 @@ static void draw_live(const struct brush *b, struct studio_state *s, const struc
         draw_skeleton(b, v->shown, at);
     if (s->page == STUDIO_RECORDING)
         draw_recording_mark(b, v->shown, in);
-    if (v->shown->number)
+    if (v->shown->number && (s->page != STUDIO_COUNTDOWN || in.h >= HINT_AND_COUNT))
         draw_hint(b, v->shown, in);
     if (s->page == STUDIO_COUNTDOWN)
         draw_countdown(b, s, in);
     draw_side(b, v, side, upright);
     if (s->page == STUDIO_RECORDING && s->paused)
         draw_paused(b, in);
-    draw_live_foot(b, s, v, foot, now_ns);
+    draw_live_foot(b, s, &measured, foot, now_ns);
 }
 
 // ---------------------------------------------------------------- sensors, review, trouble
@@ -230,19 +288,29 @@ static void draw_no_sensor(const struct brush *b, struct ui_box in)
              "No depth sensor was found. Plug one in (a Kinect also needs its own power supply), then look again. "
              "A sensor that is plugged in and not found may need a udev rule; %s says which.",
              installed_text("sensors.md", path));
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y}, in.w, b->theme->text, text);
+    paragraph(b, FACE_BODY, in, b->theme->text, text);
 }
 
 static void draw_sensors(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                          int64_t now_ns)
 {
     char name[32];
-    if (!v->device_count)
+    int more = 0;
+    const struct ui_box again = cut_bottom(&in, TARGET);
+    if (text_button(b, "studio-again", "Look again", BUTTON_RAISED,
+                    (struct ui_box){again.x, again.y, fmin(240, again.w), again.h}))
+        studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
+    if (!v->device_count) {
         draw_no_sensor(b, in);
+        return;
+    }
+    in.w = fmin(in.w, 640);
+    const struct brush inside = scroll_begin(b, v->scroll, &in, v->device_count * (ROW + GAP));
     for (int i = 0; i < v->device_count; i++) {
-        struct ui_box row = {in.x, in.y + i * (ROW + GAP), fmin(in.w, 640), ROW};
+        struct ui_box row = {in.x, in.y + i * (ROW + GAP) - v->scroll->at, in.w - 8, ROW};
+        more += row.y + row.h > in.y + in.h + 1;
         snprintf(name, sizeof name, "sensor-%d", i);
-        if (text_button(b, name, "", BUTTON_RAISED, row))
+        if (text_button(&inside, name, "", BUTTON_RAISED, row))
             studio_choose_sensor(s, i, now_ns);
         row = (struct ui_box){row.x + 28, row.y, row.w - 56, row.h};
         const bool named = strcmp(v->devices[i].name, v->devices[i].uri) != 0;
@@ -250,10 +318,7 @@ static void draw_sensors(const struct brush *b, struct studio_state *s, const st
             label(b, FACE_SMALL, cut_bottom(&row, 26), b->theme->quiet, v->devices[i].uri);
         label(b, FACE_STRONG, row, b->theme->text, v->devices[i].name);
     }
-    const struct ui_box again = {in.x, in.y + (v->device_count ? v->device_count * (ROW + GAP) + 16 : 120), 240,
-                                 TARGET};
-    if (text_button(b, "studio-again", "Look again", BUTTON_RAISED, again))
-        studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
+    scroll_end(b, v->scroll, more);
 }
 
 static void draw_name(const struct brush *b, const struct studio_state *s, struct ui_box box)
@@ -268,77 +333,87 @@ static void draw_name(const struct brush *b, const struct studio_state *s, struc
     }
 }
 
+static const char rename_help[] = "Type a name, Enter when done, Escape to leave it";
+
 static void draw_rename_buttons(const struct brush *b, struct studio_state *s, struct ui_box buttons, int64_t now_ns)
 {
-    struct ui_box row = cut_top(&buttons, TARGET);
-    if (text_button(b, "rename-done", "Done", BUTTON_MAIN, cut_left(&row, 150)))
+    static const struct control choices[] = {{"rename-done", "Done", BUTTON_MAIN, 0},
+                                             {"rename-leave", "Leave it", BUTTON_RAISED, 1}};
+    struct ui_box row = cut_bottom(&buttons, TARGET), words = row;
+    if (row.w > 640)
+        words = (struct ui_box){row.x + 320, row.y + 18, row.w - 320, row.h};
+    else
+        words = (struct ui_box){buttons.x, buttons.y, buttons.w, buttons.h};
+    const int done = controls_draw(b, choices, 2, (struct ui_box){row.x, row.y, fmin(row.w, 300), row.h});
+    if (done == 0)
         studio_type_done(s, now_ns);
-    if (text_button(b, "rename-leave", "Leave it", BUTTON_RAISED, cut_left(&row, 150)))
+    else if (done == 1)
         studio_do(s, STUDIO_BACK, now_ns);
-    label(b, FACE_SMALL, row, b->theme->quiet, "Type a name, Enter when done, Escape to leave it");
+    paragraph(b, FACE_SMALL, words, b->theme->quiet, rename_help);
 }
 
 static void draw_leaving_buttons(const struct brush *b, struct studio_state *s, struct ui_box buttons, int64_t now_ns)
 {
-    struct ui_box row = cut_top(&buttons, TARGET);
-    if (text_button(b, "leaving-keep", "Keep", BUTTON_MAIN, cut_left(&row, 130)))
-        studio_do(s, STUDIO_KEEP, now_ns);
-    if (text_button(b, "leaving-discard", "Discard", BUTTON_RAISED, cut_left(&row, 130)))
-        studio_do(s, STUDIO_DISCARD, now_ns);
-    if (text_button(b, "leaving-stay", "Stay", BUTTON_RAISED, cut_left(&row, 130)))
-        studio_do(s, STUDIO_BACK, now_ns);
-    label(b, FACE_SMALL, row, b->theme->quiet, "Leaving again keeps it");
+    static const struct control choices[] = {{"leaving-keep", "Keep", BUTTON_MAIN, STUDIO_KEEP},
+                                             {"leaving-discard", "Discard", BUTTON_RAISED, STUDIO_DISCARD},
+                                             {"leaving-stay", "Stay", BUTTON_RAISED, STUDIO_BACK}};
+    struct ui_box row = cut_bottom(&buttons, TARGET), words = buttons;
+    if (row.w > 640)
+        words = (struct ui_box){row.x + 420, row.y + 18, row.w - 420, row.h};
+    const int done = controls_draw(b, choices, 3, (struct ui_box){row.x, row.y, fmin(row.w, 400), row.h});
+    if (done >= 0)
+        studio_do(s, (enum studio_action)done, now_ns);
+    paragraph(b, FACE_SMALL, words, b->theme->quiet, "Leaving again keeps it");
 }
 
 static void draw_review(const struct brush *b, struct studio_state *s, const struct studio_view *v, struct ui_box in,
                         int64_t now_ns)
 {
-    static const struct {
-        const char *text;
-        enum studio_action action;
-    } choices[] = {{"Keep", STUDIO_KEEP},
-                   {"Play", STUDIO_PLAY},
-                   {"Once more", STUDIO_RETAKE},
-                   {"Discard", STUDIO_DISCARD},
-                   {"Rename", STUDIO_EDIT_NAME}};
-    const bool upright = in.h > in.w;
+    const bool keep = v->shown->judgement.verdict.seen; // the bright one
+    const struct control choices[] = {{"Keep", "Keep", keep ? BUTTON_MAIN : BUTTON_RAISED, STUDIO_KEEP},
+                                      {"Play", "Play", BUTTON_RAISED, STUDIO_PLAY},
+                                      {"Once more", "Once more", keep ? BUTTON_RAISED : BUTTON_MAIN, STUDIO_RETAKE},
+                                      {"Discard", "Discard", BUTTON_RAISED, STUDIO_DISCARD},
+                                      {"Rename", "Rename", BUTTON_RAISED, STUDIO_EDIT_NAME}};
+    const int choice_count = (int)COUNT_OF(choices);
+    const bool upright = in.h > in.w, renames = s->page == STUDIO_RENAME;
+    const double choices_h = controls_height(b, choices, choice_count, in.w);
     char text[120];
-    struct ui_box name = cut_top(&in, 52), buttons = cut_bottom(&in, upright ? 2 * (TARGET + GAP) + TARGET : TARGET);
+    struct ui_box name = cut_top(&in, 52),
+                  buttons = cut_bottom(&in, (renames || s->page == STUDIO_LEAVING) && in.w <= 640
+                                                ? fmax(choices_h, TARGET + 48)
+                                                : choices_h);
     draw_name(b, s, (struct ui_box){name.x, name.y, fmin(name.w, 520), name.h});
     struct ui_box figure = upright ? cut_bottom(&in, fmin(in.h * 0.45, 380)) : cut_right(&in, in.w * 0.45);
-    studio_verdict_draw(b, &v->shown->judgement.verdict, v->shown->failure, in);
+    studio_verdict_draw(b, &v->shown->judgement.verdict, v->shown->failure, v->scroll, in);
     panel(b, figure, false);
-    figure = inner(figure, 18);
-    struct ui_box dial = cut_top(&figure, fmin(170, figure.h * 0.4));
-    coverage_dial_draw(b, coverage_share(&v->shown->judgement.seen), ADVICE_ENOUGH, dial);
+    figure = inner(figure, 14);
     snprintf(text, sizeof text, "%lld pictures", (long long)v->shown->judgement.frames);
     label(b, FACE_SMALL, cut_bottom(&figure, 24), b->theme->quiet, text);
-    coverage_figure_draw(b, &v->shown->judgement.seen, figure);
-    if (s->page == STUDIO_RENAME || s->page == STUDIO_LEAVING) {
-        if (s->page == STUDIO_RENAME)
-            draw_rename_buttons(b, s, buttons, now_ns);
-        else
-            draw_leaving_buttons(b, s, buttons, now_ns);
+    draw_seen(b, coverage_share(&v->shown->judgement.seen), ADVICE_ENOUGH, &v->shown->judgement.seen, figure);
+    if (renames) {
+        draw_rename_buttons(b, s, buttons, now_ns);
         return;
     }
-    const int columns = upright ? 2 : (int)COUNT_OF(choices);
-    const double w = (buttons.w - (columns - 1) * GAP) / columns;
-    for (int i = 0; i < (int)COUNT_OF(choices); i++) {
-        const struct ui_box at = {buttons.x + i % columns * (w + GAP), buttons.y + i / columns * (TARGET + GAP), w,
-                                  TARGET};
-        const bool main = choices[i].action == (v->shown->judgement.verdict.seen ? STUDIO_KEEP : STUDIO_RETAKE);
-        if (text_button(b, choices[i].text, choices[i].text, main ? BUTTON_MAIN : BUTTON_RAISED, at))
-            studio_do(s, choices[i].action, now_ns);
+    if (s->page == STUDIO_LEAVING) {
+        draw_leaving_buttons(b, s, buttons, now_ns);
+        return;
     }
+    const int done = controls_draw(b, choices, choice_count, buttons);
+    if (done >= 0)
+        studio_do(s, (enum studio_action)done, now_ns);
 }
 
 static void draw_trouble(const struct brush *b, struct studio_state *s, struct ui_box in, int64_t now_ns)
 {
+    const struct ui_box button = cut_bottom(&in, TARGET), later = cut_bottom(&in, 24);
     icon_draw(b->ui, ICON_WARNING, (struct ui_point){in.x + 24, in.y + 24}, 40, b->theme->warn);
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y + 64}, in.w, b->theme->text, s->trouble);
-    label(b, FACE_SMALL, (struct ui_box){in.x, in.y + 160, in.w, 26}, b->theme->quiet,
-          "It is used again when it is back");
-    if (text_button(b, "studio-retry", "Choose a sensor", BUTTON_MAIN, (struct ui_box){in.x, in.y + 200, 280, TARGET}))
+    struct ui_box words = in;
+    cut_top(&words, 50);
+    paragraph(b, FACE_BODY, words, b->theme->text, s->trouble);
+    label(b, FACE_SMALL, later, b->theme->quiet, "It is used again when it is back");
+    if (text_button(b, "studio-retry", "Choose a sensor", BUTTON_MAIN,
+                    (struct ui_box){button.x, button.y, fmin(280, button.w), button.h}))
         studio_do(s, STUDIO_SENSORS_AGAIN, now_ns);
 }
 
@@ -378,17 +453,14 @@ void studio_screen_draw(const struct brush *b, struct studio_state *s, const str
     struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, in = inner(all, 20);
     ui_fill(b->ui, all, 0, b->theme->ground);
     struct ui_box head = cut_top(&in, TARGET);
-    if (icon_button(b, "studio-close", ICON_CLOSE, BUTTON_RAISED, cut_right(&head, TARGET)))
+    if (icon_button(b, "studio-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+                    cut_right(&head, TARGET)))
         studio_do(s, STUDIO_QUIT, now_ns);
-    if (icon_button(b, "studio-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
+    if (icon_button(b, "studio-theme", theme_words(s->dark), BUTTON_RAISED, cut_right(&head, TARGET)))
         studio_do(s, STUDIO_THEME, now_ns);
     const bool waits = s->waiting.kind != ERASES_NOTHING;
     if (waits)
         draw_undo(b, s, &head, text, now_ns);
-    static const char *const purposes[STUDIO_PURPOSES] = {"For both", "To compare", "To watch"};
-    if (!waits && s->page == STUDIO_LIVE &&
-        text_button(b, "studio-purpose", purposes[s->purpose], BUTTON_RAISED, cut_right(&head, 130)))
-        studio_do(s, STUDIO_PURPOSE, now_ns);
     label(b, FACE_HEAD, (struct ui_box){head.x, head.y, head.w, 30}, b->theme->text, title(s));
     if (!waits && *s->notice)
         snprintf(text, sizeof text, "%s", s->notice);

@@ -12,6 +12,7 @@ struct studio_view {
     const struct studio_snapshot *shown;
     const struct gpu_texture *color, *depth, *plan; // of the snapshot; NULL: none yet
     struct ui_box plan_part;                        // room_plan_part
+    struct scroll *scroll;                          // of the page's list
 };
 
 void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns);

@@ -10,7 +10,7 @@ static const int64_t SECOND_NS = 1000000000, NOTICE_NS = 4 * 1000000000LL, LOOK_
 
 struct studio_state studio_start(bool dark)
 {
-    return (struct studio_state){.dark = dark, .changed = true, .number = 1, .sensor = -1};
+    return (struct studio_state){.dark = dark, .text_size = 1, .changed = true, .number = 1, .sensor = -1};
 }
 
 static void command(struct studio_state *s, enum studio_command c)
@@ -276,6 +276,7 @@ void studio_do(struct studio_state *s, enum studio_action action, int64_t now_ns
     s->changed = true;
     switch (action) {
     case STUDIO_THEME: s->dark = !s->dark; return;
+    case STUDIO_TEXT_SIZE: s->text_size = s->text_size > 1.4 ? 1 : s->text_size + 0.25; return;
     case STUDIO_QUIT: leave(s, now_ns); return;
     case STUDIO_UNDO: undo(s, now_ns); return;
     case STUDIO_START: start_or_stop(s, now_ns); return;

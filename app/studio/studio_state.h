@@ -44,6 +44,7 @@ enum studio_action {
     STUDIO_UNDO,     // take back what waits to be discarded or trimmed
     STUDIO_BACK,
     STUDIO_THEME,
+    STUDIO_TEXT_SIZE,     // the next
     STUDIO_SENSORS_AGAIN, // look for sensors once more
     STUDIO_QUIT,
 };
@@ -87,7 +88,8 @@ struct studio_state {
     enum studio_page page;
     bool dark, quit, changed;
     bool paused, in_a_row;
-    int purpose; // what takes are for: 0 both, 1 to compare, 2 to watch
+    int purpose;      // what takes are for: 0 both, 1 to compare, 2 to watch
+    double text_size; // as the viewer's
     int64_t trim_from_ns, trim_to_ns;
     int sensor_count, sensor; // chosen
     int number;               // of the next take

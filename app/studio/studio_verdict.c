@@ -13,16 +13,8 @@ enum status studio_judge(const char *file, const char *take, const struct coach 
     return first.status != OK ? failure_restore(&first) : status;
 }
 
-// The next sentence of the panel. Returns where the one after it goes.
-static double draw_line(const struct brush *b, const char *line, struct ui_box in, double y)
-{
-    ui_disc(b->ui, (struct ui_point){in.x + 8, y + 13}, 3, b->theme->quiet);
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x + 24, y}, in.w - 24, b->theme->text, line);
-    return y + ui_text_height(b->ui, FACE_BODY, line, in.w - 24) + 8;
-}
-
 void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdict, const char *failure,
-                         struct ui_box box)
+                         struct scroll *scroll, struct ui_box box)
 {
     const bool good = verdict_is_good(verdict) && !*failure;
     char heading[VERDICT_LINE_BYTES];
@@ -33,10 +25,12 @@ void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdi
     snprintf(heading, sizeof heading, "%s", verdict_headline(verdict));
     *heading = (char)toupper((unsigned char)*heading);
     label(b, FACE_HEAD, head, b->theme->text, heading);
-    double y = in.y + 6;
+    const char *lines[VERDICT_LINES + 1];
+    int count = 0;
     if (*failure)
-        y = draw_line(b, failure, in, y);
-    for (int i = 0; i < verdict->count && y < in.y + in.h - 26; i++)
+        lines[count++] = failure;
+    for (int i = 0; i < verdict->count; i++)
         if (verdict_shows_line(verdict, i))
-            y = draw_line(b, verdict->line[i].text, in, y);
+            lines[count++] = verdict->line[i].text;
+    bullet_list(b, scroll, in, lines, count);
 }

@@ -8,6 +8,6 @@
 MUST_CHECK enum status studio_judge(const char *file, const char *take, const struct coach *watched,
                                     enum status recorded, struct take_judgement *out);
 
-// Heading and sentences in a panel. failure: of the take, comes first; "": none.
+// Heading and sentences in a panel. failure: of the take, comes first; "": none. They scroll.
 void studio_verdict_draw(const struct brush *b, const struct take_verdict *verdict, const char *failure,
-                         struct ui_box box);
+                         struct scroll *scroll, struct ui_box box);

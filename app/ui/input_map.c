@@ -32,6 +32,7 @@ enum view_action input_map_key(int key, bool shift)
     case 'i': return DO_INSET;
     case 't': return DO_FRAME_GRAPH;
     case 'd': return DO_THEME;
+    case 'y': return DO_TEXT_SIZE;
     case 'g': return DO_MOVE;
     case 'r': return DO_RESET_PLACEMENT;
     case 'p': return DO_SCREENSHOT;

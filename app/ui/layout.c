@@ -5,27 +5,47 @@
 #include <math.h>
 
 static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140,
-                    TALL_SHEET = 600;
+                    TALL_SHEET = 600, LEAST_TALL = 330, NARROW = 530, LEAST_FREE = 60;
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
-static double sheet_height(enum view_sheet sheet)
+double sheet_rows_height(int rows) { return rows * SWITCH + TEXT_SIZE_NAME + TARGET + GAP; }
+
+double sheet_height_of(int rows) { return HEADING + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
+
+static double sheet_height(const struct view_state *s)
 {
-    const double frame = HEADING + 2 * 12 + 4;
-    if (sheet == SHEET_THINGS || sheet == SHEET_CARD)
-        return TALL_SHEET;
-    return sheet == SHEET_LAYERS ? frame + LAYER_ROWS * SWITCH : sheet == SHEET_SPEED ? frame + 2 * SWITCH + GAP : 0;
+    switch (s->sheet) {
+    case SHEET_THINGS:
+    case SHEET_CARD: return TALL_SHEET;
+    case SHEET_LAYERS: return sheet_height_of(LAYER_ROWS + (s->developer ? DEVELOPER_ROWS : 0));
+    case SHEET_SPEED: return HEADING + GAP + 2 * SHEET_EDGE + 2 * SWITCH + GAP;
+    default: return 0;
+    }
 }
 
-// Above the panel, on a wide screen at the right edge.
-static struct ui_box sheet_box(const struct layout *l, const struct view_state *s, double width)
+struct ui_box layout_live_sheet(double width, double height)
+{
+    const double w = fmin(SHEET_W, width - 2 * MARGIN), h = fmin(sheet_height_of(LIVE_ROWS), height - 2 * MARGIN);
+    return (struct ui_box){width - MARGIN - w, height - MARGIN - h, w, h};
+}
+
+// Above the panel, on a wide screen at the right edge. Where that is too low for it, over the panel: better the sheet
+// whole, or scrolling, than both in part.
+static struct ui_box sheet_box(struct layout *l, const struct view_state *s, double width, double height)
 {
     // A tall one reaches from below the top row, on an upright screen from the middle, to the panel.
-    const double most = l->panel.y - 2 * GAP - (l->wide ? l->top.y + l->top.h : 0.45 * l->panel.y);
     const bool tall = s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD;
-    const double w = fmin(SHEET_W, l->panel.w), h = tall ? fmin(TALL_SHEET, most) : sheet_height(s->sheet);
-    const double right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
-    return (struct ui_box){right - w, l->panel.y - GAP - h, w, h};
+    const double below_top = l->wide ? l->top.y + l->top.h : 0.45 * l->panel.y, bottom = l->panel.y - GAP;
+    const double most = bottom - GAP - (tall ? below_top : l->top.y + l->top.h), wanted = sheet_height(s);
+    const double w = fmin(SHEET_W, l->panel.w), right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
+    l->sheet_covers = s->sheet != SHEET_NONE && most < (tall ? LEAST_TALL : wanted);
+    if (l->sheet_covers) {
+        const double h = fmin(wanted, height - 2 * MARGIN);
+        return (struct ui_box){right - w, height - MARGIN - h, w, h};
+    }
+    const double h = tall ? fmin(TALL_SHEET, most) : wanted;
+    return (struct ui_box){right - w, bottom - h, w, h};
 }
 
 // In the lower left corner, or above the panel where that extends there; beside a sheet. On a wide screen with a map it
@@ -50,8 +70,9 @@ static double cards_height(const struct layout *l, const struct view_state *s, c
 // No wider than high, as near to the screen's middle as possible.
 static struct ui_box box_between(double left, double right, double top, double bottom, double width)
 {
-    const double w = fmin(right - left, bottom - top), middle_x = fmin(fmax(width / 2, left + w / 2), right - w / 2);
-    return (struct ui_box){middle_x - w / 2, top, w, bottom - top};
+    const double wide = fmax(right - left, LEAST_FREE), high = fmax(bottom - top, LEAST_FREE);
+    const double w = fmin(wide, high), middle_x = fmin(fmax(width / 2, left + w / 2), right - w / 2);
+    return (struct ui_box){fmax(middle_x - w / 2, 0), fmin(top, fmax(bottom - high, 0)), w, high};
 }
 
 // On a wide screen all controls but the panel are beside the actor.
@@ -69,8 +90,8 @@ static struct ui_box free_when_wide(const struct layout *l, const struct view_st
 // On an upright screen the actor is between the controls above and below; the cards are above or beside the actor.
 static struct ui_box free_when_upright(const struct layout *l, const struct view_state *s, double cards, double width)
 {
-    const double low = fmin(s->sheet != SHEET_NONE ? l->sheet.y : l->shutter.y, l->shutter.y) - GAP,
-                 right = width - MARGIN;
+    const bool beside_sheet = s->sheet != SHEET_NONE && !l->sheet_covers; // else nothing is free
+    const double low = fmin(beside_sheet ? l->sheet.y : l->shutter.y, l->shutter.y) - GAP, right = width - MARGIN;
     const double bottom = s->frame_graph ? fmin(low, l->frame_graph.y - GAP) : low;
     const struct ui_box below = box_between(MARGIN, right, l->cards.y + cards, bottom, width);
     const struct ui_box beside = box_between(l->cards.x + l->cards.w + GAP, right, l->cards.y, bottom, width);
@@ -81,21 +102,29 @@ struct layout layout_of(double width, double height, const struct view_state *s,
 {
     struct layout l = {.wide = width >= height};
     struct ui_box within = inner((struct ui_box){0, 0, width, height}, MARGIN);
-    const double plain_h = TARGET + PLAY + 20 + (s->trim.offered ? TARGET + GAP : 0);
-    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 : plain_h, panel_w = fmin(within.w, PANEL_W);
+    const double panel_w = fmin(within.w, PANEL_W);
+    l.narrow = panel_w < NARROW;
+    const double rows = l.narrow ? TARGET + GAP : 0, trim = s->trim.offered ? TARGET + GAP + (l.narrow ? 28 : 0) : 0;
+    const double panel_h = s->moving ? 2 * TARGET + GAP + 28 + rows : TARGET + PLAY + 20 + rows + trim;
     l.panel = cut_bottom(&within, panel_h);
     l.panel = (struct ui_box){l.panel.x + (l.panel.w - panel_w) / 2, l.panel.y, panel_w, panel_h};
     l.top = cut_top(&within, TARGET);
-    l.cards = (struct ui_box){within.x, within.y + GAP, fmin(CARD_W, within.w * 0.42), within.h - GAP};
     const bool map = s->room.map && s->page == PAGE_WATCH;
     l.picture = (struct ui_box){0, 0, map && l.wide ? width / 2 : width, map && !l.wide ? height / 2 : height};
+    const double low = fmin(l.picture.h, l.panel.y);
+    l.photo_on_top = low - l.top.y - l.top.h < SHUTTER + 3 * GAP;
+    const int buttons = 2 + l.photo_on_top + s->camera.requested + s->room.has_place + (s->room.thing_count > 0);
+    if (buttons * (TARGET + GAP) + 2 * GAP > l.top.w) // they go on below
+        l.top.h += cut_top(&within, TARGET).h + GAP;
+    l.cards = (struct ui_box){within.x, within.y + GAP, fmin(CARD_W, within.w * 0.42), within.h - GAP};
     l.map = !map     ? (struct ui_box){0, 0, 0, 0}
             : l.wide ? (struct ui_box){width / 2, 0, width / 2, height}
                      : (struct ui_box){0, height / 2, width, height / 2};
-    const double low = map ? l.picture.h : l.panel.y;
+    const double under_top = l.top.y + l.top.h + GAP;
     l.shutter = (struct ui_box){l.picture.w - MARGIN - SHUTTER,
-                                l.wide ? (height - SHUTTER) / 2 : low - SHUTTER - 2 * GAP, SHUTTER, SHUTTER};
-    l.sheet = sheet_box(&l, s, width);
+                                fmax(under_top, fmin(l.wide ? (height - SHUTTER) / 2 : low, low - SHUTTER - 2 * GAP)),
+                                SHUTTER, SHUTTER};
+    l.sheet = sheet_box(&l, s, width, height);
     l.frame_graph = frame_graph_box(&l, s, width, height);
     const double cards = cards_height(&l, s, shown);
     l.free = l.wide ? free_when_wide(&l, s, cards) : free_when_upright(&l, s, cards, width);

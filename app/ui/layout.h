@@ -2,18 +2,22 @@
 #pragma once
 #include "app/view/take_view.h"
 
-static const double HEADING = 44, SWITCH = 58; // heights in a sheet: its title, a row
-static const double PLAY = 74;                 // side of the play button
-enum { LAYER_ROWS = 8 };                       // of the layers sheet
+static const double HEADING = 58, SWITCH = 58; // heights in a sheet: its title, a row
+static const double SHEET_EDGE = 12, TEXT_SIZE_NAME = 34;
+static const double PLAY = 74;                              // side of the play button
+enum { LAYER_ROWS = 4, DEVELOPER_ROWS = 3, LIVE_ROWS = 7 }; // of the sheets
 
 struct layout {
     bool wide;
     struct ui_box picture;     // the camera's image or the orbit
     struct ui_box map;         // beside or below it; width 0: none
-    struct ui_box top;         // the row of round buttons
+    struct ui_box top;         // the row of round buttons; two rows where one is too short
+    bool photo_on_top;         // the screenshot button is one of them, since it has no room of its own
     struct ui_box panel;       // timeline and buttons, or the controls for moving the actor
+    bool narrow;               // its buttons stand in two rows
     struct ui_box shutter;     // the screenshot button; hidden by a sheet, and while the actor is moved
-    struct ui_box sheet;       // of the open sheet's size
+    struct ui_box sheet;       // of the open sheet's size; as high as the screen where it would be cut else
+    bool sheet_covers;         // it lies over the panel, too, which is not drawn then
     struct ui_box cards;       // the column of the inset and the colour legend, which start at its top
     struct ui_box frame_graph; // times of the last frames
     struct ui_box free;        // covered by none of these; an orbit shows the actor in its middle
@@ -22,6 +26,13 @@ struct layout {
 // For a screen of that size. shown: only its inset and sources count, which the cards show. Does not depend on whether
 // the controls are hidden at the moment.
 struct layout layout_of(double width, double height, const struct view_state *s, const struct take_view_image *shown);
+
+// Height of that many rows and the text size; of a sheet with them.
+double sheet_rows_height(int rows);
+double sheet_height_of(int rows);
+
+// Where the live page's sheet is.
+struct ui_box layout_live_sheet(double width, double height);
 
 // Height of the colour legend.
 double layout_sources_height(void);

@@ -1,10 +1,36 @@
-// The sheets of the page for watching: layers and speed.
+// The sheets with settings: what is shown, speed, text size, and on the live page how the exercise is done.
 #include "app/ui/screens.h"
 
 #include <math.h>
 #include <stdio.h>
 
-// Chooses the permitted error of the drawn actor, pixels: a larger one draws faster.
+struct sheet_row {
+    const char *name, *text;
+    enum icon icon;
+    bool on;
+    enum view_action action;
+};
+
+// Text size under its name; returns its height.
+static double text_size_row(const struct brush *b, struct view_state *s, struct ui_box at, int64_t now_ns)
+{
+    char texts[VIEW_TEXT_SIZES][16];
+    struct control sizes[VIEW_TEXT_SIZES];
+    static const char *const names[VIEW_TEXT_SIZES] = {"text-100", "text-125", "text-150"};
+    for (int i = 0; i < VIEW_TEXT_SIZES; i++) {
+        const bool on = fabs(s->text_size - view_text_sizes[i]) < 0.01;
+        snprintf(texts[i], sizeof texts[i], "%.0f %%", 100 * view_text_sizes[i]);
+        sizes[i] = (struct control){names[i], texts[i], on ? BUTTON_MAIN : BUTTON_RAISED, i};
+    }
+    label(b, FACE_BODY, (struct ui_box){at.x + 8, at.y, at.w - 16, TEXT_SIZE_NAME}, b->theme->text, "Size of the text");
+    const struct ui_box row = {at.x + 4, at.y + TEXT_SIZE_NAME, at.w - 12, TARGET};
+    const int chosen = controls_draw(b, sizes, VIEW_TEXT_SIZES, row);
+    if (chosen >= 0)
+        view_state_set_text_size(s, view_text_sizes[chosen], now_ns);
+    return TEXT_SIZE_NAME + controls_height(b, sizes, VIEW_TEXT_SIZES, row.w);
+}
+
+// Chooses the permitted error of the drawn actor, pixels: a larger one draws faster. For developers.
 static void error_row(const struct brush *b, struct view_state *s, struct ui_box row)
 {
     static const double errors_px[] = {0.5, 1, 2, 4};
@@ -12,65 +38,109 @@ static void error_row(const struct brush *b, struct view_state *s, struct ui_box
     for (int i = (int)COUNT_OF(errors_px) - 1; i >= 0; i--) {
         snprintf(text, sizeof text, "%g", errors_px[i]);
         snprintf(name, sizeof name, "error-%d", i);
-        bool on = fabs(s->error_px - errors_px[i]) < 0.01;
+        const bool on = fabs(s->error_px - errors_px[i]) < 0.01;
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, cut_right(&row, TARGET)))
             view_state_set_error(s, errors_px[i]);
     }
-    label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text,
-          "Error, px");
+    label(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y, row.w - 8, row.h}, b->theme->text, "Error, px");
 }
 
-static void layers_sheet(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
+// The sheet's title and what closes it; returns what is left for its content.
+static struct ui_box sheet_frame(const struct brush *b, struct view_state *s, const char *title, struct ui_box box)
 {
-    const struct {
-        const char *name, *text;
-        enum icon icon;
-        bool on;
-        enum view_action action;
-    } rows[] = {
-        {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
-        {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
-        {"sheet-inset", "The sensor's image", ICON_INSET, s->inset, DO_INSET},
-        {"sheet-filmed", "The filmed room", ICON_ROOM, s->room.filmed, DO_FILMED},
-        {"sheet-frame-graph", "Frame times", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
-        {"sheet-mirror", "Mirrored", ICON_MIRROR, s->placement.mirrored, DO_MIRROR},
-        {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
-    };
-    const int count = (int)COUNT_OF(rows);
-    assert(count + 1 == LAYER_ROWS);
     panel(b, box, false);
-    struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
-    label(b, FACE_HEAD, head, b->theme->text, "Show");
-    for (int i = 0; i < count; i++)
-        if (switch_row(b, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
-                       (struct ui_box){in.x, in.y + HEADING + i * SWITCH, in.w, SWITCH}))
+    struct ui_box in = inner(box, SHEET_EDGE), head = cut_top(&in, HEADING);
+    if (icon_button(b, "sheet-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_PLAIN, cut_right(&head, TARGET)))
+        s->sheet = SHEET_NONE;
+    label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, b->theme->text, title);
+    return in;
+}
+
+// Rows that are switched, and below them the text size; scrolls where the sheet is lower.
+static void rows_draw(const struct brush *b, struct screens *screens, struct view_state *s,
+                      const struct sheet_row *rows, int count, struct ui_box in, int64_t now_ns)
+{
+    const bool developer = s->developer && s->sheet == SHEET_LAYERS;
+    const double content_h = sheet_rows_height(count + developer);
+    struct scroll *scroll = &screens->sheet;
+    scroll->at += s->list_steps * SWITCH;
+    s->list_steps = 0;
+    const struct brush inside = scroll_begin(b, scroll, &in, content_h);
+    double y = in.y - scroll->at;
+    int more = 0;
+    for (int i = 0; i < count; i++, y += SWITCH) {
+        if (switch_row(&inside, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
+                       (struct ui_box){in.x, y, in.w - 6, SWITCH}))
             view_state_do(s, rows[i].action, now_ns);
-    error_row(b, s, (struct ui_box){in.x, in.y + HEADING + count * SWITCH, in.w, SWITCH});
-    (void)ui_area(b->ui, "sheet", box); // touches do not pass through
+        more += y + SWITCH > in.y + in.h + 1;
+    }
+    y += text_size_row(&inside, s, (struct ui_box){in.x, y, in.w, SWITCH}, now_ns);
+    more += y > in.y + in.h + 1;
+    if (developer) {
+        error_row(&inside, s, (struct ui_box){in.x, y + GAP, in.w - 6, TARGET});
+        more += y + SWITCH > in.y + in.h + 1;
+    }
+    scroll_end(b, scroll, more);
+}
+
+static void layers_sheet(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
+                         int64_t now_ns)
+{
+    // Those for developers are last.
+    const struct sheet_row rows[] = {
+        {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
+        {"sheet-inset", "The sensor's picture", ICON_INSET, s->inset, DO_INSET},
+        {"sheet-filmed", "The filmed room", ICON_ROOM, s->room.filmed, DO_FILMED},
+        {"sheet-theme", "Dark colours", ICON_MOON, s->dark, DO_THEME},
+        {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
+        {"sheet-frame-graph", "Frame times", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
+    };
+    static_assert(COUNT_OF(rows) == LAYER_ROWS + DEVELOPER_ROWS - 1, "and the permitted error");
+    const struct ui_box in = sheet_frame(b, s, "Show", box);
+    rows_draw(b, screens, s, rows, s->developer ? (int)COUNT_OF(rows) : LAYER_ROWS, in, now_ns);
+}
+
+static void live_sheet(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
+                       int64_t now_ns)
+{
+    const struct live_state *l = &s->live;
+    const struct sheet_row rows[] = {
+        {"live-hands-free", "Start when I stand there", ICON_PLAY, l->hands_free, DO_HANDS_FREE},
+        {"live-pace", "The actor waits for me", ICON_PAUSE, l->pace == LIVE_FOLLOW, DO_PACE},
+        {"live-loop", "Again and again", ICON_LOOP, l->loop, DO_LOOP},
+        {"live-ghost", "Show the next pose", ICON_BONES, l->ghost, DO_GHOST},
+        {"live-mirrored", "Mirrored", ICON_MIRROR, l->mirrored, DO_MIRROR},
+        {"live-dark", "Dark colours", ICON_MOON, s->dark, DO_THEME},
+        {"live-over", "The actor over me", ICON_LAYERS, l->over, DO_OVER}, // of the mirror alone
+    };
+    static_assert(COUNT_OF(rows) == LIVE_ROWS, "the sheet's height counts them");
+    const struct ui_box in = sheet_frame(b, s, "Options", box);
+    rows_draw(b, screens, s, rows, (int)COUNT_OF(rows) - (l->screen != LIVE_MIRROR), in, now_ns);
 }
 
 static void speed_sheet(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
-    panel(b, box, false);
-    struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
-    label(b, FACE_HEAD, head, b->theme->text, "Speed");
-    double w = (in.w - 3 * GAP) / 4;
+    const struct ui_box in = sheet_frame(b, s, "Speed", box);
+    const double w = (in.w - 3 * GAP) / 4;
     for (int i = 0; i < VIEW_SPEEDS; i++) {
         char text[16], name[24];
         snprintf(text, sizeof text, "%g×", view_speeds[i]);
         snprintf(name, sizeof name, "speed-%d", i);
-        bool on = fabs(s->playback.speed - view_speeds[i]) < 0.01;
-        struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + HEADING + (i / 4) * (SWITCH + GAP), w, SWITCH};
+        const bool on = fabs(s->playback.speed - view_speeds[i]) < 0.01;
+        const struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + (i / 4) * (SWITCH + GAP), w, SWITCH};
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, key))
             view_state_set_speed(s, view_speeds[i], now_ns);
     }
-    (void)ui_area(b->ui, "sheet", box);
 }
 
-void panels_draw(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
+void panels_draw(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
+                 int64_t now_ns)
 {
     if (s->sheet == SHEET_LAYERS)
-        layers_sheet(b, s, box, now_ns);
+        layers_sheet(b, screens, s, box, now_ns);
+    else if (s->sheet == SHEET_LIVE)
+        live_sheet(b, screens, s, box, now_ns);
     else if (s->sheet == SHEET_SPEED)
         speed_sheet(b, s, box, now_ns);
+    (void)ui_area(b->ui, "sheet", box); // touches do not pass through
 }

@@ -53,12 +53,11 @@ struct room_page {
     struct lens viewer_lens;
 };
 
-struct room_ui {                                           // between frames; room_ui_start
-    int sides[2][ROOM_LABELS_MOST];                        // of labels: in the picture, in the map
-    struct ui_box boxes[2][ROOM_LABELS_MOST];              // where they were drawn, dp; valid with a side
-    double scroll[2], grabbed_y, scrolled_from, content_h; // of the sheets, dp
-    bool scrolling;
-    struct ui_box sheet; // where the open one was drawn, dp
+struct room_ui {                              // between frames; room_ui_start
+    int sides[2][ROOM_LABELS_MOST];           // of labels: in the picture, in the map
+    struct ui_box boxes[2][ROOM_LABELS_MOST]; // where they were drawn, dp; valid with a side
+    struct scroll list, text;                 // of the sheets
+    double text_h;                            // dp, of the card's text when it was drawn last
 };
 void room_ui_start(struct room_ui *ui);
 
@@ -77,9 +76,6 @@ int thing_labels_draw(const struct brush *b, struct room_ui *ui, const struct ro
 // The open sheet: SHEET_THINGS or SHEET_CARD.
 void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
                       struct ui_box box, struct vec3 eye, int64_t now_ns);
-
-// A mouse's wheel at this point. False: no sheet is open there.
-bool thing_sheet_wheel(struct room_ui *ui, enum view_sheet open, struct ui_point at, double notches);
 
 // What is known of the place, over an image of the page's map_view; map_draw draws it over the map.
 void map_overlay_draw(const struct brush *b, const struct room_page *page);

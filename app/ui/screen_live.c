@@ -7,17 +7,20 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double PANEL_W = 1180, ROWS_W = 1100, ROW = 58, LEGEND_W = 236, COUNT_DP = 92;
+static const double LEGEND_LEAST = 420, PANEL_W = 1480, ROWS_W = 1300, ROW = 58, LEGEND_W = 236, COUNT_DP = 92;
 static const double DEGREE = 180 / 3.14159265358979323846;
 
 static bool is_wide(double width, double height) { return width >= height; }
 
-// Both rows of buttons beside each other.
+// All buttons stand in one row; on a smaller screen what is set once is in a sheet.
 static bool is_one_row(double width, double height) { return is_wide(width, height) && width >= ROWS_W + 2 * MARGIN; }
+
+static bool is_tiny(double width) { return width < 480; } // start, tempo and the sheet's button take two rows
 
 static struct ui_box panel_box(double width, double height)
 {
-    const double w = fmin(width - 2 * MARGIN, PANEL_W), h = (is_one_row(width, height) ? 2 : 3) * (ROW + GAP) + 32;
+    const int rows = is_one_row(width, height) || !is_tiny(width) ? 2 : 3;
+    const double w = fmin(width - 2 * MARGIN, PANEL_W), h = rows * (ROW + GAP) + 24;
     return (struct ui_box){(width - w) / 2, height - MARGIN - h, w, h};
 }
 
@@ -100,38 +103,20 @@ static void draw_count(const struct brush *b, const struct live_state *l, struct
         return;
     snprintf(text, sizeof text, "%d", count);
     const struct ui_point m = middle(free);
-    ui_disc(b->ui, m, COUNT_DP, b->theme->glass);
-    ui_ring(b->ui, m, COUNT_DP, 6, b->theme->accent);
-    label_centred(b, FACE_COUNT_IN, (struct ui_box){m.x - COUNT_DP, m.y - COUNT_DP, 2 * COUNT_DP, 2 * COUNT_DP},
+    const double radius = fmin(COUNT_DP, free.h / 2), line = 1.2 * radius;
+    ui_disc(b->ui, m, radius, b->theme->glass);
+    ui_ring(b->ui, m, radius, 6, b->theme->accent);
+    const struct ui_point size = ui_text_extent(b->ui, FACE_COUNT_IN, line, text, 2 * radius);
+    ui_text_sized(b->ui, FACE_COUNT_IN, line, (struct ui_box){m.x - size.x / 2, m.y - size.y / 2, size.x + 1, size.y},
                   b->theme->text, text);
 }
 
-// The part that differs most, and by how much.
-static void worst_part(const struct live_page *page, char *text, size_t capacity)
-{
-    int worst = -1;
-    for (int p = 0; page->verdicts && p < PART_COUNT; p++)
-        if (page->verdicts[p] == VERDICT_DIFFERENT &&
-            (worst < 0 || page->parts[p].angle_rad > page->parts[worst].angle_rad))
-            worst = p;
-    text[0] = 0;
-    if (worst < 0)
-        return;
-    snprintf(text, capacity, "%s %.0f°", part_name((enum part)worst), page->parts[worst].angle_rad * DEGREE);
-    for (char *c = text; *c; c++)
-        *c = *c == '_' ? ' ' : *c;
-    if (text[0] >= 'a' && text[0] <= 'z')
-        text[0] = (char)(text[0] - 'a' + 'A');
-}
-
-static void draw_legend(const struct brush *b, const struct live_page *page, struct ui_box free)
+static void draw_legend(const struct brush *b, struct ui_box free)
 {
     static const struct {
         enum verdict verdict;
         const char *text;
     } rows[] = {{VERDICT_SAME, "as the actor"}, {VERDICT_DIFFERENT, "different"}, {VERDICT_UNKNOWN, "cannot tell"}};
-    char worst[60];
-    worst_part(page, worst, sizeof worst);
     struct ui_box box = {free.x, free.y + GAP, LEGEND_W, 3 * 30 + 24};
     ui_fill(b->ui, box, ROUND, b->theme->glass);
     for (int i = 0; i < 3; i++) {
@@ -139,12 +124,84 @@ static void draw_legend(const struct brush *b, const struct live_page *page, str
         verdict_line(b, (struct ui_point){box.x + 20, y}, (struct ui_point){box.x + 62, y}, 9, rows[i].verdict);
         label(b, FACE_SMALL, (struct ui_box){box.x + 80, y - 15, box.w - 90, 30}, b->theme->text, rows[i].text);
     }
-    if (!*worst)
+}
+
+// ---------------------------------------------------------------- the cue
+
+// One cue at a time, for who stands three metres away: as large as the screen allows, up to capitals of 9 mm, which are
+// 10 minutes of arc there; half of normal sight (20/40) reads these. A sign and words say it, the colour only as well.
+static const double CUE_LINE = 94, CUE_LEAST = 40, CUE_SIGN = 1.1; // dp, of a line; the sign's width, in lines
+static const int64_t CUE_NS = 1500000000;                          // how long a cue stays, so that it can be read
+
+// Which part is spoken of: 1 more than its number, 0: all is right.
+static int cue_part(const struct live_page *page)
+{
+    int worst = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (page->verdicts[p] == VERDICT_DIFFERENT &&
+            (!worst || page->parts[p].angle_rad > page->parts[worst - 1].angle_rad))
+            worst = p + 1;
+    return worst;
+}
+
+static void choose_cue(struct screens *screens, const struct live_page *page, int64_t now_ns)
+{
+    const int part = cue_part(page), old = screens->cue;
+    const bool settled = old > 0 && page->verdicts[old - 1] != VERDICT_DIFFERENT && part == 0;
+    if (part == old || (!settled && screens->cue_ns && now_ns - screens->cue_ns < CUE_NS))
         return;
-    struct ui_box chip = {free.x, box.y + box.h + GAP, LEGEND_W, 44};
-    ui_fill(b->ui, chip, 22, b->theme->glass);
-    ui_ring(b->ui, (struct ui_point){chip.x + 22, chip.y + 22}, 7, 4, b->theme->wrong);
-    label(b, FACE_STRONG, (struct ui_box){chip.x + 42, chip.y, chip.w - 50, 44}, b->theme->text, worst);
+    screens->cue = part;
+    screens->cue_ns = now_ns;
+}
+
+static void cue_text(const struct screens *screens, const struct live_page *page, char *text, size_t capacity)
+{
+    const int part = screens->cue - 1;
+    if (part < 0) {
+        snprintf(text, capacity, "Like the actor");
+        return;
+    }
+    snprintf(text, capacity, "%s %.0f°", part_name((enum part)part), page->parts[part].angle_rad * DEGREE);
+    for (char *c = text; *c; c++)
+        *c = *c == '_' ? ' ' : *c;
+    if (text[0] >= 'a' && text[0] <= 'z')
+        text[0] = (char)(text[0] - 'a' + 'A');
+}
+
+// The largest line that lets the text stand in the box, in two lines at most.
+static double cue_line(const struct brush *b, const char *text, struct ui_box box)
+{
+    double line = CUE_LINE;
+    for (; line > CUE_LEAST; line -= 2) {
+        const struct ui_point size = ui_text_extent(b->ui, FACE_CUE, line, text, box.w - (CUE_SIGN + 0.5) * line);
+        if (size.x <= box.w - (CUE_SIGN + 0.5) * line && size.y < 2.5 * line && size.y <= box.h)
+            break;
+    }
+    return line;
+}
+
+static void draw_cue(const struct brush *b, struct screens *screens, const struct live_page *page, struct ui_box free,
+                     int64_t now_ns)
+{
+    char text[60];
+    if (!page->verdicts || !page->parts) {
+        screens->cue_ns = 0;
+        return;
+    }
+    choose_cue(screens, page, now_ns);
+    cue_text(screens, page, text, sizeof text);
+    const bool right = screens->cue == 0;
+    const uint32_t color = right ? b->theme->right : b->theme->wrong;
+    const double line = cue_line(b, text, (struct ui_box){0, 0, free.w, 0.5 * free.h});
+    const struct ui_point size = ui_text_extent(b->ui, FACE_CUE, line, text, free.w - (CUE_SIGN + 0.5) * line);
+    const double w = size.x + (CUE_SIGN + 0.5) * line;
+    const struct ui_box box = {free.x + (free.w - w) / 2, free.y, w, size.y};
+    ui_fill(b->ui, box, ROUND, b->theme->surface);
+    ui_border(b->ui, box, ROUND, right ? 2 : 6, color);
+    icon_draw(b->ui, right ? ICON_CHECK : ICON_WARNING, (struct ui_point){box.x + 0.75 * line, box.y + box.h / 2},
+              0.8 * line, color);
+    ui_text_sized(b->ui, FACE_CUE, line, (struct ui_box){box.x + (CUE_SIGN + 0.2) * line, box.y, size.x + 1, size.y},
+                  b->theme->text, text);
 }
 
 // ---------------------------------------------------------------- controls
@@ -173,90 +230,73 @@ static void time_line(const struct brush *b, const struct live_state *l, const s
     }
 }
 
-struct control {
-    const char *name, *text;
-    enum button_kind kind;
-    enum view_action action;
-    double width; // share of the row
-};
-
-static void control_row(const struct brush *b, struct view_state *s, const struct control *controls, int count,
-                        struct ui_box row, int64_t now_ns)
+static const char *start_text(const struct live_state *l)
 {
-    double sum = 0;
-    for (int i = 0; i < count; i++)
-        sum += controls[i].width;
-    const double unit = (row.w - (count - 1) * GAP) / sum;
-    for (int i = 0; i < count; i++) {
-        const struct control *c = &controls[i];
-        if (text_button(b, c->name, c->text, c->kind, cut_left(&row, unit * c->width)))
-            view_state_do(s, c->action, now_ns);
-    }
+    return l->phase == LIVE_READY ? "Start" : l->phase == LIVE_DOING ? "Stop" : "Wait";
 }
 
+// What every screen has room for, and all else where there is.
 static void controls(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
                      int64_t now_ns)
 {
-    struct live_state *l = &s->live;
+    const struct live_state *l = &s->live;
     char tempo[16];
     snprintf(tempo, sizeof tempo, "%g×", l->tempo);
     const bool marked = l->marked_from_ns > 0 || l->marked_to_ns < l->length_ns;
-    const struct control first[] = {
-        {"live-start",
-         l->phase == LIVE_READY   ? "Start"
-         : l->phase == LIVE_DOING ? "Stop"
-                                  : "Wait",
-         BUTTON_MAIN, DO_PLAY_PAUSE, 1.5},
-        {"live-pace", l->pace == LIVE_FOLLOW ? "Follow me" : "Keep up", BUTTON_RAISED, DO_PACE, 1.6},
-        {"live-slower", "−", BUTTON_RAISED, DO_SLOWER, 0.6},
-        {"live-tempo", tempo, BUTTON_PLAIN, DO_NOTHING, 0.8},
-        {"live-faster", "+", BUTTON_RAISED, DO_FASTER, 0.6},
-        {"live-hands-free", "By itself", l->hands_free ? BUTTON_ON : BUTTON_RAISED, DO_HANDS_FREE, 1.2},
+    const enum button_kind sheet = s->sheet == SHEET_LIVE ? BUTTON_ON : BUTTON_RAISED;
+    const struct control all[] = {
+        {"live-start", start_text(l), BUTTON_MAIN, DO_PLAY_PAUSE},
+        {"live-slower", "−", BUTTON_RAISED, DO_SLOWER},
+        {"live-tempo", tempo, BUTTON_PLAIN, DO_NOTHING},
+        {"live-faster", "+", BUTTON_RAISED, DO_FASTER},
+        {"live-mark-from", l->phase == LIVE_DOING || !marked ? "From here" : "All of it", BUTTON_RAISED, DO_MARK_FROM},
+        {"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO},
+        {"live-sheet", "Options", sheet, DO_LAYERS},
+        {"live-row-loop", "Repeat", l->loop ? BUTTON_ON : BUTTON_RAISED, DO_LOOP},
+        {"live-row-pace", l->pace == LIVE_FOLLOW ? "Actor waits" : "Actor goes on", BUTTON_RAISED, DO_PACE},
+        {"live-row-mirrored", "Mirrored", l->mirrored ? BUTTON_ON : BUTTON_RAISED, DO_MIRROR},
     };
-    const struct control second[] = {
-        {"live-mark-from", l->phase == LIVE_DOING || !marked ? "From here" : "All of it", BUTTON_RAISED, DO_MARK_FROM,
-         1.3},
-        {"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO, 1.1},
-        {"live-loop", "Loop", l->loop ? BUTTON_ON : BUTTON_RAISED, DO_LOOP, 0.9},
-        {"live-ghost", "Next pose", l->ghost ? BUTTON_ON : BUTTON_RAISED, DO_GHOST, 1.3},
-        {"live-mirrored", "Mirrored", l->mirrored ? BUTTON_ON : BUTTON_RAISED, DO_MIRROR, 1.3},
-        {"live-over", l->over ? "Over me" : "Beside me", BUTTON_RAISED, DO_OVER, 1.3},
-    };
-    struct ui_box in = inner(box, 16);
+    enum { FIRST = 7 }; // of those that the sheet has, too
+    struct ui_box in = inner(box, 12);
     const bool one_row = is_one_row(ui_width(b->ui), ui_height(b->ui));
     panel(b, box, true);
-    struct ui_box line = cut_top(&in, ROW);
-    const int rest = l->screen == LIVE_MIRROR ? 6 : 5;
-    if (one_row) {
-        control_row(b, s, first, 6, (struct ui_box){in.x, in.y, in.w * 0.5 - GAP, ROW}, now_ns);
-        control_row(b, s, second, rest, (struct ui_box){in.x + in.w * 0.5, in.y, in.w * 0.5, ROW}, now_ns);
-    } else {
-        control_row(b, s, first, 6, cut_top(&in, ROW), now_ns);
-        control_row(b, s, second, rest, cut_top(&in, ROW), now_ns);
-    }
-    time_line(b, l, page, line);
+    time_line(b, l, page, cut_top(&in, ROW));
+    // From here and to here are what a small screen does without: the keys and a larger one have them.
+    struct control few[] = {all[0], all[1], all[2], all[3], all[6]};
+    const bool small = ui_width(b->ui) < 780;
+    const int done = small ? controls_draw(b, few, (int)COUNT_OF(few), in)
+                           : controls_draw(b, all, one_row ? (int)COUNT_OF(all) : FIRST, in);
+    if (done > DO_NOTHING)
+        view_state_do(s, (enum view_action)done, now_ns);
     (void)ui_area(b->ui, "live-panel", box);
 }
+
+static const double ROOM_FOR_THEME = 420, LEAST_NAME = 110; // dp
 
 static void top_row(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box row,
                     int64_t now_ns)
 {
     static const char *const names[LIVE_SCREENS] = {"Mirror", "Beside", "Room"};
     const struct theme *t = b->theme;
-    if (icon_button(b, "live-back", s->take_count > 1 || s->live.phase != LIVE_READY ? ICON_BACK : ICON_CLOSE,
+    const bool back = s->take_count > 1 || s->live.phase != LIVE_READY;
+    if (icon_button(b, "live-back", (struct icon_words){back ? ICON_BACK : ICON_CLOSE, back ? "Back" : "Close"},
                     BUTTON_GLASS, cut_left(&row, TARGET)))
         view_state_do(s, DO_BACK, now_ns);
-    if (icon_button(b, "live-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_GLASS, cut_right(&row, TARGET)))
+    if (row.w > ROOM_FOR_THEME &&
+        icon_button(b, "live-theme", theme_words(s->dark), BUTTON_GLASS, cut_right(&row, TARGET)))
         view_state_do(s, DO_THEME, now_ns);
     for (int i = s->live.has_camera ? LIVE_ROOM : LIVE_BESIDE; i >= 0; i--) {
         char name[24];
         snprintf(name, sizeof name, "live-screen-%d", i);
         const bool on = (int)s->live.screen == i;
-        if (text_button(b, name, names[i], on ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, 104)) && !on) {
+        const double w = fmin(104, (row.w - 2 * GAP) / (i + 1));
+        if (text_button(b, name, names[i], on ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, w)) && !on) {
             s->live.screen = (enum live_screen)i;
             view_state_on_input(s, now_ns);
         }
     }
+    if (row.w < LEAST_NAME)
+        return;
     const double width =
         fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, page->file));
     const struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
@@ -273,12 +313,24 @@ void screen_live(const struct brush *b, struct screens *screens, struct view_sta
         draw_mirror(b, s, page, all);
     else
         draw_scene(b, s, page, all, s->live.screen == LIVE_ROOM);
+    const struct ui_box panel_at = panel_box(all.w, all.h);
+    if (s->sheet == SHEET_LIVE) { // over all others: touched first
+        ui_layer(b->ui, 2);
+        panels_draw(b, screens, s, layout_live_sheet(all.w, all.h), now_ns);
+        ui_layer(b->ui, 0);
+        screens->image_held = ui_area(b->ui, "image", all).held;
+        return;
+    }
     ui_layer(b->ui, 1);
-    const struct ui_box under = {free.x, MARGIN + TARGET + GAP, free.w, free.h};
-    draw_legend(b, page, under);
-    draw_count(b, &s->live, free);
+    const double under_top = MARGIN + TARGET + GAP;
+    const struct ui_box under = {free.x, under_top, free.w, panel_at.y - GAP - under_top};
+    const bool legend = under.h > LEGEND_LEAST && under.w > LEGEND_LEAST;
+    draw_cue(b, screens, page, under, now_ns);
+    if (legend)
+        draw_legend(b, (struct ui_box){under.x, under.y + under.h - 3 * 30 - 24 - GAP, under.w, 0});
+    draw_count(b, &s->live, under);
     top_row(b, s, page, (struct ui_box){MARGIN, MARGIN, all.w - 2 * MARGIN, TARGET}, now_ns);
-    controls(b, s, page, panel_box(all.w, all.h), now_ns);
+    controls(b, s, page, panel_at, now_ns);
     ui_layer(b->ui, 0);
     screens->image_held = ui_area(b->ui, "image", all).held;
 }

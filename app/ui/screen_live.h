@@ -29,9 +29,9 @@ struct live_page {
 void screen_live(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
                  int64_t now_ns);
 
-// The part of the screen, dp, in which LIVE_BESIDE shows both figures, and LIVE_MIRROR the picture.
-struct ui_box screen_live_free(double width, double height);
 // Of the summary: where the reviewed figures are drawn.
 struct ui_box screen_summary_figures(double width, double height);
+// The moment of the attempt at which the finding is seen best, its middle; of a missing piece, where it should begin.
+int64_t finding_moment_ns(const struct comparison *c, const struct finding *f);
 void screen_summary(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
                     int64_t now_ns);

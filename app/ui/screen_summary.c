@@ -8,27 +8,47 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double HEAD_H = TARGET, SCORE_R = 62, STRIP_ROW = 20, STRIP_NAME = 150, ROW_GAP = 2;
+static const double HEAD_H = TARGET, SCORE_R = 62, LEAST_PROGRESS = 150, STRIP_ROW = 20, STRIP_NAME = 150, ROW_GAP = 2;
 
 struct summary_layout {
     struct ui_box head, score, findings, figures, strip, buttons;
+    bool merged;  // head and buttons are one row
+    bool one_row; // the strip shows all parts in one
 };
 
+static const double SCORE_H = 2 * 62 + 30, HIGH = 640, UPRIGHT_HIGH = 1000, LOW = 460, SCORE_W = 150;
+
+// Between head and buttons: the strip below, and beside or over one another score, figures and findings. What is lower
+// has a strip of one row, then head and buttons in one.
 static struct summary_layout layout(double width, double height)
 {
-    struct summary_layout l;
+    const bool wide = width >= height;
+    struct summary_layout l = {.merged = wide && height < HIGH && width >= 600,
+                               .one_row = height < (wide ? HIGH : UPRIGHT_HIGH)};
     struct ui_box in = inner((struct ui_box){0, 0, width, height}, MARGIN);
-    const double strip_h = PART_COUNT * (STRIP_ROW + ROW_GAP) + 58;
+    const double strip_h = l.one_row ? TARGET + 22 : PART_COUNT * (STRIP_ROW + ROW_GAP) + 58;
     l.head = cut_top(&in, HEAD_H);
-    l.buttons = cut_bottom(&in, TARGET);
+    l.buttons = l.merged ? l.head : cut_bottom(&in, TARGET);
     l.strip = cut_bottom(&in, strip_h);
-    if (width >= height) {
+    if (wide && in.h < SCORE_H + 130) { // three columns
+        l.score = cut_left(&in, SCORE_W);
+        l.figures = cut_left(&in, 0.22 * in.w);
+        l.findings = in;
+    } else if (wide && l.one_row) {
+        struct ui_box side = cut_left(&in, 0.42 * in.w);
+        l.score = cut_top(&side, SCORE_H);
+        l.figures = side;
+        l.findings = in;
+    } else if (wide) {
         l.figures = cut_left(&in, in.w * 0.46);
-        l.score = cut_top(&in, 2 * SCORE_R + 30);
+        l.score = cut_top(&in, SCORE_H);
         l.findings = in;
     } else {
-        l.score = cut_top(&in, 2 * SCORE_R + 30);
-        l.figures = cut_top(&in, in.h * 0.55);
+        l.score = cut_top(&in, SCORE_H);
+        if (in.h < LOW) // beside the score
+            l.figures = cut_right(&l.score, l.score.w - SCORE_W - GAP);
+        else
+            l.figures = cut_top(&in, in.h * 0.5);
         l.findings = in;
     }
     return l;
@@ -60,6 +80,7 @@ static void draw_progress(const struct brush *b, const struct live_state *l, str
 {
     const struct theme *t = b->theme;
     enum { MOST = 12 };
+    const bool first = l->result_count < 2;
     const int count = l->result_count < MOST ? l->result_count : MOST;
     const double bar = fmin(28, (box.w + GAP) / MOST - GAP), most = box.h - 26;
     for (int i = 0; i < count; i++) {
@@ -69,8 +90,8 @@ static void draw_progress(const struct brush *b, const struct live_state *l, str
         const bool newest = i == count - 1;
         ui_fill(b->ui, at, 5, r->compared ? faint(score_color(t, r->score), newest ? 1 : 0.45) : faint(t->text, 0.2));
     }
-    label(b, FACE_SMALL, (struct ui_box){box.x, box.y + box.h - 22, box.w, 22}, t->quiet,
-          count > 1 ? "This sitting's attempts" : "The first attempt of this sitting");
+    const char *text = !first ? "Attempts of today" : "The first attempt";
+    label(b, FACE_SMALL, (struct ui_box){box.x, box.y + box.h - 22, box.w, 22}, t->quiet, text);
 }
 
 static void draw_score(const struct brush *b, const struct live_state *l, const struct live_page *page,
@@ -90,47 +111,128 @@ static void draw_score(const struct brush *b, const struct live_state *l, const 
     label_centred(b, FACE_TITLE, (struct ui_box){m.x - SCORE_R, m.y - 30, 2 * SCORE_R, 44}, t->text, text);
     label_centred(b, FACE_SMALL, (struct ui_box){m.x - SCORE_R, m.y + 14, 2 * SCORE_R, 22}, t->quiet, "of 100");
     cut_left(&in, 8);
-    draw_progress(b, l, in);
+    if (in.w > LEAST_PROGRESS)
+        draw_progress(b, l, in);
 }
 
 // ---------------------------------------------------------------- findings
 
-static void draw_findings(const struct brush *b, const struct live_page *page, struct ui_box box)
+int64_t finding_moment_ns(const struct comparison *c, const struct finding *f)
+{
+    if (f->kind != FINDING_MISSING)
+        return (int64_t)(0.5e9 * (f->from_s + f->to_s));
+    const int32_t wanted = (int32_t)(f->from_s * MOVEMENT_RATE_HZ); // in the reference's time
+    int32_t at = 0;
+    while (at + 1 < c->alignment.count && c->alignment.pairs[at].a < wanted)
+        at++;
+    return c->alignment.count ? (int64_t)(1e9 * c->alignment.pairs[at].b / MOVEMENT_RATE_HZ) : 0;
+}
+
+static double row_height(const struct brush *b, const struct finding *f, double width)
+{
+    return fmax(TARGET, ui_text_height(b->ui, FACE_BODY, f->sentence, width - 46) + 14);
+}
+
+static void finding_row(const struct brush *b, const struct finding *f, bool chosen, struct ui_box row)
+{
+    const struct theme *t = b->theme;
+    const double h = ui_text_height(b->ui, FACE_BODY, f->sentence, row.w - 46);
+    const bool posture = f->kind == FINDING_POSTURE || f->kind == FINDING_RANGE || f->kind == FINDING_MIRRORED;
+    if (chosen)
+        ui_fill(b->ui, row, 12, faint(t->accent, 0.2));
+    // What is held differently is a disc, what is early, late or missing a ring: not by colour alone.
+    const struct ui_point m = {row.x + 16, row.y + row.h / 2};
+    if (posture)
+        ui_disc(b->ui, m, 7, t->wrong);
+    else
+        ui_ring(b->ui, m, 6, 3, t->warn);
+    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){row.x + 34, row.y + (row.h - h) / 2}, row.w - 45, t->text,
+                  f->sentence);
+}
+
+// Keys go through the list.
+static void step_finding(struct screens *screens, struct view_state *s, const struct comparison *c)
+{
+    if (!s->list_steps)
+        return;
+    const int to = screens->finding + s->list_steps;
+    s->list_steps = 0;
+    screens->finding = to < 1 ? 1 : to > c->finding_count ? c->finding_count : to;
+    live_state_review(&s->live, finding_moment_ns(c, &c->findings[screens->finding - 1]));
+}
+
+static void list_findings(const struct brush *b, struct screens *screens, struct view_state *s,
+                          const struct comparison *c, struct ui_box in)
+{
+    double content_h = 0;
+    const int before = screens->finding;
+    for (int32_t i = 0; i < c->finding_count; i++)
+        content_h += row_height(b, &c->findings[i], in.w);
+    step_finding(screens, s, c);
+    struct scroll *scroll = &screens->findings;
+    const struct brush inside = scroll_begin(b, scroll, &in, content_h);
+    double y = 0;
+    int more = 0;
+    for (int32_t i = 0; i < c->finding_count; i++) {
+        char name[32];
+        const double h = row_height(b, &c->findings[i], in.w);
+        if (screens->finding == i + 1 && screens->finding != before)
+            scroll_show(scroll, y, h);
+        const struct ui_box row = {in.x, in.y + y - scroll->at, in.w, h};
+        y += h;
+        more += row.y + h > in.y + in.h + 1;
+        if (row.y + h < in.y || row.y > in.y + in.h)
+            continue;
+        snprintf(name, sizeof name, "finding-%d", (int)i);
+        if (touch_area(&inside, name, row).tapped) {
+            screens->finding = i + 1;
+            live_state_review(&s->live, finding_moment_ns(c, &c->findings[i]));
+            s->changed = true;
+        }
+        finding_row(b, &c->findings[i], screens->finding == i + 1, row);
+    }
+    scroll_end(b, scroll, more);
+}
+
+static void draw_findings(const struct brush *b, struct screens *screens, struct view_state *s,
+                          const struct live_page *page, struct ui_box box)
 {
     const struct theme *t = b->theme;
     const struct comparison *c = page->comparison;
     panel(b, box, false);
-    struct ui_box in = inner(box, 18);
+    struct ui_box in = inner(box, 14), head = cut_top(&in, 30);
     const char *none = page->why_not ? page->why_not : c ? "Nothing differs that the sensor could tell" : "";
-    label(b, FACE_HEAD, cut_top(&in, 30), t->text, "What differs");
-    if (!c || !c->finding_count) {
-        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x, in.y + 4}, in.w, t->quiet, none);
-        return;
-    }
-    ui_clip(b->ui, in);
-    double y = in.y + 4;
-    for (int32_t i = 0; i < c->finding_count; i++) {
-        const struct finding *f = &c->findings[i];
-        const double h = ui_text_height(b->ui, FACE_BODY, f->sentence, in.w - 30);
-        if (y + h > in.y + in.h)
-            break;
-        const bool posture = f->kind == FINDING_POSTURE || f->kind == FINDING_RANGE || f->kind == FINDING_MIRRORED;
-        ui_disc(b->ui, (struct ui_point){in.x + 9, y + 14}, 6, posture ? t->wrong : t->warn);
-        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){in.x + 28, y}, in.w - 29, t->text, f->sentence);
-        y += h + 10;
-    }
-    ui_unclip(b->ui);
+    label(b, FACE_HEAD, head, t->text, "What differs");
+    if (!c || !c->finding_count)
+        paragraph(b, FACE_BODY, in, t->quiet, none);
+    else
+        list_findings(b, screens, s, c, in);
 }
 
 // ---------------------------------------------------------------- strip
+
+// Of all parts at once: different where any is.
+static uint8_t cell_verdict(const uint8_t cell[PART_COUNT], int part)
+{
+    uint8_t all = VERDICT_DIFFERENT + 1;
+    if (part >= 0)
+        return cell[part];
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (cell[p] == VERDICT_DIFFERENT)
+            return VERDICT_DIFFERENT;
+        if (cell[p] == VERDICT_SAME || all > VERDICT_DIFFERENT)
+            all = cell[p];
+    }
+    return all;
+}
 
 // Cells of equal verdict as one bar: solid, or for what the sensor cannot tell a thin line. What is outside of the
 // alignment, getting into position and out of it, stays empty.
 static void strip_row(const struct brush *b, const struct live_page *page, int part, struct ui_box row)
 {
     for (int cell = 0, end; cell < page->strip_cells; cell = end) {
-        const uint8_t v = page->strip[cell][part];
-        for (end = cell + 1; end < page->strip_cells && page->strip[end][part] == v; end++)
+        const uint8_t v = cell_verdict(page->strip[cell], part);
+        for (end = cell + 1; end < page->strip_cells && cell_verdict(page->strip[end], part) == v; end++)
             ;
         const double x = row.x + row.w * cell / page->strip_cells, w = row.w * (end - cell) / page->strip_cells;
         if (v > VERDICT_DIFFERENT)
@@ -141,30 +243,48 @@ static void strip_row(const struct brush *b, const struct live_page *page, int p
     }
 }
 
-static void draw_strip(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box)
+static void part_rows(const struct brush *b, const struct live_page *page, struct ui_box names, struct ui_box in)
 {
-    const struct theme *t = b->theme;
-    struct live_state *l = &s->live;
-    panel(b, box, false);
-    struct ui_box in = inner(box, 15), names = cut_left(&in, STRIP_NAME);
-    if (!page->comparison || !page->strip)
-        return;
-    const struct ui_touch touch = ui_area(b->ui, "summary-strip", (struct ui_box){in.x, box.y, in.w, box.h});
     for (int p = 0; p < PART_COUNT; p++) {
         char name[40];
         const double y = in.y + p * (STRIP_ROW + ROW_GAP);
         snprintf(name, sizeof name, "%s", part_name((enum part)p));
         for (char *c = name; *c; c++)
             *c = *c == '_' ? ' ' : *c;
-        label(b, FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW}, t->quiet, name);
+        label(b, FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW}, b->theme->quiet, name);
         strip_row(b, page, p, (struct ui_box){in.x, y, in.w, STRIP_ROW});
     }
+}
+
+static void draw_strip(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
+                       bool one_row)
+{
+    const struct theme *t = b->theme;
+    struct live_state *l = &s->live;
+    panel(b, box, false);
+    struct ui_box in = inner(box, 15), names = {0, 0, 0, 0};
+    if (!one_row)
+        names = cut_left(&in, STRIP_NAME);
+    if (!page->comparison || !page->strip)
+        return;
+    const struct ui_touch touch = ui_area(b->ui, "summary-strip", (struct ui_box){in.x, box.y, in.w, box.h});
+    const double rows_h = one_row ? STRIP_ROW + 6 : PART_COUNT * (STRIP_ROW + ROW_GAP), bottom = in.y + rows_h;
+    if (one_row)
+        strip_row(b, page, -1, (struct ui_box){in.x, in.y, in.w, rows_h - 4});
+    else
+        part_rows(b, page, names, in);
     const double length = (double)(l->review_length_ns > 0 ? l->review_length_ns : 1);
-    const double x = in.x + in.w * fmin(1, (double)l->review_at_ns / length),
-                 bottom = in.y + PART_COUNT * (STRIP_ROW + ROW_GAP);
+    const double x = in.x + in.w * fmin(1, (double)l->review_at_ns / length), time_w = label_time_width(b, 0);
     ui_fill(b->ui, (struct ui_box){x - 1.5, in.y - 4, 3, bottom - in.y + 4}, 1.5, t->text);
-    label_time(b, (struct ui_point){fmin(x, in.x + in.w - 60), bottom + 4}, t->text, l->review_at_ns);
-    label(b, FACE_SMALL, (struct ui_box){names.x, bottom + 2, names.w, 22}, t->quiet, "Touch to play");
+    label_time(b, (struct ui_point){fmin(x, in.x + in.w - time_w), bottom + 2}, t->text, l->review_at_ns);
+    // Beside the time, wherever that is.
+    const struct ui_box left = {in.x, bottom, x - in.x - GAP, 22},
+                        right = {x + time_w + GAP, bottom, in.x + in.w - x - time_w - GAP, 22};
+    const struct ui_box words = !one_row           ? (struct ui_box){names.x, bottom, names.w, 22}
+                                : left.w > right.w ? left
+                                                   : right;
+    if (words.w > ui_text_width(b->ui, FACE_SMALL, "Touch to play"))
+        label(b, FACE_SMALL, words, t->quiet, "Touch to play");
     if (touch.went_down || (touch.held && !l->reviewing))
         live_state_review(l, (int64_t)(fmin(fmax(touch.x / in.w, 0), 1) * length));
     s->changed |= touch.held;
@@ -190,36 +310,64 @@ static void draw_figures(const struct brush *b, const struct live_page *page, st
     ui_unclip(b->ui);
     const struct ui_box row = {box.x, box.y + box.h - 40, box.w, 30};
     label_centred(b, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
-                  page->mirrored ? "the actor mirrored" : "the actor");
+                  box.w < 170                     ? "actor"
+                  : page->mirrored && box.w > 330 ? "the actor mirrored"
+                                                  : "the actor");
     label_centred(b, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
+}
+
+static const struct control summary_controls[] = {{"summary-again", "Again", BUTTON_MAIN, DO_PLAY_PAUSE},
+                                                  {"summary-keep", "Keep as a take", BUTTON_RAISED, DO_KEEP}};
+
+static void draw_buttons(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box row,
+                         int64_t now_ns)
+{
+    static const double WIDEST = 420;
+    struct ui_box at = cut_left(&row, fmin(row.w, WIDEST));
+    const int done = controls_draw(b, summary_controls, (int)COUNT_OF(summary_controls), at);
+    if (done >= 0)
+        view_state_do(s, (enum view_action)done, now_ns);
+    if (page->keeping && row.w > 100)
+        paragraph(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y + 8, row.w - 8, row.h - 8}, b->theme->quiet,
+                  page->keeping);
+}
+
+static void draw_head(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box head,
+                      bool merged, int64_t now_ns)
+{
+    char title[64];
+    if (icon_button(b, "summary-back", (struct icon_words){ICON_BACK, "Back"}, BUTTON_RAISED, cut_left(&head, TARGET)))
+        view_state_do(s, DO_BACK, now_ns);
+    if (icon_button(b, "summary-theme", theme_words(s->dark), BUTTON_RAISED, cut_right(&head, TARGET)))
+        view_state_do(s, DO_THEME, now_ns);
+    const bool judged = s->live.judged == s->live.finished, room = head.w > 420 && !merged;
+    snprintf(title, sizeof title, "Attempt %d%s", s->live.results_ever,
+             page->mirrored && room ? ", the actor mirrored" : "");
+    if (merged)
+        draw_buttons(b, s, page, cut_right(&head, 330), now_ns);
+    label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, b->theme->text,
+          judged ? title
+          : room ? "Judging the attempt"
+                 : "Judging");
 }
 
 void screen_summary(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
                     int64_t now_ns)
 {
-    const struct theme *t = b->theme;
     const struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
-    struct summary_layout l = layout(all.w, all.h);
-    char title[64];
-    ui_fill(b->ui, all, 0, t->ground);
-    struct ui_box head = l.head;
-    if (icon_button(b, "summary-back", ICON_BACK, BUTTON_RAISED, cut_left(&head, TARGET)))
-        view_state_do(s, DO_BACK, now_ns);
-    if (icon_button(b, "summary-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&head, TARGET)))
-        view_state_do(s, DO_THEME, now_ns);
-    snprintf(title, sizeof title, "Attempt %d%s", s->live.results_ever, page->mirrored ? ", the actor mirrored" : "");
-    label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w, head.h}, t->text,
-          s->live.judged == s->live.finished ? title : "Judging the attempt");
+    const struct summary_layout l = layout(all.w, all.h);
+    ui_fill(b->ui, all, 0, b->theme->ground);
+    if (screens->summary != s->live.judged) { // another attempt's findings
+        screens->summary = s->live.judged;
+        screens->finding = 0;
+        screens->findings = (struct scroll){0};
+    }
+    draw_head(b, s, page, l.head, l.merged, now_ns);
     draw_score(b, &s->live, page, l.score);
     draw_figures(b, page, l.figures);
-    draw_findings(b, page, l.findings);
-    draw_strip(b, s, page, l.strip);
-    struct ui_box row = l.buttons;
-    if (text_button(b, "summary-again", "Again", BUTTON_MAIN, cut_left(&row, 180)))
-        view_state_do(s, DO_PLAY_PAUSE, now_ns);
-    if (text_button(b, "summary-keep", "Keep as a take", BUTTON_RAISED, cut_left(&row, 200)))
-        view_state_do(s, DO_KEEP, now_ns);
-    if (page->keeping)
-        label(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y, row.w - 8, row.h}, t->quiet, page->keeping);
+    draw_findings(b, screens, s, page, l.findings);
+    draw_strip(b, s, page, l.strip, l.one_row);
+    if (!l.merged)
+        draw_buttons(b, s, page, l.buttons, now_ns);
     screens->image_held = ui_area(b->ui, "image", all).held;
 }

@@ -110,9 +110,10 @@ void screen_takes(const struct brush *b, struct screens *screens, struct view_st
     struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, in = inner(all, BORDER);
     ui_fill(b->ui, all, 0, t->ground);
     struct ui_box head = cut_top(&in, HEAD - BORDER), buttons = {head.x, head.y, head.w, TARGET};
-    if (icon_button(b, "takes-close", ICON_CLOSE, BUTTON_RAISED, cut_right(&buttons, TARGET)))
+    if (icon_button(b, "takes-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+                    cut_right(&buttons, TARGET)))
         view_state_do(s, DO_QUIT, now_ns);
-    if (icon_button(b, "takes-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&buttons, TARGET)))
+    if (icon_button(b, "takes-theme", theme_words(s->dark), BUTTON_RAISED, cut_right(&buttons, TARGET)))
         view_state_do(s, DO_THEME, now_ns);
     label(b, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, "Choose a take");
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);

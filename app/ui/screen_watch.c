@@ -26,65 +26,91 @@ static void time_row(const struct brush *b, struct view_state *s, struct ui_box 
 }
 
 // Where the ends that stay are, over the timeline; and what cuts the others off.
-static void trim_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
+static void trim_row(const struct brush *b, struct view_state *s, struct ui_box row, bool narrow, int64_t now_ns)
 {
     char text[64];
     const struct view_trim *t = &s->trim;
     const bool cuts = t->from_ns > 0 || t->to_ns < s->playback.length_ns;
-    if (text_button(b, "trim-from", "From here", BUTTON_RAISED, cut_left(&row, 124)))
-        view_state_do(s, DO_MARK_FROM, now_ns);
-    if (text_button(b, "trim-to", "To here", BUTTON_RAISED, cut_left(&row, 110)))
-        view_state_do(s, DO_MARK_TO, now_ns);
-    if (cuts && text_button(b, "trim", "Trim", BUTTON_MAIN, cut_right(&row, 92)))
-        view_state_do(s, DO_KEEP, now_ns);
     snprintf(text, sizeof text, "%.1f s to %.1f s", (double)t->from_ns * 1e-9, (double)t->to_ns * 1e-9);
-    label(b, FACE_SMALL, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24},
-          cuts ? b->theme->accent : b->theme->quiet, cuts ? text : "All of it stays");
+    const struct ui_box words = narrow ? cut_top(&row, 20) : cut_right(&row, 130);
+    label(b, FACE_SMALL, words, cuts ? b->theme->accent : b->theme->quiet, cuts ? text : "All of it stays");
+    const struct control controls[] = {{"trim-from", "From here", BUTTON_RAISED, DO_MARK_FROM},
+                                       {"trim-to", "To here", BUTTON_RAISED, DO_MARK_TO},
+                                       {"trim", "Trim", BUTTON_MAIN, DO_KEEP}};
+    const int done = controls_draw(b, controls, cuts ? 3 : 2, row);
+    if (done >= 0)
+        view_state_do(s, (enum view_action)done, now_ns);
 }
 
-static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
+struct icon_control {
+    const char *name;
+    struct icon_words what;
+    enum button_kind kind;
+    enum view_action action;
+};
+
+static void icon_row(const struct brush *b, struct view_state *s, const struct icon_control *controls, int count,
+                     struct ui_box row, int64_t now_ns)
+{
+    const double w = (row.w - (count - 1) * GAP) / count;
+    for (int i = 0; i < count; i++)
+        if (icon_button(b, controls[i].name, controls[i].what, controls[i].kind, cut_left(&row, w)))
+            view_state_do(s, controls[i].action, now_ns);
+}
+
+// Play in the middle; the others beside it, where the panel is narrow below it.
+static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, bool narrow, int64_t now_ns)
 {
     char speed[16];
     const struct playback_clock *p = &s->playback;
-    double y = row.y + (row.h - TARGET) / 2;
-    struct ui_box left = {row.x, y, row.w, TARGET}, right = left;
-    if (icon_button(b, "loop", ICON_LOOP, p->loop ? BUTTON_ON : BUTTON_PLAIN, cut_left(&left, TARGET)))
-        view_state_do(s, DO_LOOP, now_ns);
-    if (icon_button(b, "mirror", ICON_MIRROR, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN,
-                    cut_left(&left, TARGET)))
-        view_state_do(s, DO_MIRROR, now_ns);
-    if (icon_button(b, "layers", ICON_LAYERS, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN,
-                    cut_right(&right, TARGET)))
-        view_state_do(s, DO_LAYERS, now_ns);
+    static const double BESIDE = 2 * TARGET + GAP + 16; // for words a little wider than their icons
     snprintf(speed, sizeof speed, "%g×", p->speed);
-    if (text_button(b, "speed", speed, s->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN,
-                    cut_right(&right, fmax(TARGET, 64))))
+    const struct icon_control left[] = {
+        {"loop", {ICON_LOOP, "Repeat"}, p->loop ? BUTTON_ON : BUTTON_PLAIN, DO_LOOP},
+        {"mirror", {ICON_MIRROR, "Mirror"}, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN, DO_MIRROR}};
+    const struct icon_control right[] = {
+        {"layers", {ICON_LAYERS, "Show"}, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN, DO_LAYERS}};
+    const double y = row.y + (PLAY - TARGET) / 2, below = row.y + PLAY + GAP;
+    struct ui_box at_left = {row.x, narrow ? below : y, narrow ? row.w / 2 - GAP / 2 : BESIDE, TARGET},
+                  at_right = at_left;
+    at_right.x = row.x + row.w - at_right.w;
+    icon_row(b, s, left, (int)COUNT_OF(left), at_left, now_ns);
+    struct ui_box speed_box = cut_left(&at_right, (at_right.w - GAP) / 2);
+    if (text_button(b, "speed", speed, s->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN, speed_box))
         view_state_do(s, DO_SPEED, now_ns);
-    double x = row.x + row.w / 2;
-    if (icon_button(b, "step-back", ICON_STEP_BACK, BUTTON_PLAIN,
+    icon_row(b, s, right, (int)COUNT_OF(right), at_right, now_ns);
+    const double x = row.x + row.w / 2;
+    if (icon_button(b, "step-back", (struct icon_words){ICON_STEP_BACK, "Back"}, BUTTON_PLAIN,
                     (struct ui_box){x - PLAY / 2 - GAP - TARGET, y, TARGET, TARGET}))
         view_state_do(s, DO_STEP_BACK, now_ns);
-    if (icon_button(b, "play", p->playing ? ICON_PAUSE : ICON_PLAY, BUTTON_MAIN,
-                    (struct ui_box){x - PLAY / 2, row.y + (row.h - PLAY) / 2, PLAY, PLAY}))
+    if (icon_button(b, "play", (struct icon_words){p->playing ? ICON_PAUSE : ICON_PLAY, p->playing ? "Pause" : "Play"},
+                    BUTTON_MAIN, (struct ui_box){x - PLAY / 2, row.y, PLAY, PLAY}))
         view_state_do(s, DO_PLAY_PAUSE, now_ns);
-    if (icon_button(b, "step-on", ICON_STEP_ON, BUTTON_PLAIN, (struct ui_box){x + PLAY / 2 + GAP, y, TARGET, TARGET}))
+    if (icon_button(b, "step-on", (struct icon_words){ICON_STEP_ON, "On"}, BUTTON_PLAIN,
+                    (struct ui_box){x + PLAY / 2 + GAP, y, TARGET, TARGET}))
         view_state_do(s, DO_STEP_ON, now_ns);
 }
 
-static void moving_panel(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
+static void moving_panel(const struct brush *b, struct view_state *s, struct ui_box box, bool narrow, int64_t now_ns)
 {
     const struct theme *t = b->theme;
     char text[32];
-    struct ui_box in = inner(box, 14), top = cut_top(&in, TARGET), words = top;
-    if (text_button(b, "move-done", "Done", BUTTON_MAIN, cut_right(&words, 96)))
-        view_state_do(s, DO_MOVE, now_ns);
-    if (text_button(b, "move-back", "Put back", BUTTON_RAISED, cut_right(&words, 124)))
-        view_state_do(s, DO_RESET_PLACEMENT, now_ns);
-    struct ui_box first = {words.x + 4, words.y + 2, words.w, 30}, second = {words.x + 4, words.y + 31, words.w, 24};
+    struct ui_box in = inner(box, 14), words = cut_top(&in, TARGET), buttons = words;
+    if (narrow)
+        buttons = cut_top(&in, TARGET);
+    else
+        buttons = cut_right(&words, 240);
+    const struct control controls[] = {{"move-back", "Put back", BUTTON_RAISED, DO_RESET_PLACEMENT},
+                                       {"move-done", "Done", BUTTON_MAIN, DO_MOVE}};
+    const int done = controls_draw(b, controls, (int)COUNT_OF(controls), buttons);
+    if (done >= 0)
+        view_state_do(s, (enum view_action)done, now_ns);
+    struct ui_box first = {words.x + 4, words.y + 2, words.w - 4, 30},
+                  second = {words.x + 4, words.y + 31, words.w - 4, 24};
     label(b, FACE_STRONG, first, t->text, "Move the actor");
     label(b, FACE_SMALL, second, t->quiet, "Drag over the floor");
     snprintf(text, sizeof text, "%+.0f°", s->placement.yaw_rad * 180 / PI);
-    struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 60);
+    struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 70);
     icon_draw(b->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
     label_centred(b, FACE_STRONG, degrees, t->text, text);
     struct slide slide = slider(b, "yaw", s->placement.yaw_rad / (2 * PI) + 0.5, in);
@@ -94,23 +120,46 @@ static void moving_panel(const struct brush *b, struct view_state *s, struct ui_
 
 // ---------------------------------------------------------------- controls over the image
 
-static void top_row(const struct brush *b, struct view_state *s, const struct watch_page *page, struct ui_box row,
+static const double WORD_W = 70, LEAST_NAME = 110; // dp; a narrower name would be dots
+
+static void top_row(const struct brush *b, struct view_state *s, const struct watch_page *page, const struct layout *l,
                     int64_t now_ns)
 {
+    struct ui_box top = l->top;
     const struct theme *t = b->theme;
-    if (icon_button(b, "back", s->take_count > 1 ? ICON_BACK : ICON_CLOSE, BUTTON_GLASS, cut_left(&row, TARGET)))
+    const struct room_state *room = &s->room;
+    const bool others = s->take_count > 1, finding = s->sheet == SHEET_THINGS;
+    struct icon_control controls[5];
+    int count = 0;
+    if (s->camera.requested)
+        controls[count++] =
+            (struct icon_control){"orbit",
+                                  {s->orbiting ? ICON_CAMERA : ICON_ORBIT, s->orbiting ? "Camera" : "Around"},
+                                  BUTTON_GLASS,
+                                  DO_ORBIT};
+    controls[count++] =
+        (struct icon_control){"move", {ICON_MOVE, "Move"}, s->moving ? BUTTON_MAIN : BUTTON_GLASS, DO_MOVE};
+    if (room->has_place)
+        controls[count++] =
+            (struct icon_control){"map", {ICON_MAP, "Map"}, room->map ? BUTTON_MAIN : BUTTON_GLASS, DO_MAP};
+    if (room->thing_count)
+        controls[count++] =
+            (struct icon_control){"find", {ICON_FIND, "Find"}, finding ? BUTTON_MAIN : BUTTON_GLASS, DO_THINGS};
+    if (l->photo_on_top && !s->moving)
+        controls[count++] = (struct icon_control){"screenshot", {ICON_PHOTO, "Photo"}, BUTTON_GLASS, DO_SCREENSHOT};
+    struct ui_box row = cut_top(&top, TARGET);
+    if (icon_button(b, "back", (struct icon_words){others ? ICON_BACK : ICON_CLOSE, others ? "Takes" : "Close"},
+                    BUTTON_GLASS, cut_left(&row, TARGET)))
         view_state_do(s, DO_BACK, now_ns);
-    if (s->camera.requested &&
-        icon_button(b, "orbit", s->orbiting ? ICON_CAMERA : ICON_ORBIT, BUTTON_GLASS, cut_right(&row, TARGET)))
-        view_state_do(s, DO_ORBIT, now_ns);
-    if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
-        view_state_do(s, DO_MOVE, now_ns);
-    if (s->room.has_place &&
-        icon_button(b, "map", ICON_MAP, s->room.map ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
-        view_state_do(s, DO_MAP, now_ns);
-    if (s->room.thing_count && icon_button(b, "find", ICON_FIND, s->sheet == SHEET_THINGS ? BUTTON_MAIN : BUTTON_GLASS,
-                                           cut_right(&row, TARGET)))
-        view_state_do(s, DO_THINGS, now_ns);
+    for (int i = 0; i < count; i++) {
+        if (row.w < WORD_W)
+            row = cut_top(&top, TARGET);
+        if (icon_button(b, controls[i].name, controls[i].what, controls[i].kind,
+                        cut_right(&row, i == 0 && s->camera.requested ? WORD_W : TARGET)))
+            view_state_do(s, controls[i].action, now_ns);
+    }
+    if (row.y > l->top.y || row.w < LEAST_NAME)
+        return;
     char making[64];
     snprintf(making, sizeof making, "Improving the picture, %.0f %%", 100 * s->avatar_progress);
     const char *second = s->avatar_progress < 1 ? making : page->file;
@@ -125,12 +174,14 @@ static void top_row(const struct brush *b, struct view_state *s, const struct wa
 static void shutter(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     struct ui_touch touch = ui_area(b->ui, "screenshot", box);
+    if (touch.rests)
+        icon_tip(b, box, "Photograph");
     struct ui_point m = middle(box);
     ui_shadow(b->ui, box, box.w / 2, 8, b->theme->shadow);
     ui_disc(b->ui, m, box.w / 2, b->theme->glass);
     ui_disc(b->ui, m, box.w / 2 - (touch.held ? 11 : 8), b->theme->accent);
     icon_draw(b->ui, ICON_PHOTO, m, 32, b->theme->on_accent);
-    if (touch.tapped)
+    if (touch.tapped && !touch.rested)
         view_state_do(s, DO_SCREENSHOT, now_ns);
 }
 
@@ -189,28 +240,35 @@ static void controls(const struct brush *b, struct screens *screens, struct view
                      const struct watch_page *page, const struct layout *l, int64_t now_ns)
 {
     const struct ui_box low = l->panel;
-    if (s->sheet != SHEET_NONE && !s->moving) {
+    const bool sheet = s->sheet != SHEET_NONE && !s->moving, covered = sheet && l->sheet_covers;
+    if (sheet) {
         ui_layer(b->ui, 2);
         if (s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD)
             thing_sheet_draw(b, &screens->room, s, page->room, l->sheet, page->image->world_from_camera.translation,
                              now_ns);
         else
-            panels_draw(b, s, l->sheet, now_ns);
+            panels_draw(b, screens, s, l->sheet, now_ns);
+    }
+    if (covered) { // the others would be seen in part
+        ui_layer(b->ui, 0);
+        return;
     }
     ui_layer(b->ui, 1);
     panel(b, low, true);
     if (s->moving) {
-        moving_panel(b, s, low, now_ns);
+        moving_panel(b, s, low, l->narrow, now_ns);
     } else {
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
+        const double buttons_h = PLAY + (l->narrow ? TARGET + GAP : 0);
         time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
-        button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
+        button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, buttons_h}, l->narrow, now_ns);
         if (s->trim.offered)
-            trim_row(b, s, (struct ui_box){in.x, in.y + TARGET + PLAY + GAP, in.w, TARGET - GAP}, now_ns);
-        if (s->sheet == SHEET_NONE) // else a sheet may cover it
+            trim_row(b, s, (struct ui_box){in.x, in.y + TARGET + buttons_h + GAP, in.w, TARGET + (l->narrow ? 28 : 0)},
+                     l->narrow, now_ns);
+        if (!sheet && !l->photo_on_top) // else a sheet may cover it
             shutter(b, s, l->shutter, now_ns);
     }
-    top_row(b, s, page, l->top, now_ns);
+    top_row(b, s, page, l, now_ns);
     cards(b, s, page, l->cards, l->frame_graph);
     (void)ui_area(b->ui, "panel", low);
     ui_layer(b->ui, 0);
@@ -265,6 +323,21 @@ void screen_watch(const struct brush *b, struct screens *screens, struct view_st
     sense_image_touch(b, screens, &l);
 }
 
+bool screens_wheel(struct screens *screens, const struct view_state *s, struct ui_point at, double notches)
+{
+    if (s->page == PAGE_LIVE && s->live.phase == LIVE_SUMMARY)
+        return scroll_turn(&screens->findings, at, -notches);
+    if ((s->page != PAGE_WATCH && s->page != PAGE_LIVE) || s->moving)
+        return false;
+    switch (s->sheet) {
+    case SHEET_THINGS: return scroll_turn(&screens->room.list, at, -notches);
+    case SHEET_CARD: return scroll_turn(&screens->room.text, at, -notches);
+    case SHEET_LAYERS:
+    case SHEET_LIVE: return scroll_turn(&screens->sheet, at, -notches);
+    default: return false;
+    }
+}
+
 // The progress of building the avatar: along the screen's upper edge, where it hides nothing of the actor.
 static void draw_progress(const struct brush *b, const struct view_state *s)
 {
@@ -276,21 +349,38 @@ static void draw_progress(const struct brush *b, const struct view_state *s)
     ui_layer(b->ui, 0);
 }
 
+// Below the top row; where something is done above the panel, for the cue is on top; in the summary above the buttons,
+// so that score and findings stay in sight.
+static double message_y(const struct brush *b, const struct view_state *s, double h)
+{
+    const double width = ui_width(b->ui), height = ui_height(b->ui);
+    const struct take_view_image none = {0};
+    const struct layout l = layout_of(width, height, s, &none);
+    if (s->page != PAGE_LIVE)
+        return l.top.y + l.top.h + 2 * GAP;
+    if (s->live.phase == LIVE_SUMMARY)
+        return height - MARGIN - TARGET - GAP - h;
+    const struct ui_box free = screen_live_free(width, height);
+    return fmax(free.y, free.y + free.h - h);
+}
+
 void screen_message(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     const char *hint = view_state_hint(s), *text = s->notice[0] ? s->notice : hint;
     if (s->page == PAGE_WATCH && s->avatar_progress < 1)
         draw_progress(b, s);
-    if (!text)
+    if (!text || (s->sheet != SHEET_NONE && text == hint)) // a sheet has that place
         return;
     const bool is_notice = text == s->notice,
                tag = !is_notice && s->page == PAGE_WATCH && s->camera.seeing && !s->problem && !s->frozen;
     double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), text_w = most - 72;
     double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), text_w);
-    double height = ui_text_height(b->ui, FACE_STRONG, text, text_w);
+    const enum face face =
+        ui_text_height(b->ui, FACE_STRONG, text, text_w) > 0.3 * ui_height(b->ui) ? FACE_SMALL : FACE_STRONG;
+    double height = ui_text_height(b->ui, (int)face, text, text_w);
     double w = width + 78, h = fmax(height + 28, TARGET);
-    struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, h};
+    const struct ui_box box = {(ui_width(b->ui) - w) / 2, message_y(b, s, h), w, h};
     ui_layer(b->ui, 2);
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
@@ -299,8 +389,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
     const uint32_t color = done || tag || calm ? t->accent : t->warn;
     const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
-    ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, text_w + 1, t->text,
-                  text);
+    ui_text_lines(b->ui, (int)face, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, text_w + 1, t->text, text);
     ui_layer(b->ui, 0);
 }
 
@@ -316,15 +405,19 @@ void screen_opening(const struct brush *b, const char *file)
 void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns)
 {
     const struct theme *t = b->theme;
-    double w = ui_width(b->ui), h = ui_height(b->ui), column = fmin(w - 4 * MARGIN, 560), x = (w - column) / 2;
+    const double w = ui_width(b->ui), h = ui_height(b->ui), column = fmin(w - 4 * MARGIN, 560), x = (w - column) / 2;
+    const bool low = h < 500; // no room for a large picture
+    const double above = low ? MARGIN : h / 2 - 196;
     ui_fill(b->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
-    ui_disc(b->ui, (struct ui_point){w / 2, h / 2 - 150}, 46, faint(t->warn, 0.16));
-    icon_draw(b->ui, ICON_WARNING, (struct ui_point){w / 2, h / 2 - 152}, 44, t->warn);
-    label_centred(b, FACE_HEAD, (struct ui_box){x, h / 2 - 80, column, 36}, t->text, "This cannot be watched");
-    double height = ui_text_height(b->ui, FACE_BODY, s->trouble, column);
-    double width = fmin(ui_text_width(b->ui, FACE_BODY, s->trouble), column);
-    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){(w - width) / 2, h / 2 - 32}, column + 1, t->quiet, s->trouble);
-    struct ui_box close = {(w - 160) / 2, h / 2 - 32 + height + 32, 160, TARGET};
+    const double radius = low ? 26 : 46;
+    ui_disc(b->ui, (struct ui_point){w / 2, above + radius}, radius, faint(t->warn, 0.16));
+    icon_draw(b->ui, ICON_WARNING, (struct ui_point){w / 2, above + radius - 2}, radius, t->warn);
+    double y = above + 2 * radius + (low ? GAP : 24);
+    label_centred(b, FACE_HEAD, (struct ui_box){x, y, column, 36}, t->text, "This cannot be watched");
+    y += 48;
+    const struct ui_box words = {x, y, column + 1, h - y - TARGET - 2 * MARGIN};
+    y += paragraph(b, FACE_BODY, words, t->quiet, s->trouble) + 24;
+    const struct ui_box close = {(w - 180) / 2, fmin(y, h - MARGIN - TARGET), 180, TARGET};
     if (text_button(b, "close", s->take_count > 1 ? "Other takes" : "Close", BUTTON_MAIN, close))
         view_state_do(s, DO_BACK, now_ns);
 }

@@ -15,6 +15,11 @@ struct screens {
     bool image_held;                  // fingers are on the image, not on a control
     bool map_held;                    // or on the map
     struct room_ui room;
+    struct scroll sheet, findings;
+    int summary;    // the attempt whose findings these are
+    int finding;    // 1 more than the number of the one that was chosen; 0: none
+    int cue;        // 1 more than the part that is spoken of while it is done; 0: all is right
+    int64_t cue_ns; // since when
 };
 
 struct take_card {
@@ -53,11 +58,18 @@ void screen_opening(const struct brush *b, const char *file);
 
 void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns);
 
+// The part of the screen, dp, in which LIVE_BESIDE shows both figures, and LIVE_MIRROR the picture.
+struct ui_box screen_live_free(double width, double height);
+
 // The notice, the hint or the progress bar, over any screen.
 void screen_message(const struct brush *b, const struct view_state *s);
 
 // A graph of the last frames' times by stage.
 void frame_graph_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
 
-// The open sheet of the page for watching.
-void panels_draw(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns);
+// The open sheet with settings.
+void panels_draw(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
+                 int64_t now_ns);
+
+// A mouse's wheel over what scrolls on the pages for watching and for doing. False: nothing does there.
+bool screens_wheel(struct screens *screens, const struct view_state *s, struct ui_point at, double notches);

@@ -19,12 +19,14 @@ const struct ui_face *theme_faces(void)
 {
     static struct ui_face faces[FACE_COUNT];
     const size_t regular = (size_t)(font_regular_end - font_regular), medium = (size_t)(font_medium_end - font_medium);
-    faces[FACE_SMALL] = (struct ui_face){font_regular, regular, 16, false};
-    faces[FACE_BODY] = (struct ui_face){font_regular, regular, 20, false};
-    faces[FACE_STRONG] = (struct ui_face){font_medium, medium, 20, false};
-    faces[FACE_HEAD] = (struct ui_face){font_medium, medium, 25, false};
-    faces[FACE_TITLE] = (struct ui_face){font_medium, medium, 40, false};
-    faces[FACE_COUNT_IN] = (struct ui_face){font_medium, medium, 110, true};
+    faces[FACE_TINY] = (struct ui_face){.bytes = font_regular, .count = regular, .size = 14};
+    faces[FACE_SMALL] = (struct ui_face){.bytes = font_regular, .count = regular, .size = 16};
+    faces[FACE_BODY] = (struct ui_face){.bytes = font_regular, .count = regular, .size = 20};
+    faces[FACE_STRONG] = (struct ui_face){.bytes = font_medium, .count = medium, .size = 20};
+    faces[FACE_HEAD] = (struct ui_face){.bytes = font_medium, .count = medium, .size = 25};
+    faces[FACE_TITLE] = (struct ui_face){.bytes = font_medium, .count = medium, .size = 40};
+    faces[FACE_CUE] = (struct ui_face){.bytes = font_medium, .count = medium, .size = 64, .ascii_only = true};
+    faces[FACE_COUNT_IN] = (struct ui_face){.bytes = font_medium, .count = medium, .size = 110, .digits_only = true};
     return faces;
 }
 

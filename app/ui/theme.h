@@ -3,7 +3,8 @@
 #pragma once
 #include "platform/ui.h"
 
-enum face { FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_COUNT_IN, FACE_COUNT };
+// TINY: words under icons. CUE: what is read from three metres; ASCII and the degree sign alone.
+enum face { FACE_TINY, FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_CUE, FACE_COUNT_IN, FACE_COUNT };
 extern const struct ui_face *theme_faces(void); // FACE_COUNT of them
 
 static const double TARGET = 58, GAP = 8, MARGIN = 16, ROUND = 18;

@@ -10,7 +10,7 @@ static const double HIDDEN_OPACITY = 0.6; // of the label of what is hidden; cho
 
 void room_ui_start(struct room_ui *ui)
 {
-    *ui = (struct room_ui){.grabbed_y = 0};
+    *ui = (struct room_ui){.text_h = 0};
     for (int i = 0; i < 2 * ROOM_LABELS_MOST; i++)
         ui->sides[i / ROOM_LABELS_MOST][i % ROOM_LABELS_MOST] = LABEL_NO_SIDE;
 }

@@ -9,27 +9,6 @@
 
 static const double ROW = 62, PAD = 14;
 
-// Dragging scrolls what lies in `box`; returns the shift, dp. *tapped_y: where the content was tapped; -1: it was not.
-static double scroll_of(const struct brush *b, struct room_ui *ui, int which, struct ui_box box, double content_h,
-                        double *tapped_y)
-{
-    const struct ui_touch touch = ui_area(b->ui, which ? "card-text" : "things-list", box);
-    if (touch.went_down) {
-        ui->grabbed_y = touch.y;
-        ui->scrolled_from = ui->scroll[which];
-        ui->scrolling = false;
-    }
-    if (touch.held) {
-        const double by = touch.y - ui->grabbed_y;
-        ui->scrolling |= fabs(by) > 12;
-        if (ui->scrolling)
-            ui->scroll[which] = ui->scrolled_from - by;
-    }
-    ui->scroll[which] = fmin(fmax(ui->scroll[which], 0), fmax(0, content_h - box.h));
-    *tapped_y = touch.tapped && !ui->scrolling ? touch.y + ui->scroll[which] : -1;
-    return ui->scroll[which];
-}
-
 static void thing_row(const struct brush *b, const struct room_thing *t, struct ui_box row, double away_m, bool wanted)
 {
     char text[64];
@@ -38,7 +17,7 @@ static void thing_row(const struct brush *b, const struct room_thing *t, struct 
         ui_fill(b->ui, row, ROUND, faint(th->accent, 0.2));
     label(b, FACE_BODY, (struct ui_box){row.x + 14, row.y + 6, row.w - 28, 28}, wanted ? th->accent : th->text,
           t->name);
-    snprintf(text, sizeof text, "%.1f m away%s", away_m, t->gone ? " · not found where it stood" : "");
+    snprintf(text, sizeof text, "%.1f m away%s", away_m, t->gone ? " · not where it stood" : "");
     label(b, FACE_SMALL, (struct ui_box){row.x + 14, row.y + 33, row.w - 28, 22}, th->quiet, text);
 }
 
@@ -60,28 +39,36 @@ static void find_sheet(const struct brush *b, struct room_ui *ui, struct view_st
                        struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
     struct ui_box in = inner(box, PAD), head = cut_top(&in, HEADING);
-    label(b, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w, head.h}, b->theme->text, "Find a thing");
+    if (icon_button(b, "things-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED,
+                    cut_right(&head, TARGET)))
+        view_state_do(s, DO_THINGS, now_ns);
+    label(b, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, b->theme->text, "Find a thing");
     filter_field(b, s, cut_top(&in, 48));
     if (switch_row(b, "sheet-names", ICON_TAG, "Names in the picture", s->room.names, cut_bottom(&in, SWITCH)))
         view_state_do(s, DO_NAMES, now_ns);
-    int rows = 0, first = -1;
+    int rows = 0, first = -1, more = 0;
     for (int i = 0; i < page->count; i++)
         rows += text_contains(page->things[i].name, s->room.filter);
-    double tapped_y;
-    const double shift = scroll_of(b, ui, 0, in, rows * ROW, &tapped_y);
-    const int tapped = tapped_y < 0 ? -1 : (int)(tapped_y / ROW);
-    ui_clip(b->ui, in);
+    ui->list.at += s->list_steps * ROW;
+    s->list_steps = 0;
+    const struct brush inside = scroll_begin(b, &ui->list, &in, rows * ROW);
     for (int i = 0, row = 0; i < page->count; i++) {
+        char name[32];
         if (!text_contains(page->things[i].name, s->room.filter))
             continue;
         const double away = v3_distance(page->things[i].world_from_thing.translation, eye);
-        const struct ui_box at = {in.x, in.y + row * ROW - shift, in.w, ROW - 4};
-        thing_row(b, &page->things[i], at, away, i == s->room.wanted);
+        const struct ui_box at = {in.x, in.y + row * ROW - ui->list.at, in.w - 6, ROW - 4};
         first = first < 0 ? i : first;
-        if (row++ == tapped)
+        more += at.y + at.h > in.y + in.h;
+        row++;
+        if (at.y + at.h < in.y || at.y > in.y + in.h)
+            continue;
+        thing_row(b, &page->things[i], at, away, i == s->room.wanted);
+        snprintf(name, sizeof name, "thing-%d", i);
+        if (touch_area(&inside, name, at).tapped)
             view_state_find_thing(s, i, now_ns);
     }
-    ui_unclip(b->ui);
+    scroll_end(b, &ui->list, more);
     if (!rows)
         label_centred(b, FACE_BODY, (struct ui_box){in.x, in.y + 20, in.w, 30}, b->theme->quiet,
                       "Nothing of that name");
@@ -92,7 +79,7 @@ static void find_sheet(const struct brush *b, struct room_ui *ui, struct view_st
 
 // ---------------------------------------------------------------- what is known
 
-static double paragraph(const struct brush *b, struct ui_box in, double y, const char *head, const char *text)
+static double passage(const struct brush *b, struct ui_box in, double y, const char *head, const char *text)
 {
     const struct theme *t = b->theme;
     if (!text[0])
@@ -130,15 +117,15 @@ static double card_text(const struct brush *b, const struct thing_card *c, const
 {
     char where[128];
     const struct vec3 at = t->world_from_thing.translation;
-    y = paragraph(b, in, y, NULL, c->description);
-    y = paragraph(b, in, y, "Weight", c->weight);
-    y = paragraph(b, in, y, "Material", c->material);
-    y = paragraph(b, in, y, "How to use it", c->instructions);
-    y = paragraph(b, in, y, "Note", c->note);
+    y = passage(b, in, y, NULL, c->description);
+    y = passage(b, in, y, "Weight", c->weight);
+    y = passage(b, in, y, "Material", c->material);
+    y = passage(b, in, y, "How to use it", c->instructions);
+    y = passage(b, in, y, "Note", c->note);
     const int n = snprintf(where, sizeof where, "%.2f, %.2f, %.2f m", at.x, at.y, at.z);
     if (t->sigma_m > 0)
         snprintf(where + n, sizeof where - (size_t)n, ", to %.0f mm", fmax(1, t->sigma_m * 1e3));
-    y = paragraph(b, in, y, "Where it stands", where);
+    y = passage(b, in, y, "Where it stands", where);
     ui_text_lines(b->ui, FACE_SMALL, (struct ui_point){in.x, y}, in.w,
                   c->source_warns ? b->theme->warn : b->theme->quiet, c->source);
     return y + ui_text_height(b->ui, FACE_SMALL, c->source, in.w) + 8;
@@ -150,38 +137,25 @@ static void card_sheet(const struct brush *b, struct room_ui *ui, struct view_st
     const struct thing_card *c = page->card;
     const int i = s->room.card;
     struct ui_box in = inner(box, PAD), head = cut_top(&in, TARGET), foot = cut_bottom(&in, TARGET);
-    if (icon_button(b, "card-close", ICON_CLOSE, BUTTON_RAISED, cut_right(&head, TARGET)))
+    if (icon_button(b, "card-close", (struct icon_words){ICON_CLOSE, "Close"}, BUTTON_RAISED, cut_right(&head, TARGET)))
         view_state_open_card(s, i, now_ns);
     label(b, FACE_HEAD, (struct ui_box){head.x + 6, head.y, head.w - 6, head.h}, b->theme->text, c->name);
     const bool led = s->room.wanted == i;
     if (text_button(b, "card-find", led ? "Hide the arrow" : "Lead me there", led ? BUTTON_RAISED : BUTTON_MAIN, foot))
         view_state_find_thing(s, i, now_ns);
-    double *content_h = &ui->content_h; // of the last frame: the height is known once it was laid out
-    double tapped_y;
-    const double shift = scroll_of(b, ui, 1, in, *content_h, &tapped_y);
+    ui->text.at += s->list_steps * ROW;
+    s->list_steps = 0;
+    (void)scroll_begin(b, &ui->text, &in, ui->text_h); // of the last frame: it is known once it was laid out
     const struct ui_box text = {in.x + 6, in.y, in.w - 12, in.h};
-    ui_clip(b->ui, in);
-    double y = pictures(b, c, text, in.y - shift);
-    y = card_text(b, c, &page->things[i], text, y);
-    ui_unclip(b->ui);
-    *content_h = y + shift - in.y;
-}
-
-bool thing_sheet_wheel(struct room_ui *ui, enum view_sheet open, struct ui_point at, double notches)
-{
-    const struct ui_box *box = &ui->sheet;
-    if ((open != SHEET_THINGS && open != SHEET_CARD) || at.x < box->x || at.x > box->x + box->w || at.y < box->y ||
-        at.y > box->y + box->h)
-        return false;
-    ui->scroll[open == SHEET_CARD] -= notches * ROW;
-    return true;
+    const double from = in.y - ui->text.at, y = pictures(b, c, text, from);
+    ui->text_h = card_text(b, c, &page->things[i], text, y) - from;
+    scroll_end(b, &ui->text, 0);
 }
 
 void thing_sheet_draw(const struct brush *b, struct room_ui *ui, struct view_state *s, const struct room_page *page,
                       struct ui_box box, struct vec3 eye, int64_t now_ns)
 {
     panel(b, box, false);
-    ui->sheet = box;
     if (s->sheet == SHEET_THINGS)
         find_sheet(b, ui, s, page, box, eye, now_ns);
     else if (s->sheet == SHEET_CARD && page->card && s->room.card >= 0 && s->room.card < page->count)

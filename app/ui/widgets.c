@@ -39,14 +39,15 @@ struct ui_box inner(struct ui_box box, double by)
 
 struct ui_point middle(struct ui_box box) { return (struct ui_point){box.x + box.w / 2, box.y + box.h / 2}; }
 
+static const double PLAIN_MOST = 70; // higher buttons are as large as their icon, without words under it
+
 static double rounding(struct ui_box box) { return fmin(box.w, box.h) / 2; }
 
 // Draws the button's background; returns the colour for its icon or text.
 static uint32_t button_ground(const struct brush *b, enum button_kind kind, struct ui_box box,
-                              const struct ui_touch *touch)
+                              const struct ui_touch *touch, double radius)
 {
     const struct theme *t = b->theme;
-    const double radius = rounding(box);
     uint32_t ink = t->text;
     if (kind == BUTTON_GLASS)
         ui_shadow(b->ui, box, radius, 8, t->shadow);
@@ -70,26 +71,102 @@ static uint32_t button_ground(const struct brush *b, enum button_kind kind, stru
     return ink;
 }
 
-bool icon_button(const struct brush *b, const char *name, enum icon icon, enum button_kind kind, struct ui_box box)
+// A touch of what may be inside of something that scrolls: dragging it is no tap.
+struct ui_touch touch_area(const struct brush *b, const char *name, struct ui_box box)
 {
     struct ui_touch touch = ui_area(b->ui, name, box);
-    uint32_t ink = button_ground(b, kind, box, &touch);
-    icon_draw(b->ui, icon, middle(box), fmin(box.w, box.h) * 0.46, ink);
-    return touch.tapped;
+    if (b->inside && b->inside->moved)
+        touch.tapped = touch.held = false;
+    return touch;
+}
+
+struct icon_words theme_words(bool dark)
+{
+    return dark ? (struct icon_words){ICON_SUN, "Light"} : (struct icon_words){ICON_MOON, "Dark"};
+}
+
+// Beside the control, where the screen has room.
+void icon_tip(const struct brush *b, struct ui_box of, const char *words)
+{
+    const double w = ui_text_width(b->ui, FACE_BODY, words) + 28, h = 40, wide = ui_width(b->ui);
+    const double x = fmin(fmax(of.x + (of.w - w) / 2, GAP), wide - w - GAP);
+    const struct ui_box box = {x, of.y > h + 2 * GAP ? of.y - h - GAP : of.y + of.h + GAP, w, h};
+    const int before = ui_layer(b->ui, UI_LAYERS - 1);
+    ui_fill(b->ui, box, 12, b->theme->text);
+    label_centred(b, FACE_BODY, box, b->theme->surface, words);
+    ui_layer(b->ui, before);
+}
+
+bool icon_button(const struct brush *b, const char *name, struct icon_words what, enum button_kind kind,
+                 struct ui_box box)
+{
+    static const double WORDS_H = 17, MOST_W = 10; // words may be a little wider than their button
+    struct ui_touch touch = touch_area(b, name, box);
+    const bool below = ui_text_width(b->ui, FACE_TINY, what.words) <= box.w - MOST_W;
+    const bool labelled = below && kind != BUTTON_MAIN && box.h < PLAIN_MOST;
+    const uint32_t ink = button_ground(b, kind, box, &touch, labelled ? ROUND : rounding(box));
+    const double side = fmin(box.w, box.h) * (labelled ? 0.4 : 0.46);
+    const struct ui_point m = middle(box);
+    icon_draw(b->ui, what.icon, (struct ui_point){m.x, m.y - (labelled ? 9 : 0)}, side, ink);
+    if (labelled)
+        label_centred(b, FACE_TINY, (struct ui_box){box.x, box.y + box.h - WORDS_H - 4, box.w, WORDS_H}, ink,
+                      what.words);
+    else if (touch.rests)
+        icon_tip(b, box, what.words);
+    return touch.tapped && (labelled || !touch.rested);
 }
 
 bool text_button(const struct brush *b, const char *name, const char *text, enum button_kind kind, struct ui_box box)
 {
-    struct ui_touch touch = ui_area(b->ui, name, box);
-    uint32_t ink = button_ground(b, kind, box, &touch);
+    struct ui_touch touch = touch_area(b, name, box);
+    uint32_t ink = button_ground(b, kind, box, &touch, rounding(box));
     label_centred(b, FACE_STRONG, box, ink, text);
     return touch.tapped;
+}
+
+// How many from number `first` on stand in one row.
+static int row_count(const struct brush *b, const struct control *controls, int count, double width, double *sum)
+{
+    int n = 0;
+    *sum = 0;
+    for (; n < count; n++) {
+        const double w = fmax(TARGET, ui_text_width(b->ui, FACE_STRONG, controls[n].text) + 28);
+        if (n && *sum + w + n * GAP > width)
+            break;
+        *sum += w;
+    }
+    return n;
+}
+
+double controls_height(const struct brush *b, const struct control *controls, int count, double width)
+{
+    double h = -GAP, sum;
+    for (int i = 0; i < count; h += TARGET + GAP)
+        i += row_count(b, controls + i, count - i, width, &sum);
+    return fmax(h, 0);
+}
+
+int controls_draw(const struct brush *b, const struct control *controls, int count, struct ui_box box)
+{
+    int touched = -1;
+    double sum;
+    for (int i = 0, n; i < count; i += n) {
+        n = row_count(b, controls + i, count - i, box.w, &sum);
+        struct ui_box row = cut_top(&box, TARGET);
+        const double wider = (row.w - (n - 1) * GAP - sum) / n;
+        for (int k = i; k < i + n; k++) {
+            const double w = fmax(TARGET, ui_text_width(b->ui, FACE_STRONG, controls[k].text) + 28) + wider;
+            if (text_button(b, controls[k].name, controls[k].text, controls[k].kind, cut_left(&row, w)))
+                touched = controls[k].action;
+        }
+    }
+    return touched;
 }
 
 bool switch_row(const struct brush *b, const char *name, enum icon icon, const char *text, bool on, struct ui_box box)
 {
     const struct theme *t = b->theme;
-    struct ui_touch touch = ui_area(b->ui, name, box);
+    struct ui_touch touch = touch_area(b, name, box);
     if (touch.over)
         ui_fill(b->ui, box, 12, faint(t->text, touch.held ? 0.12 : 0.05));
     struct ui_box row = {box.x + 5, box.y, box.w - 5, box.h};
@@ -143,20 +220,45 @@ static void fit(const struct brush *b, enum face face, double width, const char 
     }
 }
 
-void label(const struct brush *b, enum face face, struct ui_box box, uint32_t color, const char *text)
+double paragraph(const struct brush *b, enum face face, struct ui_box box, uint32_t color, const char *text)
+{
+    double h = ui_text_height(b->ui, (int)face, text, box.w);
+    while (h > box.h && face > FACE_TINY)
+        h = ui_text_height(b->ui, (int)--face, text, box.w);
+    ui_text_lines(b->ui, (int)face, (struct ui_point){box.x, box.y}, box.w, color, text);
+    return h;
+}
+
+// The face itself, or a smaller one if all of the text fits in that.
+static enum face face_that_fits(const struct brush *b, enum face face, double width, const char *text)
+{
+    for (enum face f = face; face < FACE_CUE; f--) {
+        if (ui_text_width(b->ui, (int)f, text) <= width)
+            return f;
+        if (f == FACE_TINY)
+            break;
+    }
+    return face;
+}
+
+static void draw_label(const struct brush *b, enum face wanted, struct ui_box box, uint32_t color, const char *text,
+                       bool centred)
 {
     char line[260];
+    const enum face face = face_that_fits(b, wanted, box.w, text);
     fit(b, face, box.w, text, line, sizeof line - 4);
-    ui_text(b->ui, (int)face, (struct ui_point){box.x, box.y + (box.h - line_height(b, face)) / 2}, color, line);
+    const double x = centred ? box.x + (box.w - ui_text_width(b->ui, (int)face, line)) / 2 : box.x;
+    ui_text(b->ui, (int)face, (struct ui_point){x, box.y + (box.h - line_height(b, face)) / 2}, color, line);
+}
+
+void label(const struct brush *b, enum face face, struct ui_box box, uint32_t color, const char *text)
+{
+    draw_label(b, face, box, color, text, false);
 }
 
 void label_centred(const struct brush *b, enum face face, struct ui_box box, uint32_t color, const char *text)
 {
-    char line[260];
-    fit(b, face, box.w, text, line, sizeof line - 4);
-    double width = ui_text_width(b->ui, (int)face, line);
-    ui_text(b->ui, (int)face,
-            (struct ui_point){box.x + (box.w - width) / 2, box.y + (box.h - line_height(b, face)) / 2}, color, line);
+    draw_label(b, face, box, color, text, true);
 }
 
 static double digit_width(const struct brush *b) { return ui_text_width(b->ui, FACE_SMALL, "0"); }
@@ -187,4 +289,89 @@ void label_time(const struct brush *b, struct ui_point top_left, uint32_t color,
 double label_time_width(const struct brush *b, int64_t time_ns)
 {
     return run_time(b, (struct ui_point){0, 0}, 0, time_ns, false);
+}
+
+// ---------------------------------------------------------------- scrolling
+
+static const double SLACK = 12, MORE_H = 26; // dp; a finger that taps moves no farther; chosen by hand
+
+static bool contains(struct ui_box box, double x, double y)
+{
+    return x >= box.x && x < box.x + box.w && y >= box.y && y < box.y + box.h;
+}
+
+static void clamp_scroll(struct scroll *s) { s->at = fmax(0, fmin(s->at, s->content_h - s->box.h)); }
+
+struct brush scroll_begin(const struct brush *b, struct scroll *scroll, struct ui_box *box, double content_h)
+{
+    const struct ui_pointer p = ui_pointer_now(b->ui);
+    if (content_h > box->h)
+        box->h -= MORE_H;
+    scroll->box = *box;
+    scroll->content_h = content_h;
+    if (p.down && !scroll->was_down) {
+        scroll->moved = false;
+        scroll->held = contains(*box, p.x, p.y);
+        scroll->grabbed_y = p.y;
+        scroll->grabbed_at = scroll->at;
+    }
+    scroll->held &= p.down;
+    scroll->was_down = p.down;
+    if (scroll->held) {
+        scroll->moved |= fabs(p.y - scroll->grabbed_y) > SLACK;
+        if (scroll->moved)
+            scroll->at = scroll->grabbed_at + scroll->grabbed_y - p.y;
+    }
+    clamp_scroll(scroll);
+    ui_clip(b->ui, *box);
+    return (struct brush){b->ui, b->theme, scroll};
+}
+
+void scroll_end(const struct brush *b, struct scroll *scroll, int more)
+{
+    char text[48];
+    const struct ui_box box = scroll->box;
+    ui_unclip(b->ui);
+    if (scroll->content_h <= box.h)
+        return;
+    const double share = box.h / scroll->content_h, bar = fmax(24, box.h * share);
+    const double y = box.y + (box.h - bar) * scroll->at / (scroll->content_h - box.h);
+    ui_fill(b->ui, (struct ui_box){box.x + box.w - 4, y, 4, bar}, 2, faint(b->theme->text, 0.35));
+    snprintf(text, sizeof text, "and %d more", more);
+    if (more > 0)
+        label_centred(b, FACE_SMALL, (struct ui_box){box.x, box.y + box.h, box.w, MORE_H}, b->theme->accent, text);
+}
+
+bool scroll_turn(struct scroll *scroll, struct ui_point at, double rows)
+{
+    if (!contains(scroll->box, at.x, at.y))
+        return false;
+    scroll->at += rows * TARGET;
+    clamp_scroll(scroll);
+    return true;
+}
+
+void scroll_show(struct scroll *scroll, double y, double h)
+{
+    scroll->at = fmin(scroll->at, y);
+    scroll->at = fmax(scroll->at, y + h - scroll->box.h);
+}
+
+void bullet_list(const struct brush *b, struct scroll *scroll, struct ui_box box, const char *const *lines, int count)
+{
+    static const double INDENT = 24, BETWEEN = 8;
+    double content_h = 0, y = 0;
+    int more = 0;
+    for (int i = 0; i < count; i++)
+        content_h += ui_text_height(b->ui, FACE_BODY, lines[i], box.w - INDENT - 6) + BETWEEN;
+    (void)scroll_begin(b, scroll, &box, content_h);
+    for (int i = 0; i < count; i++) {
+        const double h = ui_text_height(b->ui, FACE_BODY, lines[i], box.w - INDENT - 6), at = box.y + y - scroll->at;
+        ui_disc(b->ui, (struct ui_point){box.x + 8, at + 13}, 3, b->theme->quiet);
+        ui_text_lines(b->ui, FACE_BODY, (struct ui_point){box.x + INDENT, at}, box.w - INDENT - 6, b->theme->text,
+                      lines[i]);
+        y += h + BETWEEN;
+        more += at + h > box.y + box.h + 1;
+    }
+    scroll_end(b, scroll, more);
 }

@@ -167,7 +167,7 @@ static void test_marked_part_is_looped(void **state)
         pass(&t, attempt == 1 ? 1.2 : 2.2);
         EXPECT_INT(t.s.finished, attempt); // judged while the person rests
         EXPECT_INT(t.s.phase, LIVE_DOING);
-        const struct live_result r = {50, 1, 0, true};
+        const struct live_result r = {.score = 50, .length_s = 1, .compared = true};
         live_state_on_result(&t.s, &r, S, t.now_ns);
         EXPECT_INT(t.s.phase, LIVE_DOING);
         for (int i = 0; t.s.attempt == attempt && i < 500; i++) {
@@ -310,9 +310,11 @@ static void test_summary_plays_the_place_that_is_touched(void **state)
     pass(&t, 1);
     live_state_do(&t.s, LIVE_DO_START, t.now_ns);
     EXPECT_INT(t.s.phase, LIVE_SUMMARY);
-    const struct live_result r = {64, 8, 2, true};
+    const struct live_result r = {.score = 64, .length_s = 8, .findings = 2, .compared = true, .worst_ns = 3 * S};
     live_state_on_result(&t.s, &r, 8 * S, t.now_ns);
     EXPECT_TRUE(!live_state_hint(&t.s));
+    EXPECT_INT(t.s.review_at_ns, 3 * S); // the worst moment is shown, and stands still
+    EXPECT_TRUE(!t.s.reviewing);
     live_state_review(&t.s, 2 * S);
     pass(&t, 1);
     EXPECT_NEAR((double)t.s.review_at_ns * 1e-9, 3, 0.1);
@@ -332,7 +334,7 @@ static void test_progress_keeps_the_last_attempts(void **state)
     (void)state;
     struct sitting t = begin();
     for (int i = 0; i < LIVE_ATTEMPTS + 5; i++) {
-        const struct live_result r = {i, 1, 0, true};
+        const struct live_result r = {.score = i, .length_s = 1, .compared = true};
         live_state_on_result(&t.s, &r, S, t.now_ns);
     }
     EXPECT_INT(t.s.result_count, LIVE_ATTEMPTS);

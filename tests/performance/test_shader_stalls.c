@@ -33,7 +33,7 @@ static void draw_scene(bool with_actor)
     struct viewer *t = &glass.viewer;
     const struct ui_input input = {
         .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(t->ui)};
-    const struct brush brush = {t->ui, theme_of(true)};
+    const struct brush brush = {t->ui, theme_of(true), NULL};
     struct view_state show = t->state;
     show.presence = with_actor;
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);

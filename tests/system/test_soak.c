@@ -99,7 +99,7 @@ static double draw_camera_alone(struct soak_run *b)
 {
     struct viewer *t = &b->viewer;
     const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
-    const struct brush brush = {t->ui, theme_of(true)};
+    const struct brush brush = {t->ui, theme_of(true), NULL};
     struct view_state alone = t->state;
     alone.presence = 0;
     int64_t began = clock_now_ns();
