@@ -221,7 +221,7 @@ static void test_a_moment_is_not_judged(void **state)
     EXPECT_TRUE(t.s.phase == LIVE_READY && !t.s.attempt && !t.s.finished);
     // There for less than a second of an attempt that went on: no bar.
     for (int length = 0; length < 2; length++) {
-        const struct live_result r = {16, 0.6, 3, true};
+        const struct live_result r = {.score = 16, .length_s = 0.6, .findings = 3, .compared = true};
         t = begin();
         start(&t);
         pass(&t, 3);
