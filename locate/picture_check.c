@@ -10,7 +10,7 @@
 
 // All chosen by hand.
 enum {
-    MOST_SAMPLES = 12,
+    MOST_SAMPLES = 16,
     MOST_MATCHES = 300, // of one picture, those that differ by the fewest bits
     ENOUGH = 20,        // landmarks that agree on one pose: chance gives three or four, see relocalization.c
     LENS_IMAGES = 3,    // pictures, and landmarks in all of them, that a lens can be fitted to
