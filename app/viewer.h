@@ -3,6 +3,7 @@
 // One thread, the GPU's. The camera feed and the avatar builder have threads of their own.
 #pragma once
 #include "app/camera/camera_feed.h"
+#include "app/settings_file.h"
 #include "app/state/resolution_governor.h"
 #include "app/ui/input_map.h"
 #include "app/ui/take_list.h"
@@ -23,10 +24,11 @@ struct viewer_options {
     bool every_frame;    // a film as sensor leaves nothing out, however slow the machine
     const char *photos;  // folder for screenshots; NULL: the user's pictures
     bool light, developer;
-    double text_size;   // of view_text_sizes; 0: 1
-    bool mirrored;      // the actor is shown left and right exchanged from the start, and with a sensor judged by so
-    bool offer_trim;    // the take's ends can be cut off: state.trim
-    bool ask_knowledge; // ask a thing's own address what is newer when its card is opened
+    double text_size;     // of view_text_sizes; 0: 1
+    const char *settings; // file in which the user's choices are kept; NULL: they are not
+    bool mirrored;        // the actor is shown left and right exchanged from the start, and with a sensor judged by so
+    bool offer_trim;      // the take's ends can be cut off: state.trim
+    bool ask_knowledge;   // ask a thing's own address what is newer when its card is opened
     enum room_drawing room_drawing; // who draws the filmed room behind an orbit
     bool fixed_resolution;          // the actor is always drawn at every pixel
     double refresh_hz;
@@ -65,6 +67,8 @@ struct viewer {
     int64_t placed; // frames drawn with the actor at a known camera pose
     struct camera_feed_state feed_state;
     char trouble[512], problem[300];
+    struct settings kept; // as the file has them, or would not take them
+    bool settings_fail;   // the file cannot be written; said once
     int64_t checked_ns, pad_ns, timed_frame;
     bool suspended;
     bool camera_rests;                         // the camera is closed, since its images are not needed

@@ -185,6 +185,8 @@ static enum status check_file(const struct watch_arguments *a)
 
 static enum status watch_open(struct watch *w)
 {
+    static char settings[1024];
+    const bool keeps = settings_file_path(settings, sizeof settings);
     const struct watch_arguments *a = w->arguments;
     const struct window_options screen = {"Reenact", a->size[0], a->size[1], a->fullscreen, a->rotate / 90, a->dpi};
     const char *camera = a->camera ? a->camera : a->sensor ? "none" : find_camera();
@@ -201,6 +203,7 @@ static enum status watch_open(struct watch *w)
                                        .photos = a->photos,
                                        .light = a->light,
                                        .developer = a->developer,
+                                       .settings = keeps ? settings : NULL,
                                        .text_size = a->text,
                                        .mirrored = a->mirrored,
                                        .ask_knowledge = a->ask,
