@@ -140,7 +140,8 @@ int capture_studio(int argc, char **argv)
         "it went.\vTakes go into FILE (default: film.reenact), whose place, if any, the "
         "sensor is located in. A hand held "
         "above the head starts and stops.\n\nKeys: space start and stop, M map the "
-        "room, P pause and play, R takes in a row, F what they are for, K keep, X discard, A once more, N "
+        "room, P pause and play, R takes in a row, F what they are for, K keep, X discard, U take that back, A once "
+        "more, N "
         "rename; while a take plays , and . its new ends, S trim; D dark or light, Y larger letters, "
         "Escape back, Q leave.",
         NULL,
