@@ -129,6 +129,22 @@ static enum status report(const struct record_arguments *given, const struct rec
     return OK;
 }
 
+// Of a take that broke off, as any other program counts them; `given` where the file cannot be read.
+static int64_t frames_in_file(const char *path, const char *name, int64_t given)
+{
+    struct recording *recording = NULL;
+    struct take *take = NULL;
+    struct failure first;
+    failure_keep(&first, ERR_IO);
+    if (recording_open(&recording, path) == OK && take_open(&take, recording, name) == OK)
+        given = take_frame_count(take);
+    take_close(&take);
+    recording_free(&recording);
+    const enum status kept = failure_restore(&first);
+    (void)kept;
+    return given;
+}
+
 // What did not go well but is no reason to fail.
 static void warn(const char *program, bool has_place, const struct recorder_result *r,
                  const struct take_verdict *verdict)
@@ -188,6 +204,8 @@ static enum status record(const struct record_arguments *given, struct place *pl
     enum status closed = recording_close(&writer);
     source_close(&source);
     status = status != OK ? status : closed;
+    if (status != OK && result->frames) // a disk that is full takes fewer than were given to it
+        result->frames = frames_in_file(given->into ? given->into : given->out, given->take, result->frames);
     if (made && !result->frames) { // a file without a take is of no use
         struct failure first;
         failure_keep(&first, status);
