@@ -561,6 +561,7 @@ enum status viewer_draw_opening(struct viewer *v, const struct viewer_surface *s
 enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, int64_t now_ns)
 {
     struct view_state *s = &v->state;
+    const int page = (int)s->page; // a control that is touched while it is drawn may lead to another
     enum status status = OK;
     v->drawing_ns = clock_now_ns();
     s->changed = false;
@@ -584,12 +585,20 @@ enum status viewer_draw(struct viewer *v, const struct viewer_surface *surface, 
     if (status == OK)
         status = ui_draw(v->ui, surface->target, surface->quarter_turns);
     s->changed |= v->input.leaving || ui_letters_wanted(v->ui) || ui_comes_to_rest(v->ui);
-    input_map_frame_done(&v->input);
+    input_map_frame_done(&v->input, page);
     v->controls_ns = clock_now_ns();
     double took_ms = (double)(v->controls_ns - v->drawing_ns) * 1e-6;
     if (s->page == PAGE_WATCH && s->playback.playing && governor_update(&v->governor, took_ms))
         s->changed = true;
     return status;
+}
+
+bool viewer_event(struct viewer *v, const struct window_event *event, double px_per_dp, int64_t now_ns)
+{
+    if (input_map_is_meant(&v->input, (int)v->state.page, event))
+        return input_map_event(&v->input, &v->state, event, px_per_dp, now_ns);
+    input_map_forget(&v->input);
+    return false;
 }
 
 void viewer_presented(struct viewer *v, int64_t now_ns)

@@ -103,6 +103,10 @@ MUST_CHECK enum status viewer_draw(struct viewer *v, const struct viewer_surface
 // The frame has been handed to the display: completes its times and starts the present gap.
 void viewer_presented(struct viewer *v, int64_t now_ns);
 
+// An event of the window; input that is older than the page it would land on is dropped. True: draw a frame before
+// passing the next one.
+bool viewer_event(struct viewer *v, const struct window_event *event, double px_per_dp, int64_t now_ns);
+
 // Whether two requests would draw the same. Compares the fields, not the bytes: padding does not count.
 bool view_request_equal(const struct take_view_request *a, const struct take_view_request *b);
 

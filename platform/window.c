@@ -382,6 +382,21 @@ struct window_event window_wait(struct window *s, int wait_ms)
     return out;
 }
 
+void window_drop_input(struct window *s)
+{
+    static const struct {
+        Uint32 first, last;
+    } kinds[] = {{SDL_KEYDOWN, SDL_KEYDOWN},
+                 {SDL_TEXTEDITING, SDL_TEXTINPUT},
+                 {SDL_MOUSEBUTTONDOWN, SDL_MOUSEWHEEL},
+                 {SDL_CONTROLLERBUTTONDOWN, SDL_CONTROLLERBUTTONDOWN},
+                 {SDL_FINGERDOWN, SDL_FINGERUP}};
+    (void)s; // SDL has one queue
+    SDL_PumpEvents();
+    for (size_t i = 0; i < COUNT_OF(kinds); i++)
+        SDL_FlushEvents(kinds[i].first, kinds[i].last);
+}
+
 void window_say(const char *title, const char *sentence)
 {
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");

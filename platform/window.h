@@ -101,6 +101,10 @@ struct window_event {
 // The next event; waits up to wait_ms for one, 0: does not wait.
 struct window_event window_wait(struct window *s, int wait_ms);
 
+// Forgets the presses, touches and text that have come and were not yet waited for: whoever made them saw an older
+// picture. Keys that were released, motion and what the desktop says of the window stay.
+void window_drop_input(struct window *s);
+
 // A sentence in a small window of the desktop's own, until it is closed; nothing where that cannot be. Needs no window.
 void window_say(const char *title, const char *sentence);
 

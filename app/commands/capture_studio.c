@@ -58,9 +58,23 @@ struct studio_run {
     struct window *window;
     struct gpu *gpu;
     struct studio studio;
+    int page_shown; // the last frame's page, and whether it was the player's
+    bool played;
 };
 
 static void wake(void *self) { window_wake(((struct studio_run *)self)->window); }
+
+// What was pressed while another page was on the screen was not meant for this one.
+static void drop_older_input(struct studio_run *r)
+{
+    struct input_map *input = r->studio.playing ? &r->studio.viewer.input : &r->studio.input;
+    if (input->shown_page != r->page_shown || r->studio.playing != r->played) {
+        window_drop_input(r->window);
+        input_map_forget(input);
+    }
+    r->page_shown = input->shown_page;
+    r->played = r->studio.playing;
+}
 
 static enum status draw(struct studio_run *r, double px_per_dp, int64_t now_ns)
 {
@@ -70,6 +84,7 @@ static enum status draw(struct studio_run *r, double px_per_dp, int64_t now_ns)
     if (status != OK)
         return status;
     window_present(r->window);
+    drop_older_input(r);
     if (r->studio.playing)
         viewer_presented(&r->studio.viewer, clock_now_ns());
     return OK;

@@ -116,6 +116,7 @@ struct watch {
     struct viewer viewer;
     bool fullscreen, hidden;
     int64_t started_ns, shown_ns, until_ns;
+    int page_shown;        // of the last frame
     int milestones;        // of those below, how many the screen has shown
     char status_text[512]; // the sentence that the screen shows
     int64_t placed_before; // images with the actor in place when that sentence appeared
@@ -258,7 +259,7 @@ static void handle_events(struct watch *w, int wait_ms)
             return;
         if (event.kind == WINDOW_HIDDEN || event.kind == WINDOW_SHOWN)
             viewer_suspend(&w->viewer, w->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
-        if (input_map_event(&w->viewer.input, &w->viewer.state, &event, px_per_dp(w), clock_now_ns()))
+        if (viewer_event(&w->viewer, &event, px_per_dp(w), clock_now_ns()))
             return;
     }
 }
@@ -278,6 +279,17 @@ static void print_status_change(struct watch *w)
         w->placed_before = t->placed;
 }
 
+// What was pressed while another page was on the screen was not meant for this one.
+static void drop_older_input(struct watch *w)
+{
+    const int page = w->viewer.input.shown_page;
+    if (page != w->page_shown) {
+        window_drop_input(w->screen);
+        input_map_forget(&w->viewer.input);
+    }
+    w->page_shown = page;
+}
+
 static enum status draw(struct watch *w, int64_t now_ns)
 {
     struct viewer_surface surface;
@@ -288,6 +300,7 @@ static enum status draw(struct watch *w, int64_t now_ns)
     if (status != OK)
         return status;
     window_present(w->screen);
+    drop_older_input(w);
     w->shown_ns = clock_now_ns();
     viewer_presented(&w->viewer, w->shown_ns);
     if (w->arguments->stats) {

@@ -117,6 +117,7 @@ static enum status open_playback(struct studio *s, int64_t now_ns)
                                        .wake_self = s->options.wake_self};
     ui_close(&s->ui);
     s->playing = true;
+    s->input.shows = false; // behind it comes a new picture
     enum status status = viewer_open(&s->viewer, s->gpu, &how);
     if (status == OK)
         return OK;
@@ -356,7 +357,11 @@ bool studio_event(struct studio *s, const struct window_event *event, double px_
         return true;
     }
     if (s->playing)
-        return input_map_event(&s->viewer.input, &s->viewer.state, event, px_per_dp, now_ns);
+        return viewer_event(&s->viewer, event, px_per_dp, now_ns);
+    if (!input_map_is_meant(&s->input, (int)s->state.page, event)) {
+        input_map_forget(&s->input);
+        return false;
+    }
     if (event->kind == WINDOW_KEY)
         return handle_key(s, event, now_ns);
     if (event->kind == WINDOW_TEXT) {
@@ -416,6 +421,7 @@ static enum status write_plan(struct studio *s)
 
 enum status studio_draw(struct studio *s, const struct viewer_surface *surface, int64_t now_ns)
 {
+    const int page = (int)s->state.page; // a button that is touched while it is drawn may lead to another
     s->state.changed = false;
     if (s->playing)
         return viewer_draw(&s->viewer, surface, now_ns);
@@ -442,6 +448,6 @@ enum status studio_draw(struct studio *s, const struct viewer_surface *surface, 
     ui_end(s->ui);
     status = ui_draw(s->ui, surface->target, surface->quarter_turns);
     s->state.changed |= s->input.leaving || ui_letters_wanted(s->ui) || ui_comes_to_rest(s->ui);
-    input_map_frame_done(&s->input);
+    input_map_frame_done(&s->input, page);
     return status;
 }

@@ -126,6 +126,19 @@ static void on_key(struct view_state *s, const struct window_event *e, int64_t n
         view_state_do(s, input_map_key(e->key, e->shift), now_ns);
 }
 
+bool input_map_is_meant(const struct input_map *m, int page, const struct window_event *e)
+{
+    const bool presses = e->kind == WINDOW_POINTER_DOWN || e->kind == WINDOW_POINTER_UP || e->kind == WINDOW_WHEEL ||
+                         e->kind == WINDOW_KEY || e->kind == WINDOW_TEXT || e->kind == WINDOW_PAD_BUTTON;
+    return !presses || (m->shows && m->shown_page == page);
+}
+
+void input_map_forget(struct input_map *m)
+{
+    m->pointer_down = m->pointer_there = m->leaving = false;
+    m->gesture = (struct gesture){0};
+}
+
 bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *e, double px_per_dp,
                      int64_t now_ns)
 {
@@ -148,8 +161,10 @@ bool input_map_event(struct input_map *m, struct view_state *s, const struct win
     return false;
 }
 
-void input_map_frame_done(struct input_map *m)
+void input_map_frame_done(struct input_map *m, int page)
 {
+    m->shows = true;
+    m->shown_page = page;
     if (m->leaving)
         m->pointer_there = m->leaving = false;
 }

@@ -12,6 +12,8 @@ struct input_map {
     struct gesture gesture; // dp
     double wheel;
     double pad[PAD_AXES];
+    bool shows;     // a frame has been drawn,
+    int shown_page; // of this page
 };
 
 // px_per_dp: of the screen. True: a control may have been pressed or released; draw a frame before passing the next
@@ -19,8 +21,14 @@ struct input_map {
 bool input_map_event(struct input_map *m, struct view_state *s, const struct window_event *event, double px_per_dp,
                      int64_t now_ns);
 
-// A frame was drawn with the current pointer.
-void input_map_frame_done(struct input_map *m);
+// Presses, touches and text are meant for the page that is seen: false before the first frame, and once another page is
+// to be drawn. Where that was dropped, what it began is forgotten (input_map_forget).
+bool input_map_is_meant(const struct input_map *m, int page, const struct window_event *event);
+// Fingers and the mouse's button count as lifted, until they are pressed again.
+void input_map_forget(struct input_map *m);
+
+// A frame of this page was drawn with the current pointer.
+void input_map_frame_done(struct input_map *m, int page);
 
 // Applies sticks and triggers for `passed_s`, seconds. True: something moves.
 bool input_map_pad(const struct input_map *m, struct view_state *s, double passed_s, int64_t now_ns);

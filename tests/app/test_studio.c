@@ -552,6 +552,62 @@ static void test_sensors_of_different_kinds(void **state)
     stage_close(&g);
 }
 
+// What was pressed before a page was seen is not meant for it: not the key that came right behind the one that led to
+// it, nor what came while the program was busy; and a finger that was lifted meanwhile presses nothing.
+static void test_input_older_than_the_page_is_dropped(void **state)
+{
+    (void)state;
+    static struct stage g;
+    g.scratch = scratch_make();
+    EXPECT_STATUS(gpu_open(&g.gpu), OK);
+    stage_size(&g, 1280, 800);
+    const struct studio_options options = {.file = scratch_file(&g.scratch, "film.reenact")};
+    EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
+    struct studio *s = &g.studio;
+    static const struct window_event key = {.kind = WINDOW_KEY, .key = 'x'};
+    const struct window_event text = {.kind = WINDOW_TEXT, .text = "x"}, shown = {.kind = WINDOW_SHOWN};
+    studio_event(s, &key, 1, 0); // before the first frame
+    s->state.page = STUDIO_REVIEW;
+    snprintf(s->state.take, sizeof s->state.take, "take-1");
+    stage_draw(&g);
+    for (int turn = 0; turn < 2; turn++) {
+        s->state.page = STUDIO_LIVE; // busy: the page has changed, and is not drawn
+        stage_draw(&g);
+        s->state.page = STUDIO_REVIEW;
+        if (turn)
+            stage_draw(&g);
+        studio_event(s, &key, 1, clock_now_ns());
+        EXPECT_INT(s->state.waiting.kind, turn ? ERASES_TAKE : ERASES_NOTHING);
+    }
+    s->state.waiting.kind = ERASES_NOTHING;
+    s->state.page = STUDIO_REVIEW;
+    stage_draw(&g);
+    s->state.page = STUDIO_RENAME;
+    *s->state.name = 0;
+    studio_event(s, &text, 1, clock_now_ns());
+    EXPECT_TRUE(!*s->state.name);
+    s->state.changed = false; // what is no input arrives
+    studio_event(s, &shown, 1, clock_now_ns());
+    EXPECT_TRUE(s->state.changed);
+    stage_draw(&g);
+    studio_event(s, &text, 1, clock_now_ns());
+    assert_string_equal(s->state.name, "x");
+    // A finger goes down on one page and up on the next one.
+    struct window_event finger = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 60, .y = 740};
+    s->state.page = STUDIO_LIVE;
+    stage_draw(&g);
+    studio_event(s, &finger, 1, clock_now_ns());
+    EXPECT_TRUE(s->input.pointer_down);
+    s->state.page = STUDIO_REVIEW;
+    finger.kind = WINDOW_POINTER_UP;
+    EXPECT_TRUE(!studio_event(s, &finger, 1, clock_now_ns()));
+    EXPECT_TRUE(!s->input.pointer_down && !s->input.gesture.count);
+    stage_draw(&g);
+    EXPECT_INT(s->state.page, STUDIO_REVIEW);
+    studio_close(&g.studio);
+    stage_close(&g);
+}
+
 static void test_a_missing_sensor_is_said(void **state)
 {
     (void)state;
@@ -588,6 +644,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_discarding_waits_for_a_take),
         cmocka_unit_test(test_trimming_can_be_taken_back),
         cmocka_unit_test(test_leaving_asks),
+        cmocka_unit_test(test_input_older_than_the_page_is_dropped),
         cmocka_unit_test(test_numbers_of_takes),
         cmocka_unit_test(test_a_snapshot_follows_the_sensor),
         cmocka_unit_test(test_sensors_of_different_kinds),
