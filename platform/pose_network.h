@@ -63,9 +63,9 @@ struct pose_network;
 // LITE was 7.7 px off in the mean on such an actor; FULL has about twice the multiply-adds.
 enum pose_network_size { POSE_NETWORK_LITE, POSE_NETWORK_FULL };
 
-// folder: where the networks' files lie; NULL: where reenact-capture models --fetch puts them. ERR_MISSING: they are not there, with a
-// sentence that says how to get them; ERR_FORMAT, ERR_IO, ERR_MEMORY. A process with LITE open peaked at 106 MiB, with
-// FULL at 134 MiB. One thread at a time.
+// folder: where the networks' files lie; NULL: where reenact-capture models --fetch puts them. ERR_MISSING: they are
+// not there, with a sentence that says how to get them; ERR_FORMAT, ERR_IO, ERR_MEMORY. A process with LITE open peaked
+// at 106 MiB, with FULL at 134 MiB. One thread at a time.
 MUST_CHECK enum status pose_network_open(struct pose_network **out, const char *folder, enum pose_network_size size);
 void pose_network_close(struct pose_network **n); // NULL is fine; sets *n = NULL
 

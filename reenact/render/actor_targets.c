@@ -149,4 +149,3 @@ const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
 {
     return p->shaded ? gpu_target_texture(p->shadow) : NULL;
 }
-
