@@ -50,10 +50,10 @@ static void read_settings(struct viewer *v, int64_t now_ns)
         return;
     struct settings settings = settings_of(&v->state);
     settings_file_read(v->options.settings, &settings, why, sizeof why);
-    v->kept = settings;
     settings.dark &= !v->options.light;
     settings.text_size = v->options.text_size > 0 ? v->options.text_size : settings.text_size;
     settings_apply(&settings, &v->state, now_ns);
+    v->kept = settings_of(&v->state);
     if (*why)
         fprintf(stderr, "%s\n", why);
 }
