@@ -80,7 +80,7 @@ static void check_values(const struct argp_option *options, int argc, char **arg
 {
     for (int i = 1; i + 1 < argc && !asked && strcmp(argv[i], "--") != 0; i++) {
         const struct argp_option *option = strchr(argv[i], '=') ? NULL : find_option(options, argv[i]);
-        if (!option || !option->arg)
+        if (!option || !option->arg || option->flags & OPTION_ARG_OPTIONAL)
             continue;
         if (find_option(options, argv[++i])) {
             fprintf(stderr, "%s: %s needs a value, and %s is another option; %s=%s gives it that value\n", argv[0],
