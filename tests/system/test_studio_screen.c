@@ -40,12 +40,12 @@ struct layout {
 static const struct layout layouts[] = {{.name = "wide",
                                          .width = 1280,
                                          .height = 800,
-                                         .picture = {20, 86, 812, 680},
-                                         .main = {1080, 705, 1260, 763}, // Film, and Stop
+                                         .picture = {20, 86, 854, 712},
+                                         .main = {1156, 722, 1260, 778}, // Film, and Stop
                                          .keep = {20, 722, 262, 780},
-                                         .done = {1060, 700, 1260, 764},
+                                         .done = {1104, 724, 1258, 778},
                                          .keep_room = {20, 722, 428, 780},
-                                         .plan = {666, 86, 1260, 640}},
+                                         .plan = {632, 86, 1260, 712}},
                                         {.name = "upright",
                                          .width = 800,
                                          .height = 1280,
