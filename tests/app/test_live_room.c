@@ -26,7 +26,9 @@ static void open_room(struct glass *g, const char *sensor, const char *camera)
 static bool is_in_the_room(const struct glass *g)
 {
     const struct view_state *s = &g->viewer.state;
-    return live_glass_sees_person(g) && s->camera.placed && s->presence >= 1 && s->live.sight.in_place;
+    // The actor is shown once the body is whole.
+    return live_glass_sees_person(g) && s->camera.placed && s->presence >= 1 && s->live.sight.in_place &&
+           g->viewer.image.actor;
 }
 
 // Person and actor as the tablet's own camera sees the room: each where they are in it, the actor at the instant that
