@@ -130,16 +130,6 @@ static int agreeing(const struct picture_check *c, const struct landmark_match *
                                                                                                             : 0;
 }
 
-static void mirror(uint8_t *gray, int width, int height)
-{
-    for (int y = 0; y < height; y++, gray += width)
-        for (int x = 0; 2 * x < width - 1; x++) {
-            const uint8_t left = gray[x];
-            gray[x] = gray[width - 1 - x];
-            gray[width - 1 - x] = left;
-        }
-}
-
 // Every second sample is dropped when there are too many.
 static void thin_out(struct picture_check *c)
 {
@@ -177,7 +167,7 @@ enum status picture_check_add(struct picture_check *c, const uint8_t *color)
         return OK;
     struct lens other = c->lens;
     other.cx = other.width - 1 - other.cx;
-    mirror(c->gray, other.width, other.height);
+    gray_mirror(c->gray, other.width, other.height);
     status = recognise(c, &count);
     if (status == OK)
         s->mirrored = agreeing(c, c->matches, count, &other, &pose);

@@ -43,3 +43,5 @@ bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, const struct 
 
 // BT.601 luma of 8-bit RGB, for the tag detector and features.
 void gray_from_rgb(const uint8_t *rgb, size_t pixels, uint8_t *gray);
+// The picture turned over left to right, in place. gray: width * height bytes.
+void gray_mirror(uint8_t *gray, int width, int height);

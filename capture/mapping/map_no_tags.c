@@ -1,6 +1,7 @@
 // Why no listed tag is in any picture of a sweep.
 #include "capture/mapping/map_internal.h"
 
+#include "locate/tag_corners.h"
 #include "platform/jpeg.h"
 
 #include <stdlib.h>
@@ -33,16 +34,6 @@ static void measure_light(const uint8_t *gray, size_t pixels, struct looked *out
     out->dark += sum < DARK_MEAN * (double)pixels;
 }
 
-static void mirror(uint8_t *gray, int width, int height)
-{
-    for (int y = 0; y < height; y++, gray += width)
-        for (int x = 0; 2 * x < width - 1; x++) {
-            const uint8_t left = gray[x];
-            gray[x] = gray[width - 1 - x];
-            gray[width - 1 - x] = left;
-        }
-}
-
 static enum status look_at(const struct map *m, const struct map_frame *f, struct tag_detector *detector, uint8_t *rgb,
                            uint8_t *gray, struct looked *out)
 {
@@ -55,7 +46,7 @@ static enum status look_at(const struct map *m, const struct map_frame *f, struc
         return status == ERR_CORRUPT ? OK : status;
     gray_from_rgb(rgb, lens_pixels(lens), gray);
     measure_light(gray, lens_pixels(lens), out);
-    mirror(gray, lens->width, lens->height);
+    gray_mirror(gray, lens->width, lens->height);
     status = tag_detector_detect(detector, &(struct gray_image){gray, lens->width, lens->height}, seen, PNP_MAX_TAGS,
                                  &count);
     for (int i = 0; status == OK && i < count; i++)
