@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-// Chosen on 100 random sets (test_stereo_sets), all of which pass, and on fisheye lenses, bent boards and mixed-up
-// pairs made from them, which do not; judged on 200 others.
+// Chosen by hand, while looking at 44 of test_stereo_sets' random sets (seeds 1 and 11), all of which pass, and at sets
+// that were spoilt on purpose (seed 11), which do not; 200 others (seed 2) all pass.
 static const double MOST_RMS_PX = 1;          // a sharp picture's circles are found to 0.02 to 0.2 pixels
 static const double LEAST_BASELINE_M = 1e-3;  // no two cameras are closer
 static const double MOST_OUTLIERS = 0.25;     // of the circles
