@@ -55,7 +55,7 @@ static error_t parse_common(int key, char *value, struct argp_state *state)
     }
 }
 
-// --help and its like work wherever they stand, also where an option wants a value: nobody means a file of that name.
+// --help, --usage and --version are recognised at any position, also in the place of an option's value.
 static const char *asked_for(int argc, char **argv)
 {
     static const char *const all[] = {"--help", "-h", "-?", "--usage", "--version", "-V"};

@@ -5,7 +5,8 @@
 #include <string.h>
 
 enum { KEY_UP, KEY_DOWN, KEY_LEFT, KEY_RIGHT };
-// Keys that are down when the window gets the keyboard come as pressed at once; nobody presses one so soon.
+// How long key presses are ignored after the window gets the keyboard focus: the system reports keys that are already
+// down as pressed then.
 static const int64_t SETTLED_NS = 150000000;
 
 // ---------------------------------------------------------------- where they are

@@ -25,7 +25,7 @@ struct studio_session {
     atomic_bool stop, end_take, paused, wants_sweep;
     atomic_int end_sweep;                     // enum studio_sweep_end
     atomic_int room_decision;                 // enum room_decision
-    struct studio_wish wanted, wanted_judged; // takes to be filmed, to be judged anew
+    struct studio_wish wanted, wanted_judged; // takes to record; takes whose verdict is to be recomputed
     atomic_int purpose;                       // enum verdict_purpose, of the takes from here on
 
     pthread_mutex_t lock;

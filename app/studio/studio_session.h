@@ -27,7 +27,7 @@ void studio_session_close(struct studio_session **s);
 
 void studio_session_begin(struct studio_session *s, const char *take);
 void studio_session_end(struct studio_session *s);
-// The take's frames have changed: its verdict is made anew.
+// The take's frames have changed: recomputes its verdict.
 void studio_session_judge(struct studio_session *s, const char *take);
 void studio_session_choose(struct studio_session *s, enum verdict_purpose purpose);
 

@@ -57,7 +57,7 @@ struct studio_snapshot {
     struct coverage coverage;
     double distance_m;
     struct take_judgement judgement; // of the last take
-    int judged;                      // how often one was judged anew
+    int judged;                      // number of verdicts recomputed so far
     struct studio_room_view room;
     char failure[512]; // of the sensor, or of the last take; "": none
 };

@@ -209,8 +209,8 @@ static void leave_review(struct studio_state *s, enum studio_action action, int6
         go(s, STUDIO_LIVE, now_ns);
 }
 
-// A take that is being made is ended first and kept, and leaving waits for it; one that nobody has decided on is asked
-// about, once.
+// A take that is being recorded is ended and kept first; leaving waits for that. For a take that is neither kept nor
+// discarded the user is asked once.
 static void leave(struct studio_state *s, int64_t now_ns)
 {
     if (s->page == STUDIO_RECORDING)

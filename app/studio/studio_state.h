@@ -5,7 +5,7 @@
 //   LIVE -> ROOM -> ROOM_FINISHING -> ROOM_REVIEW -> LIVE: the empty room is swept
 //
 // A raised hand starts from LIVE and stops a RECORDING; so do space and the button. A RECORDING may pause. Takes in a
-// row are kept without a review. Whoever leaves while a take is neither kept nor discarded is asked (LEAVING).
+// row are kept without a review. On leaving with a take neither kept nor discarded the user is asked (LEAVING).
 //
 // Discarding and trimming wait for STUDIO_UNDO_S, and for a take that is being made, before the file is changed: until
 // then they can be taken back. Leaving carries them out; a program that ends otherwise leaves the take as it was.

@@ -86,6 +86,6 @@ enum status erasure_finish(struct database *db, const char *done)
                     "%s, but its bytes are not overwritten yet, because another program reads %s: close the other "
                     "program, then run it again",
                     done, database_path(db));
-    // What is noted shows nobody: that the note is gone need not be proved.
+    // The pending request holds no picture or joint: its own removal needs no proof of being overwritten.
     return status == OK ? forget(db) : status;
 }
