@@ -54,3 +54,27 @@ enum status settings_file_write(const char *path, const struct settings *setting
         return status;
     return file_write(path, text, (size_t)settings_write(settings, text));
 }
+
+void settings_keeper_open(struct settings_keeper *k, const char *path, struct settings *settings, bool light,
+                          double text_size)
+{
+    char why[512] = "";
+    if (path)
+        settings_file_read(path, settings, why, sizeof why);
+    if (*why)
+        fprintf(stderr, "%s\n", why);
+    settings->dark &= !light;
+    settings->text_size = text_size > 0 ? text_size : settings->text_size;
+    *k = (struct settings_keeper){.path = path, .kept = *settings};
+}
+
+void settings_keeper_update(struct settings_keeper *k, const struct settings *now)
+{
+    if (!k->path || k->fails || settings_equal(now, &k->kept))
+        return;
+    k->kept = *now;
+    if (settings_file_write(k->path, now) == OK)
+        return;
+    k->fails = true;
+    fprintf(stderr, "what is chosen is not kept: %s\n", status_message());
+}

@@ -12,3 +12,16 @@ void settings_file_read(const char *path, struct settings *settings, char *why, 
 
 // Makes the folder. ERR_IO, ERR_INPUT, ERR_MEMORY.
 MUST_CHECK enum status settings_file_write(const char *path, const struct settings *settings);
+
+// The file while a program runs: read once, written when something is chosen.
+struct settings_keeper {
+    const char *path;     // borrowed; NULL: nothing is kept
+    struct settings kept; // as the file has them, or would not take them
+    bool fails;           // the file cannot be written; said once, on stderr
+};
+// What the user chose last, in place of *settings, then what this start asks for: light colours, a text size (0: none).
+// The file does without the latter until something is chosen. Says on stderr what the file holds that is no setting.
+void settings_keeper_open(struct settings_keeper *k, const char *path, struct settings *settings, bool light,
+                          double text_size);
+// Writes the file where something was chosen since.
+void settings_keeper_update(struct settings_keeper *k, const struct settings *now);

@@ -42,43 +42,24 @@ static enum status open_recording(struct viewer *v)
     return status < 0 && status != ERR_CORRUPT ? status : OK; // a take can be watched without its place
 }
 
-// What the user chose last, then what this start asks for.
 static void read_settings(struct viewer *v, int64_t now_ns)
 {
-    char why[512];
-    if (!v->options.settings)
-        return;
     struct settings settings = settings_of(&v->state);
-    settings_file_read(v->options.settings, &settings, why, sizeof why);
-    settings.dark &= !v->options.light;
-    settings.text_size = v->options.text_size > 0 ? v->options.text_size : settings.text_size;
+    settings_keeper_open(&v->settings, v->options.settings, &settings, v->options.light, v->options.text_size);
     settings_apply(&settings, &v->state, now_ns);
-    v->kept = settings_of(&v->state);
-    if (*why)
-        fprintf(stderr, "%s\n", why);
 }
 
-// Written where one was changed. The file does without what only this start asked for, until something is chosen.
 static void keep_settings(struct viewer *v)
 {
-    if (!v->options.settings || v->settings_fail)
-        return;
     const struct settings now = settings_of(&v->state);
-    if (settings_equal(&now, &v->kept))
-        return;
-    v->kept = now;
-    if (settings_file_write(v->options.settings, &now) == OK)
-        return;
-    v->settings_fail = true;
-    fprintf(stderr, "what is chosen is not kept: %s\n", status_message());
+    settings_keeper_update(&v->settings, &now);
 }
 
 static void choose_first_take(struct viewer *v, int64_t now_ns)
 {
-    v->state = view_state_start(v->takes.count, !v->options.light, now_ns);
+    v->state = view_state_start(v->takes.count, true, now_ns);
     v->state.trim.offered = v->options.offer_trim;
     v->state.developer = v->options.developer;
-    v->state.text_size = v->options.text_size > 0 ? v->options.text_size : 1;
     read_settings(v, now_ns);
     for (int i = 0; v->options.take && i < v->takes.count; i++)
         if (!strcmp(v->takes.cards[i].name, v->options.take))

@@ -67,8 +67,7 @@ struct viewer {
     int64_t placed; // frames drawn with the actor at a known camera pose
     struct camera_feed_state feed_state;
     char trouble[512], problem[300];
-    struct settings kept; // as the file has them, or would not take them
-    bool settings_fail;   // the file cannot be written; said once
+    struct settings_keeper settings;
     int64_t checked_ns, pad_ns, timed_frame;
     bool suspended;
     bool camera_rests;                         // the camera is closed, since its images are not needed

@@ -162,11 +162,13 @@ int capture_studio(int argc, char **argv)
         NULL,
         NULL,
         NULL};
+    static char settings[1024];
     static struct studio_run run; // snapshots are too large for the stack
     struct studio_arguments given = {.size = {1280, 800}};
     command_parse(&argp, argc, argv, &given);
     const struct window_options window = {"Reenact studio", given.size[0], given.size[1], given.fullscreen, 0,
                                           given.dpi};
+    const bool keeps = settings_file_path(settings, sizeof settings);
     enum status status = check_file(given.file);
     if (status == OK)
         status = window_open(&run.window, &window);
@@ -177,6 +179,7 @@ int capture_studio(int argc, char **argv)
                                            .sensor = given.sensor,
                                            .tags = given.tags,
                                            .light = given.light,
+                                           .settings = keeps ? settings : NULL,
                                            .text_size = given.text,
                                            .purpose = given.purpose,
                                            .body_points = true,

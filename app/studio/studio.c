@@ -45,12 +45,29 @@ static int next_number(const char *file)
     return most + 1;
 }
 
+static void read_settings(struct studio *s, int64_t now_ns)
+{
+    const struct view_state start = view_state_start(0, true, now_ns);
+    struct settings settings = settings_of(&start);
+    settings_keeper_open(&s->settings, s->options.settings, &settings, s->options.light, s->options.text_size);
+    s->state.dark = settings.dark;
+    s->state.text_size = settings.text_size;
+}
+
+static void keep_settings(struct studio *s)
+{
+    struct settings now = s->settings.kept;
+    now.dark = s->state.dark;
+    now.text_size = s->state.text_size;
+    settings_keeper_update(&s->settings, &now);
+}
+
 enum status studio_open(struct studio *s, struct gpu *gpu, const struct studio_options *options)
 {
     *s = (struct studio){.options = *options, .gpu = gpu};
     const int64_t now_ns = clock_now_ns();
-    s->state = studio_start(!options->light);
-    s->state.text_size = options->text_size > 0 ? options->text_size : 1;
+    s->state = studio_start(true);
+    read_settings(s, now_ns);
     s->state.number = next_number(options->file);
     s->state.purpose = (int)options->purpose;
     enum status status = open_ui(s);
@@ -111,6 +128,7 @@ static enum status open_playback(struct studio *s, int64_t now_ns)
                                        .take = s->state.take,
                                        .offer_trim = true,
                                        .light = !s->state.dark,
+                                       .settings = s->options.settings,
                                        .text_size = s->state.text_size,
                                        .refresh_hz = s->options.refresh_hz,
                                        .wake = s->options.wake,
@@ -129,6 +147,11 @@ static enum status close_playback(struct studio *s)
 {
     if (!s->playing)
         return OK;
+    if (s->viewer.state.text_size > 0) { // it could be opened; what was chosen there is in the file
+        s->settings = s->viewer.settings;
+        s->state.dark = s->viewer.state.dark;
+        s->state.text_size = s->viewer.state.text_size;
+    }
     viewer_close(&s->viewer);
     s->playing = false;
     return open_ui(s);
@@ -281,8 +304,10 @@ int64_t studio_update(struct studio *s, int64_t now_ns)
     while (studio_take_command(&s->state, &command))
         if (run_command(s, command, now_ns) != OK)
             studio_say(&s->state, status_message(), now_ns);
-    if (!s->playing)
+    if (!s->playing) {
+        keep_settings(s);
         return next_ns;
+    }
     const int64_t viewer_ns = viewer_update(&s->viewer, now_ns);
     if (s->viewer.state.trim.wanted) {
         s->state.trim_from_ns = s->viewer.state.trim.from_ns;

@@ -14,6 +14,7 @@ struct studio_options {
     enum verdict_purpose purpose; // what takes are for, until the user chooses another one
     double text_size;             // as the viewer's; 0: 1
     bool light;
+    const char *settings; // as the viewer's; NULL: what is chosen is not kept
     bool body_points;
     double refresh_hz;
     void (*wake)(void *self); // called on other threads; may be NULL
@@ -38,6 +39,7 @@ struct studio {
     enum studio_page scrolled;                              // that page
     struct ui_box plan_part;                                // of the plan that is shown, shares of its width
     int gestures, takes_ready, rooms_ready, rooms_not_kept; // of the snapshot, handled
+    struct settings_keeper settings;                        // colours and text size; the others are the viewer's
     struct viewer viewer;                                   // page PLAYBACK
     bool playing;
     struct sound *sound; // NULL: silent

@@ -333,10 +333,13 @@ static void film_takes(struct stage *g, const char *uri)
         stage_draw(g);
     EXPECT_AT_LEAST(stage_colors(g), 20);
     stage_save_all(g, "playback");
+    stage_press(g, 'd'); // what is chosen there holds for the studio's own pages
     g->studio.viewer.state.quit = true;
     stage_draw(g);
     stage_draw(g);
     EXPECT_TRUE(!g->studio.playing && g->studio.state.page == STUDIO_REVIEW);
+    EXPECT_TRUE(!g->studio.state.dark);
+    stage_press(g, 'd');
     stage_press(g, 'n');
     EXPECT_TRUE(studio_types(&g->studio));
     for (int i = 0; i < 6; i++)
@@ -607,6 +610,45 @@ static void test_input_older_than_the_page_is_dropped(void **state)
     stage_close(&g);
 }
 
+// What was chosen in the studio, or by the app, is found again by both.
+static void test_colours_and_text_size_are_found_again(void **state)
+{
+    (void)state;
+    static struct stage g;
+    char why[200], path[300];
+    g.scratch = scratch_make();
+    snprintf(path, sizeof path, "%s", scratch_file(&g.scratch, "settings"));
+    scratch_text(&g.scratch, "settings", "dark 0\ntext 1.25\nspeed 0.50\n"); // by the app
+    EXPECT_STATUS(gpu_open(&g.gpu), OK);
+    stage_size(&g, 640, 400);
+    struct studio_options options = {.file = "none.reenact", .settings = path};
+    EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
+    EXPECT_TRUE(!g.studio.state.dark);
+    EXPECT_NEAR(g.studio.state.text_size, 1.25, 0);
+    stage_draw(&g);
+    stage_press(&g, 'd');
+    stage_press(&g, 'y');
+    studio_close(&g.studio);
+    const struct view_state start = view_state_start(0, false, 0);
+    struct settings read = settings_of(&start);
+    settings_file_read(path, &read, why, sizeof why);
+    EXPECT_TRUE(read.dark && !*why);
+    EXPECT_NEAR(read.text_size, 1.5, 0);
+    EXPECT_NEAR(read.speed, 0.5, 0); // which is not the studio's
+    // What one start asks for holds for that start alone.
+    options.light = true;
+    options.text_size = 1;
+    EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
+    EXPECT_TRUE(!g.studio.state.dark);
+    EXPECT_NEAR(g.studio.state.text_size, 1, 0);
+    stage_draw(&g);
+    studio_close(&g.studio);
+    settings_file_read(path, &read, why, sizeof why);
+    EXPECT_TRUE(read.dark);
+    EXPECT_NEAR(read.text_size, 1.5, 0);
+    stage_close(&g);
+}
+
 static void test_a_missing_sensor_is_said(void **state)
 {
     (void)state;
@@ -647,6 +689,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_numbers_of_takes),
         cmocka_unit_test(test_a_snapshot_follows_the_sensor),
         cmocka_unit_test(test_sensors_of_different_kinds),
+        cmocka_unit_test(test_colours_and_text_size_are_found_again),
         cmocka_unit_test(test_a_missing_sensor_is_said),
         cmocka_unit_test(test_takes_of_a_film),
         cmocka_unit_test(test_takes_through_openni),
