@@ -3,6 +3,7 @@
 #pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
 extern "C" {
 #include "platform/jpeg.h"
+#include "platform/ros_guard.h"
 #include "platform/ros_robot.h"
 }
 #include "base/pixels.h"
@@ -64,13 +65,17 @@ struct ros_robot {
     std::vector<uint16_t> depth;
     int64_t refused = 0;
     // Stops the robot where commands cease because the program hangs: a thread, which does not hang with it.
-    std::mutex lock; // of the four below
+    // It also tells the guard that this program lives: that stops the robot where this thread cannot either.
+    struct ros_guard *const guard;
+    std::mutex lock; // of all below
     std::condition_variable changed;
     std::chrono::steady_clock::time_point sent;
     bool moves = false, closing = false;
+    bool interrupted = false; // the guard has stopped the robot, which ros_robot_interrupted has not told yet
+    bool unguarded = false;
     std::thread watchdog;
 
-    ros_robot()
+    explicit ros_robot(struct ros_guard *g) : guard(g)
     {
         node.setCallbackQueue(&queue);
         for (int i = 0; i < ROS_IMAGE_TOPICS; i++) {
@@ -102,34 +107,52 @@ struct ros_robot {
         }
         changed.notify_all();
         watchdog.join();
+        struct ros_guard *ended = guard;
+        ros_guard_end(&ended);
     }
 
     ros_robot(const ros_robot &) = delete;
     ros_robot &operator=(const ros_robot &) = delete;
 
-    void send(double speed, double turn_rate)
+    void publish(double speed, double turn_rate)
     {
         geometry_msgs::Twist twist;
         twist.linear.x = speed;
         twist.angular.z = turn_rate;
-        const std::lock_guard<std::mutex> held(lock);
         commands.publish(twist);
         sent = std::chrono::steady_clock::now();
         moves = speed != 0 || turn_rate != 0;
+    }
+
+    // Nothing that moves is sent unguarded, nor after the guard's stop before the operator's side knows of it.
+    void send(double speed, double turn_rate)
+    {
+        const std::lock_guard<std::mutex> held(lock);
+        beat();
+        const bool may = !interrupted && !unguarded;
+        publish(may ? speed : 0, may ? turn_rate : 0);
+    }
+
+    void beat()
+    {
+        const enum ros_guard_word said = ros_guard_beat(guard);
+        interrupted |= said == GUARD_STOPPED;
+        unguarded |= said == GUARD_GONE;
     }
 
     void watch()
     {
         std::unique_lock<std::mutex> held(lock);
         while (!closing) {
-            if (moves && std::chrono::steady_clock::now() - sent > VALID) {
+            beat();
+            if (moves && (interrupted || unguarded || std::chrono::steady_clock::now() - sent > VALID)) {
                 moves = false;
                 try {
-                    commands.publish(geometry_msgs::Twist());
+                    publish(0, 0);
                 } catch (const std::exception &) { // the robot's own watchdog is left
                 }
             }
-            changed.wait_for(held, VALID / 8);
+            changed.wait_for(held, std::chrono::milliseconds(ROS_GUARD_BEAT_MS));
         }
     }
 
@@ -248,33 +271,34 @@ void stop_at_exit(void)
     }
 }
 
-enum status remap_topics(ros::M_string &names, const char *const *remap)
+enum status open_robot(struct ros_robot **out, struct ros_guard **guard, const char *master, const char *const *remap)
 {
-    for (; remap && *remap; remap++) {
-        const char *colon = strstr(*remap, ":=");
-        if (!colon || colon == *remap || !colon[2])
-            return fail(ERR_INPUT, "'%s' renames no topic; give FROM:=TO", *remap);
-        names[std::string(*remap, colon)] = colon + 2;
-    }
+    enum status status = ros_guard_start(guard, master, remap);
+    if (status == OK)
+        status = ros_node_start("reenact_drive", master, remap);
+    if (status == OK)
+        status = ros_guard_wait(*guard);
+    if (status != OK)
+        return status;
+    *out = driven = new ros_robot(*guard);
+    *guard = nullptr;          // the robot's from here
+    std::atexit(stop_at_exit); // after ROS's own, so that it comes before it
     return OK;
 }
 
-enum status open_robot(struct ros_robot **out, const char *master, const char *const *remap)
+enum status open_guarded(struct ros_robot **out, const char *master, const char *const *remap)
 {
-    ros::M_string names;
-    const enum status status = remap_topics(names, remap);
-    if (status != OK)
-        return status;
-    if (*master)
-        names["__master"] = master;
-    ros::init(names, "reenact_drive",
-              ros::init_options::NoSigintHandler | ros::init_options::AnonymousName | ros::init_options::NoRosout);
-    if (!ros::master::check())
-        return fail(ERR_IO, "no ROS master answers at %s; is roscore running there?", ros::master::getURI().c_str());
-    ros::master::setRetryTimeout(ros::WallDuration(2));
-    *out = driven = new ros_robot;
-    std::atexit(stop_at_exit); // after ROS's own, so that it comes before it
-    return OK;
+    struct ros_guard *guard = nullptr;
+    enum status status = OK;
+    try {
+        status = open_robot(out, &guard, master, remap);
+    } catch (const std::bad_alloc &) {
+        status = fail(ERR_MEMORY, "out of memory");
+    } catch (const std::exception &e) {
+        status = fail(ERR_INPUT, "the robot's address or topics are not as ROS wants them (%s)", e.what());
+    }
+    ros_guard_end(&guard);
+    return status;
 }
 
 } // namespace
@@ -284,13 +308,7 @@ bool ros_robot_available(void) { return true; }
 enum status ros_robot_open(struct ros_robot **out, const char *master, const char *const *remap)
 {
     *out = nullptr;
-    try {
-        return open_robot(out, master, remap);
-    } catch (const std::bad_alloc &) {
-        return fail(ERR_MEMORY, "out of memory");
-    } catch (const std::exception &e) {
-        return fail(ERR_INPUT, "the robot's address or topics are not as ROS wants them (%s)", e.what());
-    }
+    return open_guarded(out, master, remap);
 }
 
 void ros_robot_close(struct ros_robot **r)
@@ -313,6 +331,12 @@ enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to)
         r->to = to;
         r->queue.callAvailable(ros::WallDuration(0));
         r->to = nullptr;
+        const std::lock_guard<std::mutex> held(r->lock);
+        if (r->unguarded)
+            return fail(ERR_IO,
+                        "the process that stops the robot if this program dies (%s) has ended or hangs; the "
+                        "robot was sent a stop",
+                        ros_guard_name);
         return ros::ok() ? OK : fail(ERR_IO, "the ROS node was shut down from outside");
     } catch (const std::bad_alloc &) {
         r->to = nullptr;
@@ -331,6 +355,14 @@ void ros_robot_command(struct ros_robot *r, double speed, double turn_rate)
     }
 }
 
+bool ros_robot_interrupted(struct ros_robot *r)
+{
+    const std::lock_guard<std::mutex> held(r->lock);
+    const bool interrupted = r->interrupted;
+    r->interrupted = false;
+    return interrupted;
+}
+
 int64_t ros_robot_refused(const struct ros_robot *r) { return r->refused; }
 
 #else
@@ -347,6 +379,7 @@ enum status ros_robot_open(struct ros_robot **out, const char *, const char *con
 void ros_robot_close(struct ros_robot **r) { *r = nullptr; }
 enum status ros_robot_poll(struct ros_robot *, const struct ros_receiver *) { return OK; }
 void ros_robot_command(struct ros_robot *, double, double) {}
+bool ros_robot_interrupted(struct ros_robot *) { return false; }
 int64_t ros_robot_refused(const struct ros_robot *) { return 0; }
 
 #endif

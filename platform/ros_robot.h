@@ -9,7 +9,8 @@
 //
 // Of images that wait only the newest of a topic is kept. One in a process at a time, and after ros_robot_close none
 // can be opened again: libroscpp is not made for it. Threads: libroscpp's own read the sockets, one watches the
-// commands; one thread calls, and the receivers are called by it inside ros_robot_poll.
+// commands and tells the guard that the program lives (ros_guard.h); one thread calls, and the receivers are called by
+// it inside ros_robot_poll.
 #pragma once
 #include "base/geometry.h"
 
@@ -42,17 +43,21 @@ bool ros_robot_available(void);
 
 // master: "http://HOST:PORT"; "": $ROS_MASTER_URI, else this machine's port 11311. remap: NULL, or "FROM:=TO" strings,
 // the last NULL, that rename topics as on any ROS node's command line. ERR_INPUT: built without libroscpp, no address,
-// or no such renaming. ERR_IO: no master answers there. ERR_MEMORY. *out is then NULL.
+// or no such renaming. ERR_IO: no master answers there, or the guard does not start. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status ros_robot_open(struct ros_robot **out, const char *master, const char *const *remap);
 void ros_robot_close(struct ros_robot **r); // NULL is fine. Commands that were given reach the socket first
 
 // Hands over what has arrived; does not wait. Messages that are damaged or of another encoding are counted and left
-// out. ERR_IO: the node was shut down from outside. ERR_MEMORY.
+// out. ERR_IO: the node was shut down from outside, or the guard has ended. ERR_MEMORY.
 MUST_CHECK enum status ros_robot_poll(struct ros_robot *r, const struct ros_receiver *to);
 
 // speed: m/s ahead; turn_rate: rad/s to the left. Whether it arrives is not known. Valid for 0.4 s: when none
-// follows, a thread sends a stop, also where this program hangs, and one that ends by exit() sends a stop. One that is
-// killed or stopped cannot: the message itself has no lifetime, and a robot must stop by itself when none follows.
+// follows, a thread sends a stop, also where this program hangs, and one that ends by exit() sends a stop. Where the
+// program is killed or stopped, the guard does (ros_guard.h). Where the machine or the network fails nobody does.
 void ros_robot_command(struct ros_robot *r, double speed, double turn_rate);
+
+// True: since the last call the guard has stopped the robot, for this program had stood still. Until the call nothing
+// that moves is sent.
+bool ros_robot_interrupted(struct ros_robot *r);
 
 int64_t ros_robot_refused(const struct ros_robot *r); // messages left out

@@ -116,6 +116,8 @@ void drive_controls_tick(struct drive_controls *c, const struct drive_readings *
         drive_controls_stop(c, HALT_GAP);
     else if (readings->link_lost)
         drive_controls_stop(c, HALT_LINK);
+    else if (readings->interrupted)
+        drive_controls_stop(c, HALT_INTERRUPTED);
     else if (readings->picture_old && drives(c))
         drive_controls_stop(c, HALT_PICTURE);
 }
@@ -129,6 +131,7 @@ const char *drive_halt_sentence(enum drive_halt why)
         [HALT_RESIZED] = "Stopped: the window changed its size",
         [HALT_PAD_GONE] = "Stopped: the game pad was unplugged",
         [HALT_GAP] = "Stopped: the picture stood still",
+        [HALT_INTERRUPTED] = "Stopped: this program stood still",
         [HALT_LINK] = "Stopped: the link was lost",
         [HALT_PICTURE] = "Stopped: no new picture from the robot",
     };

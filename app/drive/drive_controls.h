@@ -1,9 +1,10 @@
 // What drives the robot: keys, a stick and a STOP on the screen for finger and mouse, a game pad. The robot moves only
 // while one of them is held. It stops when that is let go; by STOP, space and Escape; when the window loses the
-// keyboard, is hidden or changes its size under a finger; when a pad is unplugged; when this program did not run for a
-// second; and when the link is lost or the picture is old. After a stop what is still held has no effect: it is let go
-// and pressed again. STOP wins over all else while it is held, and a finger that went down on it never drives, nor does
-// one that went down elsewhere than on the stick. Pure: no clock, no window. Lengths in dp, as events are given them.
+// keyboard, is hidden or changes its size under a finger; when a pad is unplugged; when the picture stood still for a
+// second, or this program so long that its guard stopped the robot (ros_guard.h); and when the link is lost or the
+// picture is old. After a stop what is still held has no effect: it is let go and pressed again. STOP wins over all
+// else while it is held, and a finger that went down on it never drives, nor does one that went down elsewhere than on
+// the stick. Pure: no clock, no window. Lengths in dp, as events are given them.
 #pragma once
 #include "platform/ui.h"
 #include "platform/window.h"
@@ -27,6 +28,7 @@ enum drive_halt {
     HALT_RESIZED,
     HALT_PAD_GONE,
     HALT_GAP,
+    HALT_INTERRUPTED, // the whole program stood still, so that its guard stopped the robot
     HALT_LINK,
     HALT_PICTURE
 };

@@ -355,6 +355,22 @@ static void test_a_lost_link_and_an_old_picture_stop(void **state)
     EXPECT_INT(s.controls.halt, HALT_PICTURE);
 }
 
+// The robot's guard (platform/ros_guard.h) has stopped it, after less than what the clock here calls a gap.
+static void test_an_interrupted_program_waits_for_a_new_press(void **state)
+{
+    (void)state;
+    key(WINDOW_KEY, WINDOW_KEY_UP);
+    expect_moves();
+    struct drive_readings readings = drive_session_readings(&s.session);
+    EXPECT_TRUE(!readings.interrupted);
+    readings.interrupted = true;
+    drive_controls_tick(&s.controls, &readings, s.now_ns);
+    EXPECT_INT(s.controls.halt, HALT_INTERRUPTED);
+    expect_stands();
+    key(WINDOW_KEY, WINDOW_KEY_UP);
+    expect_moves();
+}
+
 // STOP, stick and buttons are on the screen, apart from each other, and large enough for a finger.
 static void test_all_is_on_every_screen(void **state)
 {
@@ -392,6 +408,7 @@ int main(void)
         ON_STAGE(test_a_finger_that_is_lost_stops),
         ON_STAGE(test_a_pad_drives_until_it_stands_in_the_middle),
         ON_STAGE(test_a_program_that_stands_still_stops_the_robot),
+        ON_STAGE(test_an_interrupted_program_waits_for_a_new_press),
         ON_STAGE(test_a_lost_link_and_an_old_picture_stop),
         cmocka_unit_test(test_all_is_on_every_screen),
     };

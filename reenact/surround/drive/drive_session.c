@@ -239,6 +239,7 @@ struct drive_readings drive_session_readings(const struct drive_session *s)
         .command = command_of(s),
         .age_s = age_of_s(s, seen),
         .link_lost = s->link_lost,
+        .interrupted = s->kind == DRIVE_ROS && s->ros.interrupted,
         .near = s->near,
         .nearest_m = s->nearest_m,
         .picture_old = s->kind != DRIVE_PLAYED && seen->taken &&

@@ -66,6 +66,7 @@ struct drive_readings {
     struct drive_command command; // that moves the robot
     double age_s;                 // of the newest capture
     bool link_lost;               // the robot stands
+    bool interrupted;             // the robot stands since this program stood still, until a command of 0
     bool picture_old;             // the robot is elsewhere than the pictures were taken: nobody sees where it drives
     bool near;                    // something was seen near the body
     double nearest_m;             // with near: so far away

@@ -185,10 +185,11 @@ static enum status capture(struct ros_rover *r)
 static void send(struct ros_rover *r, const struct drive_command *command)
 {
     const bool lost = !r->heard || r->now_ns - r->heard_ns > r->patience_ns;
-    r->stopped |= lost;
+    r->interrupted |= ros_robot_interrupted(r->link);
+    r->stopped |= lost || r->interrupted;
     r->lost = lost;
     if (command && !lost && command->speed == 0 && command->turn_rate == 0)
-        r->stopped = false;
+        r->stopped = r->interrupted = false;
     const struct drive_command none = {0, 0};
     if (!command && !lost)
         return;

@@ -30,8 +30,9 @@ struct ros_rover {
     int64_t behind_ns;      // least of session time less the robot's clock: its clock's offset and the least delay
     int64_t heard_ns, patience_ns; // session time of the last odometry
     int64_t seen_ns;               // session time of the last panorama
-    bool heard, lost, stopped;     // stopped: since the link was lost no command of 0 has come
-    struct drive_command command;  // the last that was sent
+    bool heard, lost;
+    bool stopped, interrupted;    // since the link was lost, since this program stood still, no command of 0 has come
+    struct drive_command command; // the last that was sent
 };
 
 // calibration: a file as in a robot's folder (reading/surround_set.h). master, remap: as ros_robot_open; its errors and
