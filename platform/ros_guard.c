@@ -25,7 +25,7 @@ struct ros_guard {
 // In the new process, which has one thread: nothing here takes a lock.
 static _Noreturn void become_guard(int channel, char *const *words)
 {
-    const int nothing = open("/dev/null", O_RDWR); // the program says what there is to say
+    const int nothing = open("/dev/null", O_RDONLY); // the program says what there is to say
     const int high = fcntl(channel, F_DUPFD, GUARD_CHANNEL + 1);
     for (int i = 0; i < GUARD_CHANNEL; i++)
         dup2(nothing, i);
