@@ -95,6 +95,10 @@ static void queue_packet(struct kinect *k, AVPacket *packet)
         ffmpeg->av_packet_free(&packet);
         return;
     }
+    if (w == &k->color)
+        stream_times_add(&k->facts->color_times, time_ns);
+    else
+        stream_times_add(&k->facts->depth_times, time_ns);
     if (w->count == QUEUED_MOST)
         drop_first(w);
     w->packet[w->count] = packet;
@@ -245,6 +249,7 @@ static enum status kinect_next(void *self, struct frame *out)
     status = show_depth(k, depth, out);
     ffmpeg->av_packet_free(&depth);
     AVPacket *color = take_color(k, out->time_ns - k->delay_ns);
+    k->facts->pairs += color != NULL;
     if (status != OK)
         ffmpeg->av_packet_free(&color);
     return color ? show_color(k, color, out) : status;

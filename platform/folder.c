@@ -11,7 +11,8 @@
 // A camera's frames are those of rgb.txt. A sensor's frames are those of
 // depth.txt; each gets the colour image nearest in time, if that is at most
 // half a frame away (half the median step of depth.txt) and no other depth
-// image is nearer to it. A frame's time and name are those of that list.
+// image is nearer to it. A frame's time and name are those of that list. Where
+// none has colour because the two lists' clocks differ, the folder is refused.
 //
 // Paths lie below the folder: one that climbs out of it with ".." is refused. Links
 // are followed. Names are UTF-8 without control characters.
@@ -192,6 +193,23 @@ static int64_t nearest_entry(const struct image_list *list, int64_t from, int64_
     return from;
 }
 
+// Refuses lists of different clocks where no colour image meets a depth image. Where some meet by chance, they are
+// paired, and source_clocks() says it.
+static enum status check_clocks(struct folder *f)
+{
+    char text[STREAM_CLOCKS_TEXT_BYTES];
+    struct source_facts *facts = f->facts;
+    for (int64_t i = 0; i < f->color.count; i++)
+        stream_times_add(&facts->color_times, f->color.entries[i].time_ns);
+    for (int64_t i = 0; i < f->depth.count; i++)
+        stream_times_add(&facts->depth_times, f->depth.entries[i].time_ns);
+    facts->listed = true;
+    const struct clock_finding found = stream_clocks_judge(&facts->color_times, &facts->depth_times, facts->pairs);
+    if (facts->pairs || found.fault == CLOCKS_AGREE)
+        return OK;
+    return fail(ERR_INPUT, "%s: %s", f->dir, stream_clocks_text(&found, true, text));
+}
+
 // Two images are a pair when each is the other's nearest and they are at most
 // half a frame apart; so no colour image is used twice.
 static enum status pair_images(struct folder *f)
@@ -213,10 +231,12 @@ static enum status pair_images(struct folder *f)
         color = nearest_entry(&f->color, color, f->depth.entries[i].time_ns);
         back = nearest_entry(&f->depth, back, f->color.entries[color].time_ns);
         int64_t apart_ns = llabs(f->color.entries[color].time_ns - f->depth.entries[i].time_ns);
-        if (back == i && apart_ns <= step_ns / 2)
+        if (back == i && apart_ns <= step_ns / 2) {
             f->color_of[i] = color;
+            f->facts->pairs++;
+        }
     }
-    return OK;
+    return check_clocks(f);
 }
 
 // ------------------------------------------------------------- the images

@@ -102,6 +102,9 @@ enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
     if (stream->count == STREAM_QUEUE)
         drop_oldest(stream, 1);
     stream->queue[stream->count++] = frame;
+    struct stream_times *color = &s->facts->color_times;
+    if (stream == &s->color && (!color->count || time_of(frame) > color->last_ns))
+        stream_times_add(color, time_of(frame));
     s->got_frame = true;
     return OK;
 }
@@ -217,9 +220,11 @@ static enum status make_frame(struct openni_sensor *s, struct frame *out)
         return NOTHING;
     }
     s->last_time_ns = time_ns;
+    stream_times_add(&s->facts->depth_times, time_ns);
     out->time_ns = time_ns;
     snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
     int color = color_for(s, time_ns);
+    s->facts->pairs += color >= 0;
     status = copy_depth(s, depth);
     if (status == OK && color >= 0)
         status = copy_color(s, s->color.queue[color]);

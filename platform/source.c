@@ -97,6 +97,13 @@ int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
 
 int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
 
+const char *source_clocks(const struct source *s, char out[STREAM_CLOCKS_TEXT_BYTES])
+{
+    const struct clock_finding found =
+        stream_clocks_judge(&s->facts.color_times, &s->facts.depth_times, s->facts.pairs);
+    return stream_clocks_text(&found, s->facts.listed, out);
+}
+
 enum status source_save_lens(const struct source *s, const struct lens *lens)
 {
     struct lens kept = s->facts.calibration.color;

@@ -10,6 +10,7 @@
 #pragma once
 #include "base/lens.h"
 #include "platform/dmabuf_image.h"
+#include "platform/stream_clocks.h"
 
 // One instant. A missing image is NULL.
 struct frame {
@@ -66,6 +67,10 @@ void source_enable_dmabuf(struct source *s);
 
 // Frames that the source received but did not return.
 int64_t source_dropped(const struct source *s);
+
+// Whether a sensor's two streams run by one clock: why colour is missing, or is that of other moments. In words as
+// stream_clocks_text(); "": nothing is known against it. Of a folder, at once; of other sources, by the images so far.
+const char *source_clocks(const struct source *s, char out[STREAM_CLOCKS_TEXT_BYTES]);
 
 void source_close(struct source **s); // NULL is fine; sets *s = NULL
 

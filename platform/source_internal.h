@@ -2,6 +2,7 @@
 // platform/ only; others include platform/source.h.
 #pragma once
 #include "platform/source.h"
+#include "platform/stream_clocks.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,8 +16,11 @@ struct source_facts {
     bool live;
     int64_t remaining; // -1: unknown
     int64_t dropped;
-    bool dmabuf_enabled; // source_enable_dmabuf was called
-    char camera_id[256]; // key of camera_lens_read(); "" for other sources
+    struct stream_times color_times, depth_times; // of a sensor, as far as they are known
+    int64_t pairs;                                // depth images that have a colour image
+    bool listed;                                  // those times are the lines of rgb.txt and depth.txt
+    bool dmabuf_enabled;                          // source_enable_dmabuf was called
+    char camera_id[256];                          // key of camera_lens_read(); "" for other sources
 };
 
 // Opens one kind. OK: *self is the first argument of the kind's functions.

@@ -316,6 +316,8 @@ static int map_place(const char *program, const struct map_arguments *a, const s
     bool live = source && source_is_live(source);
     if (status == OK && !live)
         command_warn_times(program, source_dropped(source));
+    if (status == OK)
+        command_warn_clocks(program, source);
     source_close(&source);
     if (status == OK)
         status = finish_map(mapper, &place, &report);

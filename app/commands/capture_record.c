@@ -201,6 +201,8 @@ static enum status record(const struct record_arguments *given, struct place *pl
     const bool made = writer && given->out;
     if (status == OK && !source_is_live(source))
         command_warn_times("reenact-capture record", source_dropped(source));
+    if (status == OK)
+        command_warn_clocks("reenact-capture record", source);
     enum status closed = recording_close(&writer);
     source_close(&source);
     status = status != OK ? status : closed;

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/text.h"
 #include "platform/json.h"
+#include "platform/source.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -37,6 +38,13 @@ void command_warn_times(const char *program, int64_t count)
                 "%s: warning: %lld pictures were left out: their times are not later than those of the pictures before "
                 "them\n",
                 program, (long long)count);
+}
+
+void command_warn_clocks(const char *program, const struct source *source)
+{
+    char text[STREAM_CLOCKS_TEXT_BYTES];
+    if (*source_clocks(source, text))
+        fprintf(stderr, "%s: warning: %s\n", program, text);
 }
 
 enum { KEY_USAGE = 1 }; // no command's, and no letter

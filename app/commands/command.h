@@ -39,6 +39,10 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 // Warns on stderr that a recorded source left `count` pictures out because their times do not rise. 0: no output.
 void command_warn_times(const char *program, int64_t count);
 
+// Warns on stderr where colour and depth of a sensor run by different clocks.
+struct source;
+void command_warn_clocks(const char *program, const struct source *source);
+
 // ---- For argp parsers. On wrong usage these print a sentence and end the program with exit code 2.
 
 // An option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...

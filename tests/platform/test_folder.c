@@ -264,13 +264,50 @@ static void test_pairs_by_time(void **state)
     // Colour at twice the rate: the nearest is taken.
     scratch_text(&test->scratch, "rgb.txt", "0.96 rgb/y.png\n1.01 rgb/x.png\n1.06 rgb/y.png\n1.11 rgb/x.png\n");
     expect_pairs(test, "a+ b+ c- d- e- ");
+    // Between the depth images, out of step.
+    scratch_text(&test->scratch, "rgb.txt", "0.94 rgb/y.png\n1.46 rgb/y.png\n");
+    expect_pairs(test, "a- b- c- d- e- ");
     // Colour from another day.
     scratch_text(&test->scratch, "rgb.txt", "100 rgb/y.png\n101 rgb/y.png\n");
-    expect_pairs(test, "a- b- c- d- e- ");
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "colour begins 99.000 s after depth");
     // A gap in the depth does not widen what counts as half a frame.
     scratch_text(&test->scratch, "depth.txt", "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n9 depth/d.png\n");
     scratch_text(&test->scratch, "rgb.txt", "1.0 rgb/x.png\n1.1 rgb/x.png\n1.2 rgb/x.png\n8.9 rgb/x.png\n");
     expect_pairs(test, "a+ b+ c+ d- ");
+}
+
+// A list of twenty images at 10 Hz by a clock that is ahead and counts faster.
+static void list_images(const struct folder_case *test, const char *list, const char *path, double ahead_s, double rate)
+{
+    char text[1024] = "";
+    for (int i = 0; i < 20; i++) {
+        const size_t n = strlen(text);
+        snprintf(text + n, sizeof text - n, "%.6f %s\n", rate * (5 + 0.1 * i) + ahead_s, path);
+    }
+    scratch_text(&test->scratch, list, text);
+}
+
+static void test_two_clocks_are_named(void **state)
+{
+    struct folder_case *test = *state;
+    char said[STREAM_CLOCKS_TEXT_BYTES];
+    put_color(test, "rgb/x.png", 1);
+    put_depth(test, "depth/a.png", 1);
+    list_images(test, "depth.txt", "depth/a.png", 0, 1);
+    list_images(test, "rgb.txt", "rgb/x.png", 3.2, 1);
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "colour's clock is 3.200 s ahead of depth's");
+    list_images(test, "rgb.txt", "rgb/x.png", 0, 1000);
+    expect_refused(test, SOURCE_SENSOR, ERR_INPUT, "rgb.txt are in a unit 1000 times as small");
+    // Some meet by chance: they are paired, and it is said.
+    list_images(test, "rgb.txt", "rgb/x.png", -1, 1);
+    struct source *s = open_as(test, SOURCE_SENSOR);
+    printf("%s\n", source_clocks(s, said));
+    EXPECT_TRUE(strstr(said, "colour's clock is 1.000 s behind depth's") != NULL);
+    source_close(&s);
+    list_images(test, "rgb.txt", "rgb/x.png", 0.04, 1);
+    s = open_as(test, SOURCE_SENSOR);
+    EXPECT_TRUE(!*source_clocks(s, said));
+    source_close(&s);
 }
 
 // ------------------------------------------------------------- errors
@@ -598,6 +635,7 @@ int main(void)
         WITH_CASE(test_sensor_needs_no_color),
         WITH_CASE(test_another_unit_becomes_millimetres),
         WITH_CASE(test_pairs_by_time),
+        WITH_CASE(test_two_clocks_are_named),
         WITH_CASE(test_missing_sources),
         WITH_CASE(test_bad_calibration),
         WITH_CASE(test_two_cameras_apart),
