@@ -3,6 +3,7 @@
 #include "app/live/live_occlusion.h"
 #include "app/live/pose_figure.h"
 #include "base/clock.h"
+#include "compare/findings.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -374,7 +375,7 @@ static void fill_review(struct viewer *v)
     part_differences(&a->comparison.a, &a->comparison.judged, &a->comparison.timeline,
                      f < a->comparison.b.count ? f : a->comparison.b.count - 1, parts);
     for (int p = 0; p < PART_COUNT; p++)
-        l->review_verdicts[p] = parts[p].verdict;
+        l->review_verdicts[p] = parts[judged_part(&a->comparison, p)].verdict;
     l->page.review_verdicts = l->review_verdicts;
 }
 
@@ -490,8 +491,8 @@ static void fill_overlay(struct viewer *v, const struct viewer_surface *surface,
     const double px = surface->px_per_dp;
     const struct ui_box all = {0, 0, surface->width / px, surface->height / px};
     const struct figure_view view = {request->lens, request->world_from_camera, cover_of(&request->lens, all), false};
-    const struct figure limbs = {FIGURE_LIMBS, l->page.person, l->page.verdicts, false},
-                        ghost = {FIGURE_GHOST, l->page.ghost, NULL, false};
+    const struct figure limbs = {FIGURE_LIMBS, l->page.person, l->page.verdicts, false, 0},
+                        ghost = {FIGURE_GHOST, l->page.ghost, NULL, false, 0};
     int count = 0;
     if (l->page.ghost)
         count += figure_strokes(t, &view, &ghost, l->strokes);

@@ -16,6 +16,11 @@
 
 const char *finding_kind_name(enum finding_kind k);
 const char *part_name(enum part p); // "left_forearm"
+int part_by_name(const char *name); // -1: no part's name, as "body"
+// The part of the reference that the attempt's own is judged against: another one where it was mirrored. -1: -1.
+int judged_part(const struct comparison *c, int part);
+// The instant of the attempt, s, at which the finding's part differs most; the finding's middle where it names none.
+double finding_worst_s(const struct comparison *c, const struct finding *f);
 
 // Fills c->findings from the rest of *c. ERR_MEMORY.
 MUST_CHECK enum status findings_make(struct comparison *c);

@@ -11,20 +11,6 @@
 
 // ------------------------------------------------------------- which moments
 
-static int part_by_name(const char *name)
-{
-    for (int p = 0; p < PART_COUNT; p++)
-        if (!strcmp(name, part_name((enum part)p)))
-            return p;
-    return -1;
-}
-
-// The part of the reference that the attempt's own is judged against.
-static int judged_part(const struct comparison *c, int part)
-{
-    return part >= 0 && c->mirrored ? (int)mirrored_part((enum part)part) : part;
-}
-
 // From the front and a little from the part's own side; nearly from the side where the part is too far forwards or
 // back.
 static double azimuth_of(const struct comparison *c, int32_t frame, int part)
@@ -40,31 +26,13 @@ static double azimuth_of(const struct comparison *c, int32_t frame, int part)
     return strncmp(part_name((enum part)part), "left", 4) ? -turned : turned;
 }
 
-// Where the part is most different within the finding's time; its middle where no part is meant or none is.
-static int32_t worst_frame(const struct comparison *c, const struct finding *f, int part)
-{
-    const int32_t first = (int32_t)(f->from_s * MOVEMENT_RATE_HZ + 0.5), end = (int32_t)(f->to_s * MOVEMENT_RATE_HZ);
-    const int judged = judged_part(c, part);
-    int32_t worst = (first + end) / 2;
-    float most = 0;
-    for (int32_t k = first; k < end && k < c->judged.count && part >= 0; k++) {
-        struct part_difference parts[PART_COUNT];
-        part_differences(&c->a, &c->judged, &c->timeline, k, parts);
-        if (parts[judged].verdict == VERDICT_DIFFERENT && parts[judged].angle_rad > most) {
-            most = parts[judged].angle_rad;
-            worst = k;
-        }
-    }
-    return worst;
-}
-
 int report_moments(const struct comparison *c, struct report_moment moments[REPORT_MOMENTS])
 {
     int count = 0;
     for (int32_t k = 0; k < c->finding_count && count < REPORT_MOMENTS; k++) {
         const struct finding *f = &c->findings[k];
         const int part = part_by_name(f->part);
-        const int32_t at = worst_frame(c, f, part);
+        const int32_t at = (int32_t)lround(finding_worst_s(c, f) * MOVEMENT_RATE_HZ);
         if ((f->kind != FINDING_POSTURE && f->kind != FINDING_RANGE && f->kind != FINDING_MIRRORED) ||
             at >= c->b.count || isnan(c->timeline.reference[at]))
             continue;

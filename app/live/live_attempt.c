@@ -1,6 +1,7 @@
 #include "app/live/live_attempt.h"
 
 #include "base/thread_priority.h"
+#include "compare/findings.h"
 
 #include <math.h>
 #include <pthread.h>
@@ -80,9 +81,11 @@ static void fill_strip(struct live_attempt *a)
         const int first = (int)((int64_t)f * ATTEMPT_CELLS / c->timeline.count),
                   end = (int)((int64_t)(f + 1) * ATTEMPT_CELLS / c->timeline.count);
         for (int cell = first; cell < end || cell == first; cell++)
-            for (int p = 0; p < PART_COUNT; p++)
-                if (a->strip[cell][p] == ATTEMPT_NOT_ALIGNED || parts[p].verdict > a->strip[cell][p])
-                    a->strip[cell][p] = (uint8_t)parts[p].verdict;
+            for (int p = 0; p < PART_COUNT; p++) {
+                const enum verdict v = parts[judged_part(c, p)].verdict;
+                if (a->strip[cell][p] == ATTEMPT_NOT_ALIGNED || v > a->strip[cell][p])
+                    a->strip[cell][p] = (uint8_t)v;
+            }
     }
 }
 

@@ -13,7 +13,8 @@ struct live_attempt {
     struct joint_samples samples; // of the attempt, y down, times from 0
     int32_t first;                // frame of the whole reference at which comparison.a begins
     char why[200];
-    // Over its time, in cells: the worst verdict of each part; ATTEMPT_NOT_ALIGNED where it is aligned with nothing
+    // Over its time, in cells: the worst verdict of each of its own parts; ATTEMPT_NOT_ALIGNED where it is aligned with
+    // nothing
     uint8_t strip[ATTEMPT_CELLS][PART_COUNT];
 };
 void live_attempt_free(struct live_attempt *a); // zeroed is fine; leaves it zeroed

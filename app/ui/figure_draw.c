@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-static const double MIN_DEPTH_M = 0.1, LIMB_DP = 9, DASH_DP = 9, DASHED_DP = 5;
+static const double MIN_DEPTH_M = 0.1, LIMB_DP = 9, DASH_DP = 9, DASHED_DP = 5, MARK_DP = 7;
 
 bool figure_point(const struct figure_view *view, struct vec3 world, struct ui_point *out)
 {
@@ -127,6 +127,16 @@ static void draw_trunk(const struct brush *b, const struct figure_view *view, co
     ui_stroke(b->ui, at, 4, true, 2 * 0.075 * r, color);
 }
 
+// Round the part, before it is drawn over.
+static void draw_mark(const struct brush *b, const struct figure_view *view, const struct drawn_part *d)
+{
+    const double dp = dp_per_m(view, d->depth_m), r = thickness_m[d->part] * dp + MARK_DP;
+    const uint32_t color = b->theme->accent;
+    ui_line(b->ui, d->from, d->to, 2 * r, color);
+    ui_disc(b->ui, d->from, r, color);
+    ui_disc(b->ui, d->to, d->part == PART_HEAD ? SKULL_M * dp + MARK_DP : r, color);
+}
+
 static void draw_body(const struct brush *b, const struct figure_view *view, const struct figure *f)
 {
     const struct theme *t = b->theme;
@@ -137,11 +147,13 @@ static void draw_body(const struct brush *b, const struct figure_view *view, con
     for (int i = 0; i < count; i++) {
         const struct drawn_part *d = &parts[i];
         const double r = thickness_m[d->part] * dp_per_m(view, d->depth_m);
-        if (d->part == PART_UPPER_TORSO) {
+        const bool trunk = d->part == PART_UPPER_TORSO || d->part == PART_LOWER_TORSO,
+                   marked = f->marked == (int)d->part + 1;
+        if (d->part == PART_UPPER_TORSO)
             draw_trunk(b, view, s, skin);
-            continue;
-        }
-        if (d->part == PART_LOWER_TORSO)
+        if (marked)
+            draw_mark(b, view, d);
+        if (trunk && !marked)
             continue;
         ui_line(b->ui, d->from, d->to, 2 * r + 3, edge);
         ui_line(b->ui, d->from, d->to, 2 * r, skin);

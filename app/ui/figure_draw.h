@@ -23,6 +23,7 @@ struct figure {
     const struct skeleton *skeleton; // world axes
     const enum verdict *verdicts;    // [PART_COUNT]; NULL: not judged
     bool dimmed;                     // a body that is only there to be compared with
+    int marked;                      // 1 more than the part that stands out, of a body; 0: none
 };
 // FIGURE_LIMBS or FIGURE_GHOST as strokes in world axes, for a picture that hides them by depth. Their widths count
 // pixels of view->lens's image. Returns how many; at most FIGURE_STROKES_MOST.

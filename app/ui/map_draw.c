@@ -137,7 +137,7 @@ void map_overlay_draw(const struct brush *b, const struct room_page *page)
     if (page->drive)
         draw_drive(b, v, page->drive);
     if (page->actor)
-        figure_draw(b, v, &(struct figure){FIGURE_BODY, page->actor, NULL, false});
+        figure_draw(b, v, &(struct figure){FIGURE_BODY, page->actor, NULL, false, 0});
     if (page->viewer_known)
         draw_viewer(b, page);
 }

@@ -52,8 +52,8 @@ static void draw_mirror(const struct brush *b, const struct view_state *s, const
     const struct cover cover = contain(&p->lens, screen_live_free(all.w, all.h));
     const struct ui_box box = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
     const struct figure_view view = {p->lens, p->world_from_camera, cover, true};
-    const struct figure person = {FIGURE_LIMBS, page->person, page->verdicts, false},
-                        ghost = {FIGURE_GHOST, page->ghost, NULL, false};
+    const struct figure person = {FIGURE_LIMBS, page->person, page->verdicts, false, 0},
+                        ghost = {FIGURE_GHOST, page->ghost, NULL, false, 0};
     if (page->picture)
         ui_image(b->ui, page->picture, box, over, ROUND, 0xffffffff);
     ui_clip(b->ui, box);
@@ -77,9 +77,9 @@ static void draw_scene(const struct brush *b, const struct view_state *s, const 
 {
     const struct take_view_image *p = page->image;
     const struct figure_view view = {p->lens, p->world_from_camera, cover_of(&p->lens, all), false};
-    const struct figure body = {FIGURE_BODY, page->person, NULL, false},
-                        limbs = {FIGURE_LIMBS, page->person, page->verdicts, false},
-                        ghost = {FIGURE_GHOST, page->ghost, NULL, false};
+    const struct figure body = {FIGURE_BODY, page->person, NULL, false, 0},
+                        limbs = {FIGURE_LIMBS, page->person, page->verdicts, false, 0},
+                        ghost = {FIGURE_GHOST, page->ghost, NULL, false, 0};
     compositor_draw(b, all, p, s);
     if (room) // the person is in p->overlay, hidden by what stands before it
         return;

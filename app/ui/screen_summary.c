@@ -120,12 +120,26 @@ static void draw_score(const struct brush *b, const struct live_state *l, const 
 int64_t finding_moment_ns(const struct comparison *c, const struct finding *f)
 {
     if (f->kind != FINDING_MISSING)
-        return (int64_t)(0.5e9 * (f->from_s + f->to_s));
+        return (int64_t)(1e9 * finding_worst_s(c, f));
     const int32_t wanted = (int32_t)(f->from_s * MOVEMENT_RATE_HZ); // in the reference's time
     int32_t at = 0;
     while (at + 1 < c->alignment.count && c->alignment.pairs[at].a < wanted)
         at++;
     return c->alignment.count ? (int64_t)(1e9 * c->alignment.pairs[at].b / MOVEMENT_RATE_HZ) : 0;
+}
+
+static const struct finding *chosen_finding(const struct screens *screens, const struct live_page *page)
+{
+    const struct comparison *c = page->comparison;
+    return c && screens->finding > 0 && screens->finding <= c->finding_count ? &c->findings[screens->finding - 1]
+                                                                             : NULL;
+}
+
+// The part that it is about; -1: none.
+static int chosen_part(const struct screens *screens, const struct live_page *page)
+{
+    const struct finding *f = chosen_finding(screens, page);
+    return f ? part_by_name(f->part) : -1;
 }
 
 static double row_height(const struct brush *b, const struct finding *f, double width)
@@ -243,21 +257,51 @@ static void strip_row(const struct brush *b, const struct live_page *page, int p
     }
 }
 
-static void part_rows(const struct brush *b, const struct live_page *page, struct ui_box names, struct ui_box in)
+static void part_words(int part, char out[40])
+{
+    snprintf(out, 40, "%s", part_name((enum part)part));
+    for (char *c = out; *c; c++)
+        *c = *c == '_' ? ' ' : *c;
+}
+
+static void part_rows(const struct brush *b, const struct live_page *page, int marked, struct ui_box names,
+                      struct ui_box in)
 {
     for (int p = 0; p < PART_COUNT; p++) {
         char name[40];
         const double y = in.y + p * (STRIP_ROW + ROW_GAP);
-        snprintf(name, sizeof name, "%s", part_name((enum part)p));
-        for (char *c = name; *c; c++)
-            *c = *c == '_' ? ' ' : *c;
-        label(b, FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW}, b->theme->quiet, name);
+        part_words(p, name);
+        if (p == marked)
+            ui_fill(b->ui, (struct ui_box){names.x - 6, y - 1, in.x + in.w - names.x + 12, STRIP_ROW + ROW_GAP}, 6,
+                    faint(b->theme->accent, 0.25));
+        label(b, p == marked ? FACE_STRONG : FACE_SMALL, (struct ui_box){names.x, y, names.w, STRIP_ROW},
+              p == marked ? b->theme->text : b->theme->quiet, name);
         strip_row(b, page, p, (struct ui_box){in.x, y, in.w, STRIP_ROW});
     }
 }
 
-static void draw_strip(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
-                       bool one_row)
+// Round the time of the chosen finding, on its part's row.
+static void mark_time(const struct brush *b, const struct finding *f, double length_s, struct ui_box row)
+{
+    const double from = row.w * fmin(f->from_s / length_s, 1), to = row.w * fmin(f->to_s / length_s, 1);
+    ui_border(b->ui, (struct ui_box){row.x + from - 2, row.y - 2, fmax(to - from, 4) + 4, row.h + 4}, 5, 2.5,
+              b->theme->accent);
+}
+
+// Beside the time, wherever that is: the chosen finding's part where it has no row of its own, and what the strip is
+// for.
+static void strip_words(const struct brush *b, int part, struct ui_box left, struct ui_box right)
+{
+    char words[40] = "Touch to play";
+    const struct ui_box at = left.w > right.w ? left : right;
+    if (part >= 0)
+        part_words(part, words);
+    if (at.w > ui_text_width(b->ui, FACE_SMALL, words))
+        label(b, FACE_SMALL, at, part >= 0 ? b->theme->accent : b->theme->quiet, words);
+}
+
+static void draw_strip(const struct brush *b, struct screens *screens, struct view_state *s,
+                       const struct live_page *page, struct ui_box box, bool one_row)
 {
     const struct theme *t = b->theme;
     struct live_state *l = &s->live;
@@ -269,22 +313,26 @@ static void draw_strip(const struct brush *b, struct view_state *s, const struct
         return;
     const struct ui_touch touch = ui_area(b->ui, "summary-strip", (struct ui_box){in.x, box.y, in.w, box.h});
     const double rows_h = one_row ? STRIP_ROW + 6 : PART_COUNT * (STRIP_ROW + ROW_GAP), bottom = in.y + rows_h;
-    if (one_row)
-        strip_row(b, page, -1, (struct ui_box){in.x, in.y, in.w, rows_h - 4});
-    else
-        part_rows(b, page, names, in);
+    const struct finding *f = chosen_finding(screens, page);
+    const int part = chosen_part(screens, page);
+    struct ui_box marked = {in.x, in.y, in.w, rows_h - 4}; // the row of the finding's part, or all of them
+    if (one_row) {
+        strip_row(b, page, part, marked);
+    } else {
+        part_rows(b, page, part, names, in);
+        marked = part < 0 ? marked : (struct ui_box){in.x, in.y + part * (STRIP_ROW + ROW_GAP), in.w, STRIP_ROW};
+    }
     const double length = (double)(l->review_length_ns > 0 ? l->review_length_ns : 1);
+    if (f && f->kind != FINDING_MISSING) // whose times are the reference's
+        mark_time(b, f, 1e-9 * length, marked);
     const double x = in.x + in.w * fmin(1, (double)l->review_at_ns / length), time_w = label_time_width(b, 0);
     ui_fill(b->ui, (struct ui_box){x - 1.5, in.y - 4, 3, bottom - in.y + 4}, 1.5, t->text);
     label_time(b, (struct ui_point){fmin(x, in.x + in.w - time_w), bottom + 2}, t->text, l->review_at_ns);
-    // Beside the time, wherever that is.
-    const struct ui_box left = {in.x, bottom, x - in.x - GAP, 22},
+    const struct ui_box under = {names.x, bottom, names.w, 22}, left = {in.x, bottom, x - in.x - GAP, 22},
                         right = {x + time_w + GAP, bottom, in.x + in.w - x - time_w - GAP, 22};
-    const struct ui_box words = !one_row           ? (struct ui_box){names.x, bottom, names.w, 22}
-                                : left.w > right.w ? left
-                                                   : right;
-    if (words.w > ui_text_width(b->ui, FACE_SMALL, "Touch to play"))
-        label(b, FACE_SMALL, words, t->quiet, "Touch to play");
+    strip_words(b, one_row ? part : -1, one_row ? left : under, one_row ? right : under);
+    if (touch.went_down)
+        screens->finding = 0; // another moment than the finding's
     if (touch.went_down || (touch.held && !l->reviewing))
         live_state_review(l, (int64_t)(fmin(fmax(touch.x / in.w, 0), 1) * length));
     s->changed |= touch.held;
@@ -292,7 +340,8 @@ static void draw_strip(const struct brush *b, struct view_state *s, const struct
 
 // ---------------------------------------------------------------- figures
 
-static void draw_figures(const struct brush *b, const struct live_page *page, struct ui_box box)
+static void draw_figures(const struct brush *b, const struct screens *screens, const struct live_page *page,
+                         struct ui_box box)
 {
     const struct theme *t = b->theme;
     const struct take_view_image *p = page->image;
@@ -301,8 +350,10 @@ static void draw_figures(const struct brush *b, const struct live_page *page, st
                                      false};
     panel(b, box, false);
     ui_clip(b->ui, box);
-    const struct figure attempt = {FIGURE_BODY, page->attempt, page->review_verdicts, false},
-                        reference = {FIGURE_BODY, page->reference, NULL, true};
+    const int part = chosen_part(screens, page);
+    const struct figure attempt = {FIGURE_BODY, page->attempt, page->review_verdicts, false, part + 1},
+                        reference = {FIGURE_BODY, page->reference, NULL, true,
+                                     page->comparison ? judged_part(page->comparison, part) + 1 : 0};
     if (page->reference)
         figure_draw(b, &view, &reference);
     if (page->attempt)
@@ -359,14 +410,14 @@ void screen_summary(const struct brush *b, struct screens *screens, struct view_
     ui_fill(b->ui, all, 0, b->theme->ground);
     if (screens->summary != s->live.judged) { // another attempt's findings
         screens->summary = s->live.judged;
-        screens->finding = 0;
+        screens->finding = page->comparison && page->comparison->finding_count; // whose moment it opens at
         screens->findings = (struct scroll){0};
     }
     draw_head(b, s, page, l.head, l.merged, now_ns);
     draw_score(b, &s->live, page, l.score);
-    draw_figures(b, page, l.figures);
+    draw_figures(b, screens, page, l.figures);
     draw_findings(b, screens, s, page, l.findings);
-    draw_strip(b, s, page, l.strip, l.one_row);
+    draw_strip(b, screens, s, page, l.strip, l.one_row);
     if (!l.merged)
         draw_buttons(b, s, page, l.buttons, now_ns);
     screens->image_held = ui_area(b->ui, "image", all).held;

@@ -326,18 +326,22 @@ static void reset(void)
     t.studio = studio_start(true);
 }
 
+static void choose_glass(size_t size, double text_size)
+{
+    t.size = sizes[size];
+    t.px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(t.size.dpi), text_size, t.size.width, t.size.height);
+    t.state.text_size = text_size;
+    gpu_target_close(&t.target);
+    EXPECT_STATUS(gpu_target_open(&t.target, t.gpu, t.size.width, t.size.height), OK);
+    reset();
+}
+
 static void for_all_glasses(void (*check)(void))
 {
     t.bad = 0;
     for (size_t i = 0; i < COUNT_OF(sizes); i++)
         for (int text = 0; text < VIEW_TEXT_SIZES; text++) {
-            t.size = sizes[i];
-            t.px_per_dp = viewer_px_per_dp_with_text(viewer_px_per_dp(t.size.dpi), view_text_sizes[text], t.size.width,
-                                                     t.size.height);
-            t.state.text_size = view_text_sizes[text];
-            gpu_target_close(&t.target);
-            EXPECT_STATUS(gpu_target_open(&t.target, t.gpu, t.size.width, t.size.height), OK);
-            reset();
+            choose_glass(i, view_text_sizes[text]);
             check();
         }
     EXPECT_INT(t.bad, 0);
@@ -587,6 +591,79 @@ static void test_findings_are_touched_and_dragged(void **state)
     for_all_glasses(check_touch);
 }
 
+// How many pixels of the box have the accent colour, or nearly.
+static int count_accent(struct ui_box box)
+{
+    const uint32_t color = theme_of(true)->accent;
+    const int width = t.size.width;
+    uint8_t *rgba = malloc(4 * (size_t)width * (size_t)t.size.height);
+    int count = 0;
+    EXPECT_STATUS(ui_draw(t.ui, t.target, 0), OK);
+    EXPECT_STATUS(gpu_target_read(t.target, rgba), OK);
+    for (int y = (int)(box.y * t.px_per_dp); y < (int)((box.y + box.h) * t.px_per_dp) && y < t.size.height; y++)
+        for (int x = (int)(box.x * t.px_per_dp); x < (int)((box.x + box.w) * t.px_per_dp) && x < width; x++) {
+            const uint8_t *p = rgba + 4 * (y * width + x);
+            count += abs(p[0] - (int)(color >> 24)) + abs(p[1] - (int)(color >> 16 & 255)) +
+                         abs(p[2] - (int)(color >> 8 & 255)) <
+                     40;
+        }
+    free(rgba);
+    return count;
+}
+
+// A forearm alone, 3 m before the camera of `image`, in the middle of that box.
+static struct skeleton forearm(struct ui_box box)
+{
+    struct skeleton s = {0};
+    const struct part_ends ends = part_ends[PART_RIGHT_FOREARM];
+    const struct cover cover = cover_of(&image.lens, (struct ui_box){0, 0, ui_width(t.ui), ui_height(t.ui)});
+    const double m_per_dp = 3 / image.lens.fx / cover.scale, x = m_per_dp * (middle(box).x - ui_width(t.ui) / 2),
+                 y = m_per_dp * (middle(box).y - ui_height(t.ui) / 2);
+    s.joint[ends.from] = v3(x - 0.05, y, 3);
+    s.joint[ends.to] = v3(x + 0.05, y, 3);
+    s.confidence[ends.from] = s.confidence[ends.to] = 1;
+    return s;
+}
+
+// The summary opens at the worst finding; the part of the one that is chosen stands out in the strip, where there is a
+// row for each part or one for all, and in the figure.
+static void test_part_of_the_chosen_finding_stands_out(void **state)
+{
+    (void)state;
+    static const char *const part = "right forearm";
+    for (int low = 0; low < 2; low++) {
+        choose_glass(low ? 1 : 3, 1);
+        show_summary(10);
+        draw(draw_summary);
+        const struct ui_box strip_box = find_mark(false, "summary-strip")->box,
+                            figures = screen_summary_figures(ui_width(t.ui), ui_height(t.ui));
+        const struct skeleton person = forearm(figures);
+        live_page.attempt = &person;
+        t.screens.summary = 0; // of another attempt
+        draw(draw_summary);
+        save("summary-chosen");
+        EXPECT_INT(t.screens.finding, 1);
+        EXPECT_TRUE(find_mark(true, part) != NULL);
+        const int in_row = count_accent(strip_box), in_figure = count_accent(figures);
+        t.screens.finding = 0;
+        draw(draw_summary);
+        EXPECT_INT(find_mark(true, part) != NULL, !low);
+        const int plain_row = count_accent(strip_box), plain_figure = count_accent(figures);
+        print_message("%s: of the accent's colour %d pixels in the strip, without a finding %d; in the figure %d and "
+                      "%d\n",
+                      low ? "one row" : "rows", in_row, plain_row, in_figure, plain_figure);
+        EXPECT_AT_LEAST(in_row, plain_row + 20);
+        EXPECT_AT_LEAST(in_figure, plain_figure + 200);
+        // Another moment of the attempt is no longer the finding's.
+        t.screens.finding = 1;
+        draw(draw_summary);
+        const struct ui_point at = middle(strip_box);
+        tap(draw_summary, at.x, at.y);
+        EXPECT_INT(t.screens.finding, 0);
+        live_page.attempt = NULL;
+    }
+}
+
 static void check_studio(void)
 {
     static const struct {
@@ -636,12 +713,7 @@ static void test_cues_are_read_from_three_metres(void **state)
     (void)state;
     static const double capital = 0.6; // of a line: Inter's capitals are 0.727 em, and an em is 0.83 of a line
     for (size_t i = 0; i < 5; i++) {
-        t.size = sizes[i];
-        t.px_per_dp = viewer_px_per_dp(t.size.dpi);
-        gpu_target_close(&t.target);
-        EXPECT_STATUS(gpu_target_open(&t.target, t.gpu, t.size.width, t.size.height), OK);
-        t.state.text_size = 1;
-        reset();
+        choose_glass(i, 1);
         t.state.page = PAGE_LIVE;
         t.state.live.phase = LIVE_DOING;
         draw(draw_live);
@@ -659,10 +731,7 @@ static void test_cues_are_read_from_three_metres(void **state)
 static void test_no_words_of_developers(void **state)
 {
     (void)state;
-    t.size = sizes[3];
-    t.px_per_dp = 0.93;
-    gpu_target_close(&t.target);
-    EXPECT_STATUS(gpu_target_open(&t.target, t.gpu, t.size.width, t.size.height), OK);
+    choose_glass(3, 1);
     for (int developer = 0; developer < 2; developer++) {
         reset();
         t.state.sheet = SHEET_LAYERS;
@@ -681,11 +750,7 @@ static void test_no_words_of_developers(void **state)
 static void test_icons_have_words(void **state)
 {
     (void)state;
-    t.size = sizes[3];
-    t.px_per_dp = 0.93;
-    gpu_target_close(&t.target);
-    EXPECT_STATUS(gpu_target_open(&t.target, t.gpu, t.size.width, t.size.height), OK);
-    reset();
+    choose_glass(3, 1);
     draw(draw_watch);
     static const char *const words[] = {"Repeat", "Mirror", "Show", "Move", "Map", "Find", "Takes", "Around"};
     t.state.orbiting = false;
@@ -741,6 +806,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_the_summary_fits),
         cmocka_unit_test(test_all_findings_can_be_reached),
         cmocka_unit_test(test_findings_are_touched_and_dragged),
+        cmocka_unit_test(test_part_of_the_chosen_finding_stands_out),
         cmocka_unit_test(test_cues_are_read_from_three_metres),
         cmocka_unit_test(test_no_words_of_developers),
         cmocka_unit_test(test_icons_have_words),

@@ -117,10 +117,52 @@ static void test_a_short_pause_comes_last(void **state)
     }
 }
 
+// It is seen best where it is worst, and not in its middle.
+static void test_worst_moment_of_a_posture(void **state)
+{
+    (void)state;
+    const struct exercise a = once();
+    struct exercise elbow = a, worse = a;
+    struct rng rng = {7};
+    struct joint_samples sa, sb, worst;
+    elbow.right_elbow_rad = 0.44; // 25 degrees
+    worse.right_elbow_rad = 0.7;
+    elbow.wrong_from_s = worse.wrong_from_s = 0.8;
+    elbow.wrong_to_s = worse.wrong_to_s = 2.2;
+    exercise_samples(&a, &rng, &sa);
+    exercise_samples(&elbow, &rng, &sb);
+    exercise_samples(&worse, &rng, &worst);
+    int64_t first = sb.count, last = 0;
+    for (int64_t i = 0; i < sb.count; i++) {
+        const double at_s = (double)(sb.at[i].time_ns - sb.at[0].time_ns) * 1e-9;
+        if (at_s < 1.75 || at_s > 2)
+            continue;
+        sb.at[i] = worst.at[i];
+        first = i < first ? i : first;
+        last = i;
+    }
+    const double from_s = (double)(sb.at[first].time_ns - sb.at[0].time_ns) * 1e-9,
+                 to_s = (double)(sb.at[last].time_ns - sb.at[0].time_ns) * 1e-9;
+    joint_samples_free(&worst);
+    struct comparison c = compare(&sa, &sb);
+    EXPECT_AT_LEAST(c.finding_count, 1);
+    const struct finding *f = &c.findings[0];
+    EXPECT_INT(part_by_name(f->part), PART_RIGHT_FOREARM);
+    EXPECT_TRUE(0.5 * (f->from_s + f->to_s) < 1.6);
+    EXPECT_NEAR(finding_worst_s(&c, f), 0.5 * (from_s + to_s), 0.5 * (to_s - from_s) + 0.04);
+    EXPECT_INT(judged_part(&c, PART_RIGHT_FOREARM), PART_RIGHT_FOREARM);
+    c.mirrored = true;
+    EXPECT_INT(judged_part(&c, PART_RIGHT_FOREARM), PART_LEFT_FOREARM);
+    EXPECT_INT(judged_part(&c, part_by_name("body")), -1);
+    c.mirrored = false;
+    comparison_free(&c);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_off_all_along_comes_second),
+        cmocka_unit_test(test_worst_moment_of_a_posture),
         cmocka_unit_test(test_pauses_by_turns_are_none),
         cmocka_unit_test(test_a_short_pause_comes_last),
     };
