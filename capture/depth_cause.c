@@ -17,7 +17,7 @@ static const double FEW_SHARE = 0.5, // of the take's frames with a person: belo
 static const double NEAREST_M = 0.12, FARTHEST_M = 20;
 static const double REACHED_SHARE = 0.05; // of the pixels have depth: below it nothing can be told
 
-enum { FRAMES = 24, COLUMNS_MOST = 320 };
+enum { FRAMES = 24, SCENE_FRAMES = 4, COLUMNS_MOST = 320 };
 
 struct depth_film {
     struct lens lens;
@@ -65,19 +65,21 @@ static enum status keep_frame(struct depth_film *f, const struct lens *full, con
     return OK;
 }
 
-// From the middle of the take, at most every third frame, as fast as a sensor's.
-static enum status film_read(struct take *take, struct depth_film *out)
+// From the middle of the take, at most every third frame, as fast as a sensor's. scene_only: nobody is looked for in
+// them, and fewer will do.
+static enum status film_read(struct take *take, bool scene_only, struct depth_film *out)
 {
     const struct lens *full = &take_calibration(take)->depth;
     const int64_t count = take_frame_count(take), stride = count >= 3 * FRAMES ? 2 : 1;
     const int64_t first = count > stride * FRAMES ? (count - stride * FRAMES) / 2 : 0;
+    const int64_t most = scene_only ? SCENE_FRAMES : FRAMES, apart = stride * FRAMES / most;
     const int step = (full->width + COLUMNS_MOST - 1) / COLUMNS_MOST;
     enum status status = OK;
     *out = (struct depth_film){.count = 0};
     if (full->width <= 0)
         return OK;
     out->lens = lens_reduced(full, step);
-    for (int64_t i = first; i < count && out->count < FRAMES && status == OK; i += stride) {
+    for (int64_t i = first; i < count && out->count < most && status == OK; i += apart) {
         struct take_images images;
         status = take_read(take, i, TAKE_DEPTH, &images);
         if (status == OK && images.depth) // at 15 Hz, whatever the film's own times are
@@ -410,10 +412,10 @@ enum status depth_cause_find(struct take *take, struct depth_finding *out)
         out->cause = CAUSE_UNIT;
         return OK;
     }
-    enum status status = film_read(take, &film);
+    const double person = person_share(take);
+    enum status status = film_read(take, person >= MOST_SHARE, &film);
     if (status == OK && film.count) {
         const struct scene_numbers scene = scene_of(&film);
-        const double person = person_share(take);
         if (scene.share < REACHED_SHARE && person < FEW_SHARE)
             out->cause = CAUSE_NOTHING_IN_REACH;
         else if (person >= FEW_SHARE && person < MOST_SHARE)

@@ -2,13 +2,13 @@
 // the coach (coaching/coach.h) and kept beside them (recording/recorded_verdict.h); made anew wherever it is missing,
 // as in older files, or the frames have changed since. The same frames give the same verdict.
 //
-// Of a take longer than VERDICT_FRAMES_MOST frames as many are looked at, evenly. That takes about as long as playing
-// them.
+// The joints of all frames count. Images are looked at ten times a second, of a take shorter than VERDICT_LOOKS_LEAST
+// such looks more often, of one longer than VERDICT_LOOKS_MOST less.
 #pragma once
 #include "capture/coaching/coach.h"
 #include "capture/recording/recorded_verdict.h"
 
-enum { VERDICT_FRAMES_MOST = 900 }; // 30 s of film: what a longer one adds was mostly seen before
+enum { VERDICT_LOOKS_LEAST = 60, VERDICT_LOOKS_MOST = 600 }; // chosen by hand
 
 // What only who filmed it knows.
 struct take_filming {
@@ -29,5 +29,16 @@ struct take_judgement {
 MUST_CHECK enum status take_verdict_keep(const char *path, const char *name, const struct take_filming *filming,
                                          struct take_judgement *out);
 
-// The verdict that is kept, or a new one. ERR_CORRUPT, ERR_IO, ERR_MEMORY, ERR_MISSING.
-MUST_CHECK enum status take_verdict_get(struct recording *r, const char *name, struct take_verdict *out);
+// The same for each take that has none, or one of other frames. ERR_CORRUPT, ERR_IO, ERR_MEMORY: the rest has none.
+MUST_CHECK enum status take_verdict_keep_missing(const char *path);
+
+// Asked before each frame, where it is not NULL: false ends the judging.
+struct take_verdict_patience {
+    bool (*goes_on)(void *self);
+    void *self;
+};
+
+// The verdict that is kept, or a new one, which is not written. patience NULL: there is time. NOTHING: it was ended.
+// ERR_CORRUPT, ERR_IO, ERR_MEMORY, ERR_MISSING.
+MUST_CHECK enum status take_verdict_get(struct recording *r, const char *name,
+                                        const struct take_verdict_patience *patience, struct take_verdict *out);

@@ -173,7 +173,7 @@ static enum status report_take(struct recording *r, const char *name, struct jso
     if (status == OK)
         status = take_read_sizes(take, &sizes);
     if (status == OK)
-        status = take_verdict_get(r, name, &verdict);
+        status = take_verdict_get(r, name, NULL, &verdict);
     if (status == ERR_CORRUPT) {
         fprintf(stderr, "reenact-capture info: warning: take '%s': %s\n", name, status_message());
         take_close(&take);

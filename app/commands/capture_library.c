@@ -146,7 +146,7 @@ static enum status list_take(struct recording *r, const char *shown, int index, 
 {
     struct take *take;
     struct take_verdict verdict;
-    enum status status = take_verdict_get(r, recording_take_name(r, index), &verdict);
+    enum status status = take_verdict_get(r, recording_take_name(r, index), NULL, &verdict);
     if (status == OK)
         status = take_open_drawn(&take, r, recording_take_name(r, index));
     if (status != OK)

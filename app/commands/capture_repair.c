@@ -3,6 +3,7 @@
 
 #include "app/commands/recording_report.h"
 #include "base/text.h"
+#include "capture/take_verdict.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -78,6 +79,8 @@ int capture_repair(int argc, char **argv)
         status = recording_check_new(out);
     if (status == OK)
         status = recording_repair(a.file, out, &report);
+    if (status == OK) // the file is repaired already: a take that cannot be judged now is judged when it is asked for
+        (void)!take_verdict_keep_missing(out);
     struct failure repaired;
     failure_keep(&repaired, status);
     if (a.json)

@@ -1,7 +1,5 @@
 #include "capture/coaching/coach.h"
 
-#include "capture/coaching/framing.h"
-
 #include <stdio.h>
 #include <string.h>
 
@@ -11,7 +9,7 @@ static const double SLOW_S = 1.0 / 20; // between frames
 enum { SLOW_FRAMES = 15 };             // of the last ones, counted up and down
 // Of the median joint, in the colour image. The exposure is taken for half of a 30 Hz frame: indoors it is as long.
 static const double BLUR_PX = 6, EXPOSURE_S = 1.0 / 60;
-enum { ADVICE_EVERY = 3 };              // frames
+enum { ADVICE_EVERY = 3 };              // frames that were looked at
 static const double DEPTH_WRONG = 0.03; // sensors of this kind are within one to two hundredths
 
 static const char *const fault_texts[FAULT_COUNT] = {
@@ -109,11 +107,28 @@ static double blur_of(const struct coach *c, const struct coach_frame *frame)
     return count ? sorted[count / 2] : 0;
 }
 
+static void look(struct coach *c, const struct coach_frame *frame)
+{
+    const struct scene_state before = c->said;
+    const struct scene_view view = {&c->calibration, frame->color, frame->depth, frame->mask, c->unread_frames};
+    c->unread_frames = 0;
+    scene_watch_next(&c->scene, &view, &c->said);
+    if (frame->unread == UNREAD_COLOR) {
+        c->said.luma = before.luma;
+        c->said.dark = before.dark;
+        c->said.bright = before.bright;
+    } else {
+        c->no_color = c->calibration.color.width > 0 && !frame->color;
+    }
+}
+
 static void note_scene(struct coach *c, const struct coach_frame *frame)
 {
-    struct scene_state s;
-    const struct scene_view view = {&c->calibration, frame->color, frame->depth, frame->mask};
-    scene_watch_next(&c->scene, &view, &s);
+    if (frame->unread == UNREAD_ALL)
+        c->unread_frames++;
+    else
+        look(c, frame);
+    const struct scene_state s = c->said;
     const bool moved = frame->sensor_moves > c->sensor_moves;
     c->sensor_moves = frame->sensor_moves;
     c->luma = s.luma;
@@ -122,8 +137,8 @@ static void note_scene(struct coach *c, const struct coach_frame *frame)
     c->slow_frames += late ? c->slow_frames < SLOW_FRAMES : -(c->slow_frames > 0);
     note_fault(c, FAULT_SLOW, c->slow_frames >= SLOW_FRAMES, frame->time_ns, false);
     note_fault(c, FAULT_FROZEN, s.frozen, frame->time_ns, false);
-    note_fault(c, FAULT_NO_COLOR, c->calibration.color.width > 0 && !frame->color, frame->time_ns, false);
-    note_fault(c, FAULT_NO_DEPTH, frame->depth && s.no_depth, frame->time_ns, false);
+    note_fault(c, FAULT_NO_COLOR, c->no_color, frame->time_ns, false);
+    note_fault(c, FAULT_NO_DEPTH, s.no_depth, frame->time_ns, false);
     note_fault(c, FAULT_DEPTH_WRONG, frame->depth_scale > 0 && fabs(frame->depth_scale - 1) > DEPTH_WRONG,
                frame->time_ns, false);
     note_fault(c, FAULT_DARK, s.dark, frame->time_ns, false);
@@ -134,14 +149,15 @@ static void note_scene(struct coach *c, const struct coach_frame *frame)
 
 static void note_person(struct coach *c, const struct coach_frame *frame)
 {
-    const bool there = frame->skeleton && frame->mask && frame->depth;
-    struct framing f = {.distance_m = 0};
-    c->blur_px = 0;
-    if (there) {
-        const struct framing_view view = {&c->calibration, frame->mask, frame->skeleton};
-        f = framing_of(&view);
-        c->blur_px = blur_of(c, frame);
-    }
+    const bool unread = frame->unread == UNREAD_ALL,
+               there = frame->skeleton && (unread || (frame->mask && frame->depth));
+    const struct framing_view in_view = {&c->calibration, frame->mask, frame->skeleton};
+    if (!there)
+        c->framing = (struct framing){.distance_m = 0};
+    else if (!unread)
+        c->framing = framing_of(&in_view);
+    const struct framing f = c->framing;
+    c->blur_px = there ? blur_of(c, frame) : 0;
     c->distance_m = f.distance_m;
     note_fault(c, FAULT_NO_PERSON, !there, frame->time_ns, false);
     note_fault(c, FAULT_FEET_OUTSIDE, f.feet_outside, frame->time_ns, false);
@@ -155,7 +171,7 @@ static void note_person(struct coach *c, const struct coach_frame *frame)
         return;
     c->last_skeleton = *frame->skeleton;
     const struct coverage_view view = {&c->calibration, frame->depth, frame->mask, frame->skeleton, c->blur_px};
-    if (coverage_add(&c->coverage, &view) && c->coverage.frames % ADVICE_EVERY == 1) {
+    if (coverage_add(&c->coverage, &view) && !unread && c->coverage.looks % ADVICE_EVERY == 1) {
         if (c->purpose != PURPOSE_COMPARE)
             c->advice = advisor_next(&c->advisor, &c->coverage, frame->skeleton, frame->time_ns);
         c->share = coverage_share(&c->coverage);

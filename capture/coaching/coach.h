@@ -7,6 +7,7 @@
 // A fault is raised when it has lasted 0.4 s and taken back when it has been gone as long, so that one bad frame says
 // nothing. Times are the frames' own.
 #pragma once
+#include "capture/coaching/framing.h"
 #include "capture/coaching/pose_advice.h"
 #include "capture/coaching/scene_watch.h"
 #include "capture/recording/recorded_verdict.h"
@@ -44,17 +45,23 @@ struct coach {
     struct calibration calibration;
     struct coverage coverage;
     struct scene_watch scene;
+    struct scene_state said; // by the images that were looked at last, as are the next two
+    struct framing framing;
+    bool no_color;
     struct advisor advisor;
     struct coach_fault_record fault[FAULT_COUNT];
     enum pose_advice advice;
     enum verdict_purpose purpose; // for comparing no turns and poses are asked for
     int64_t first_ns, last_ns;
-    int frames, slow_frames, sensor_moves;
+    int frames, unread_frames, slow_frames, sensor_moves; // unread: since the last look
     struct skeleton last_skeleton;
     bool has_last;
     double blur_px, luma, distance_m, share;
     char text[160];
 };
+
+// Images of a frame that nobody looked at: what those said that were looked at last still holds. The joints count.
+enum coach_unread { UNREAD_NONE, UNREAD_COLOR, UNREAD_ALL };
 
 struct coach_frame {
     int64_t time_ns;
@@ -65,6 +72,7 @@ struct coach_frame {
     int sensor_moves;                // as the recorder counts them
     double step_s;                   // since the frame before it, given or left out; 0: since the last one given
     double depth_scale;              // measured depth over the one that the tags say; 0: not known
+    enum coach_unread unread;        // these images are NULL and not missed
 };
 
 void coach_start(struct coach *c, const struct calibration *calibration, enum verdict_purpose purpose);

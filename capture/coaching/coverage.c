@@ -60,18 +60,15 @@ static bool is_guessed(const struct skeleton *s, enum joint j)
     return s->confidence[j] <= 0 || (s->confidence[j] < 1 && !(sigma_m <= 0.5 * KNOWN_SIGMA_MAX_M));
 }
 
-bool coverage_add(struct coverage *c, const struct coverage_view *view)
+static void add_samples(struct coverage *c, const struct coverage_view *view, const struct surface_pose *pose)
 {
-    struct surface_pose pose;
     const struct calibration *k = view->calibration;
     const struct lens *lens = &k->depth;
-    if (!surface_pose_of(view->skeleton, &pose) || !pose.part[PART_UPPER_TORSO].known)
-        return false;
     const double sharpness = view->blur_px > SHARP_PX ? SHARP_PX / view->blur_px : 1;
     const double focal = k->color.width > 0 ? k->color.fx : lens->fx;
     const int step = step_of(lens, view->mask);
-    // Another pixel of each step x step block in every frame.
-    const int dx = (int)(c->frames % (unsigned)step), dy = (int)(c->frames / (unsigned)step % (unsigned)step);
+    // Another pixel of each step x step block in every look.
+    const int dx = (int)(c->looks % (unsigned)step), dy = (int)(c->looks / (unsigned)step % (unsigned)step);
     for (int y = dy; y < lens->height; y += step)
         for (int x = dx; x < lens->width; x += step) {
             const int i = y * lens->width + x;
@@ -80,8 +77,18 @@ bool coverage_add(struct coverage *c, const struct coverage_view *view)
             const double z = view->depth[i] * 1e-3;
             const struct vec3 ray = v3((x - lens->cx) / lens->fx, (y - lens->cy) / lens->fy, 1);
             const struct vec3 p = pose_apply(k->color_from_depth, v3_scale(ray, z));
-            add_sample(c, &pose, p, fmin(1, focal / z / FINE_PX_PER_M) * sharpness);
+            add_sample(c, pose, p, fmin(1, focal / z / FINE_PX_PER_M) * sharpness);
         }
+    c->looks++;
+}
+
+bool coverage_add(struct coverage *c, const struct coverage_view *view)
+{
+    struct surface_pose pose;
+    if (!surface_pose_of(view->skeleton, &pose) || !pose.part[PART_UPPER_TORSO].known)
+        return false;
+    if (view->depth)
+        add_samples(c, view, &pose);
     for (int part = 0; part < SURFACE_PARTS; part++)
         if (pose.part[part].known) {
             c->length_m[part] += pose.part[part].to - pose.part[part].from;

@@ -22,13 +22,14 @@ struct coverage {
     uint32_t lengths[SURFACE_PARTS];
     uint32_t facing[SURFACE_ANGLES]; // frames in which the camera was at this angle of the body, from its front
     uint32_t frames;                 // with a person
+    uint32_t looks;                  // of them, with depth
     uint32_t guessed[JOINT_COUNT];   // of them, with the joint unknown or inferred to no better than 15 cm
 };
 
 struct coverage_view {
     const struct calibration *calibration;
-    const uint16_t *depth;           // millimetres, of the calibration's depth lens
-    const uint8_t *mask;             // not 0: the actor
+    const uint16_t *depth;           // millimetres, of the calibration's depth lens; NULL: only the joints count
+    const uint8_t *mask;             // not 0: the actor; NULL as depth is
     const struct skeleton *skeleton; // colour camera's axes
     double blur_px;                  // of the colour image, in pixels; 0: sharp
 };

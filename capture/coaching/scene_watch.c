@@ -9,6 +9,7 @@ static const int STILL_FRAMES = 90;        // what has not moved for so long is 
 static const int SURE_FRAMES = 3;          // that show something farther than the background
 static const int FROZEN_FRAMES = 10;       // noise alone changes a live picture from frame to frame
 static const int PUSHED_FRAMES = 4;        // that agree
+static const int MOST_FRAMES = 3;          // that one view counts for: never is one alone believed
 static const double PUSHED_SHARE = 0.15;   // of the cells changed, and in three quarters of the picture ...
 static const double PUSHED_QUARTER = 0.08; // ... this share at least
 static const double PERSON_M2 = 0.12;      // a child's body that shows in part
@@ -48,14 +49,14 @@ static void sample(const struct scene_view *view, struct grid *g)
                         g->actor[y * SCENE_COLUMNS + x] = true;
 }
 
-static bool is_frozen(struct scene_watch *w, const struct grid *g)
+static bool is_frozen(struct scene_watch *w, const struct grid *g, int frames)
 {
     const bool same = w->frames > 0 && !memcmp(g->depth, w->last, sizeof w->last);
-    w->same_frames = same ? w->same_frames + 1 : 0;
+    w->same_frames = same ? w->same_frames + frames : 0;
     return w->same_frames >= FROZEN_FRAMES;
 }
 
-static bool is_pushed(struct scene_watch *w, const struct grid *g)
+static bool is_pushed(struct scene_watch *w, const struct grid *g, int frames)
 {
     int all[4] = {0}, changed[4] = {0}, wide = 0;
     for (int i = 0; i < SCENE_CELLS; i++) {
@@ -73,18 +74,18 @@ static bool is_pushed(struct scene_watch *w, const struct grid *g)
         wide += all[q] > 0 && changed[q] > PUSHED_QUARTER * all[q];
     }
     const bool moved = wide >= 3 && sum_changed > PUSHED_SHARE * sum;
-    w->moved_frames = moved ? w->moved_frames + 1 : 0;
+    w->moved_frames = moved ? w->moved_frames + frames : 0;
     return w->moved_frames >= PUSHED_FRAMES;
 }
 
-static void learn(struct scene_watch *w, const struct grid *g)
+static void learn(struct scene_watch *w, const struct grid *g, int frames)
 {
     for (int i = 0; i < SCENE_CELLS; i++) {
         const int z = g->depth[i];
         if (!z)
             continue;
         const int off = z > w->last[i] ? z - w->last[i] : w->last[i] - z;
-        w->still[i] = (uint16_t)(w->last[i] && off < tolerance_mm(z) && w->still[i] < 60000 ? w->still[i] + 1 : 0);
+        w->still[i] = (uint16_t)(w->last[i] && off < tolerance_mm(z) && w->still[i] < 60000 ? w->still[i] + frames : 0);
         if (g->actor[i])
             continue;
         const int behind = z - w->background[i];
@@ -162,12 +163,13 @@ void scene_watch_next(struct scene_watch *w, const struct scene_view *view, stru
         return;
     struct grid g;
     int valid = 0;
+    const int frames = view->skipped < MOST_FRAMES ? view->skipped + 1 : MOST_FRAMES;
     sample(view, &g);
     for (int i = 0; i < SCENE_CELLS; i++)
         valid += g.depth[i] != 0;
     out->no_depth = valid < MIN_DEPTH_SHARE * SCENE_CELLS;
-    out->frozen = is_frozen(w, &g) && !out->no_depth;
-    out->pushed = is_pushed(w, &g);
+    out->frozen = is_frozen(w, &g, frames) && !out->no_depth;
+    out->pushed = is_pushed(w, &g, frames);
     if (out->pushed) { // everything is learned again
         memset(w->background, 0, sizeof w->background);
         memset(w->still, 0, sizeof w->still);
@@ -175,7 +177,7 @@ void scene_watch_next(struct scene_watch *w, const struct scene_view *view, stru
     }
     out->second_person = shows_person(w, &g, &view->calibration->depth);
     if (!w->moved_frames)
-        learn(w, &g);
+        learn(w, &g, frames);
     memcpy(w->last, g.depth, sizeof w->last);
-    w->frames++;
+    w->frames += frames;
 }

@@ -13,7 +13,7 @@ enum { SCENE_COLUMNS = 80, SCENE_ROWS = 60, SCENE_CELLS = SCENE_COLUMNS * SCENE_
 struct scene_watch {
     uint16_t background[SCENE_CELLS], last[SCENE_CELLS]; // millimetres; 0: unknown
     uint16_t still[SCENE_CELLS];                         // frames since the cell last changed
-    int frames, same_frames, moved_frames;
+    int frames, same_frames, moved_frames;               // of the sensor
 };
 
 struct scene_view {
@@ -21,6 +21,7 @@ struct scene_view {
     const uint8_t *color;  // RGB; NULL: none
     const uint16_t *depth; // millimetres; NULL: none
     const uint8_t *mask;   // not 0: the actor; NULL: no person
+    int skipped;           // frames of the sensor since the view before that nobody looked at
 };
 
 struct scene_state {

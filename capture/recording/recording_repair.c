@@ -276,6 +276,17 @@ static enum status open_both(struct repair *v, const char *path, const char *to)
     return status == OK ? frame_copier_find_strays(v->copier) : status;
 }
 
+// What was said of the takes. Of frames that are lost now it is stale, which its key tells.
+static enum status copy_verdicts(struct repair *v)
+{
+    struct id_list saved = {0};
+    enum status status = list_ids(v->to, "SELECT rowid FROM take", &saved);
+    for (int i = 0; i < saved.count && status == OK; i++)
+        status = recorded_verdict_copy(v->from, saved.ids[i], v->to, saved.ids[i]);
+    free(saved.ids);
+    return status;
+}
+
 // Copies everything into `part`, an empty recording, and gives it the name `to`.
 static enum status salvage(const char *path, const char *part, const char *to, struct recording_report *report)
 {
@@ -291,6 +302,8 @@ static enum status salvage(const char *path, const char *part, const char *to, s
     failure_keep(&first, status);
     frame_copier_close(&v.copier);
     enum status written = async_writer_close(&v.writer);
+    if (v.to && status == OK && written == OK)
+        written = copy_verdicts(&v);
     statement_close(&v.takes);
     database_close(&v.from);
     if (v.to && status == OK && written == OK)

@@ -162,11 +162,12 @@ static void test_faults_are_named_within_a_second(void **state)
         {"frozen", FAULT_FROZEN},        {"no person", FAULT_NO_PERSON}, {"slow", FAULT_SLOW},
         {"near", FAULT_TOO_NEAR},
     };
-    static struct coach coach;
+    static struct coach coach, seldom; // which sees the images of a third of the frames, colour of a ninth
     for (size_t k = 0; k < COUNT_OF(cases); k++) {
         struct stage s;
         stage_open(&s, "man", "still", 0);
         coach_start(&coach, &s.calibration, PURPOSE_BOTH);
+        coach_start(&seldom, &s.calibration, PURPOSE_BOTH);
         for (int i = 0; i < 60; i++) {
             inject(&s, &cases[k], i);
             struct coach_frame frame = frame_of(&s, i);
@@ -177,12 +178,24 @@ static void test_faults_are_named_within_a_second(void **state)
             if (i >= 30 && cases[k].fault == FAULT_SLOW)
                 frame.time_ns += (int64_t)(i - 30) * 33333333; // half as fast
             coach_next(&coach, &frame);
-            if (i == 29 && faults_raised(&coach)) {
+            frame.unread = i % 3 ? UNREAD_ALL : i % 9 ? UNREAD_COLOR : UNREAD_NONE;
+            if (i % 3)
+                frame.depth = NULL, frame.mask = NULL;
+            if (i % 9)
+                frame.color = NULL;
+            coach_next(&seldom, &frame);
+            if (i == 29 && faults_raised(&coach) + faults_raised(&seldom)) {
                 print_raised(&coach);
+                print_raised(&seldom);
                 fail_test();
             }
         }
-        printf("%s: raised at %.2f s, '%s'\n", cases[k].what, coach.fault[cases[k].fault].first_s, coach_text(&coach));
+        printf("%s: raised at %.2f s, with few images at %.2f s, '%s'\n", cases[k].what,
+               coach.fault[cases[k].fault].first_s, seldom.fault[cases[k].fault].first_s, coach_text(&coach));
+        EXPECT_AT_LEAST(seldom.fault[cases[k].fault].first_s, 0.9);
+        EXPECT_NEAR(seldom.fault[cases[k].fault].first_s, coach.fault[cases[k].fault].first_s, 0.31); // s: nine frames
+        EXPECT_INT(seldom.coverage.frames, coach.coverage.frames);
+        EXPECT_NEAR(coach_grade(&seldom), coach_grade(&coach), 0.01);
         struct take_verdict verdict;
         coach_verdict(&coach, &verdict);
         EXPECT_TRUE(!verdict_is_good_for(&verdict, USE_WATCH));

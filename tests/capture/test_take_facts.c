@@ -52,7 +52,7 @@ static void test_absurd_times_are_named(void **state)
         char text[VERDICT_TEXT_BYTES];
         write_film(&clocks[i], scratch_file(&scratch, "film.reenact"));
         EXPECT_STATUS(recording_open(&r, scratch_file(&scratch, "film.reenact")), OK);
-        EXPECT_STATUS(take_verdict_get(r, "a", &v), OK);
+        EXPECT_STATUS(take_verdict_get(r, "a", NULL, &v), OK);
         recording_free(&r);
         printf("%-18s %s\n", clocks[i].what, verdict_text(&v, text));
         EXPECT_TRUE(!verdict_is_good(&v)); // nobody is in it
@@ -64,10 +64,63 @@ static void test_absurd_times_are_named(void **state)
     }
 }
 
+// Of a minute and a half at 30 Hz not more is looked at than of a minute, and of a second each frame.
+static void test_few_images_are_looked_at(void **state)
+{
+    (void)state;
+    static const struct {
+        int frames;
+        double rate_hz;
+        int looks;
+    } films[] = {{30, 30, 30}, {270, 30, 90}, {270, 10, 270}, {2700, 30, 540}};
+    const struct calibration c = world_calibration(0.02);
+    const size_t pixels = lens_pixels(&c.depth);
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    uint8_t *mask = malloc(pixels);
+    for (size_t i = 0; i < pixels; i++) {
+        depth[i] = 2000;
+        mask[i] = 1;
+    }
+    struct world *world;
+    struct world_options o = world_default_options();
+    o.motion = "still";
+    o.plain = true;
+    EXPECT_STATUS(world_open(&world, &o), OK);
+    const struct skeleton skeleton = world_joints_in_camera(world, 0, world_sensor_pose(world));
+    world_close(&world);
+    for (size_t k = 0; k < COUNT_OF(films); k++) {
+        struct scratch scratch = scratch_make();
+        struct recording_writer *w;
+        struct take_judgement judgement;
+        const char *path = scratch_file(&scratch, "film.reenact");
+        EXPECT_STATUS(recording_create(&w, path), OK);
+        EXPECT_STATUS(recording_begin_take(w, "a", &c), OK);
+        for (int i = 0; i < films[k].frames; i++) {
+            const struct take_frame frame = {.time_ns = (int64_t)(i / films[k].rate_hz * 1e9),
+                                             .world_from_camera = POSE_IDENTITY,
+                                             .depth = depth,
+                                             .mask = mask,
+                                             .has_skeleton = true,
+                                             .skeleton = skeleton};
+            EXPECT_STATUS(recording_add_frame(w, &frame), OK);
+        }
+        EXPECT_STATUS(recording_end_take(w), OK);
+        EXPECT_STATUS(recording_close(&w), OK);
+        EXPECT_STATUS(take_verdict_keep(path, "a", NULL, &judgement), OK);
+        printf("%d frames at %.0f Hz: %u looks\n", films[k].frames, films[k].rate_hz, judgement.seen.looks);
+        EXPECT_INT(judgement.seen.looks, films[k].looks);
+        EXPECT_INT(judgement.seen.frames, films[k].frames);
+        scratch_remove(&scratch);
+    }
+    free(depth);
+    free(mask);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_absurd_times_are_named),
+        cmocka_unit_test(test_few_images_are_looked_at),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,6 +10,7 @@
 
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #define CAPTURE PROGRAM_DIR "/reenact-capture"
 
@@ -21,7 +22,7 @@ static struct take_verdict verdict_of(const char *take)
     struct recording *r;
     struct take_verdict v;
     EXPECT_STATUS(recording_open(&r, file), OK);
-    EXPECT_STATUS(take_verdict_get(r, take, &v), OK);
+    EXPECT_STATUS(take_verdict_get(r, take, NULL, &v), OK);
     recording_free(&r);
     return v;
 }
@@ -143,6 +144,32 @@ static void test_changed_frames_are_judged_anew(void **state)
     EXPECT_TRUE(verdict_is_good(&(struct take_verdict){.seen = true}));
 }
 
+// What `repair` saves is judged as it is now, for the purpose that it had; what nothing happened to keeps its verdict.
+static void test_repaired_takes_keep_theirs(void **state)
+{
+    (void)state;
+    char whole[512], broken[512], texts[3][VERDICT_TEXT_BYTES];
+    snprintf(whole, sizeof whole, "%s", file);
+    snprintf(broken, sizeof broken, "%s", scratch_file(&scratch, "broken.reenact"));
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "saved.reenact"));
+    expect_said(PROCESS(CAPTURE, "take", "copy", whole, "--take", "exercise", "--into", broken), "exercise");
+    expect_said(PROCESS(CAPTURE, "take", "copy", whole, "--take", "show", "--into", broken), "show");
+    run_sql(broken, "UPDATE picture SET depth = zeroblob(9) WHERE id >> 32 = 2 AND id % 4294967296 < 20");
+    expect_said(PROCESS(CAPTURE, "repair", broken, "--out", file), "images of 20 more");
+    EXPECT_TRUE(!unlink(broken));
+    EXPECT_TRUE(is_kept("exercise") && is_kept("show"));
+    const struct take_verdict sound = verdict_of("exercise"), torn = verdict_of("show");
+    expect_in_all_mouths("exercise");
+    expect_in_all_mouths("show");
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
+    snprintf(file, sizeof file, "%s", whole);
+    const struct take_verdict before = verdict_of("exercise");
+    assert_string_equal(verdict_text(&sound, texts[0]), verdict_text(&before, texts[1]));
+    EXPECT_INT(sound.purpose, PURPOSE_COMPARE);
+    EXPECT_INT(torn.purpose, PURPOSE_WATCH);
+    EXPECT_TRUE(strstr(verdict_text(&torn, texts[2]), "interrupted"));
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -172,6 +199,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_all_say_the_same),
         cmocka_unit_test(test_a_verdict_knows_its_purpose),
+        cmocka_unit_test(test_repaired_takes_keep_theirs),
         cmocka_unit_test(test_changed_frames_are_judged_anew),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
