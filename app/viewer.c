@@ -1,6 +1,7 @@
 #include "app/viewer.h"
 
 #include "app/ui/screenshot.h"
+#include "app/viewer_takes.h"
 #include "base/clock.h"
 #include "platform/file.h"
 #include "reenact/render/shaders.h"
@@ -13,7 +14,6 @@
 static const int64_t CHECK_NS = 1000000000; // interval of looking whether the file is still there
 static const int64_t POLL_NS = 4000000;     // interval of looking for frame data that is being loaded
 static const int64_t REST_NS = 500000000;   // how long the camera's images must be unneeded before it is closed
-static const int64_t CARDS_NS = 50000000;   // how long one update may load what the list of takes shows
 static const double EASE_S = 0.07;          // time constant of the free box
 static const double MAX_STEP_S = 1 / 30.0;  // a longer time between two frames counts as this
 
@@ -113,6 +113,7 @@ void viewer_close(struct viewer *v)
     viewer_live_close(v);
     viewer_room_close(v);
     take_view_close(&v->take_view);
+    take_judge_close(&v->judge);
     take_list_close(&v->takes);
     place_free(&v->place);
     recording_free(&v->recording);
@@ -218,20 +219,6 @@ static void apply_gesture(struct viewer *v, int64_t now_ns)
     view_state_gesture(&v->state, &g, floor ? &drag : NULL, now_ns);
 }
 
-// Where the takes are listed: their lengths and images, some at a time so that the list is there immediately.
-static bool load_cards(struct viewer *v)
-{
-    if (v->state.page != PAGE_TAKES || !v->recording)
-        return false;
-    const int64_t until_ns = clock_now_ns() + CARDS_NS;
-    enum status status = OK;
-    while (status == OK && clock_now_ns() < until_ns) {
-        status = take_list_load(&v->takes, v->gpu, v->recording, v->screens.first_in_sight, v->screens.end_in_sight);
-        v->state.changed |= status == OK;
-    }
-    return status == OK;
-}
-
 // The progress of building the avatar, and why it failed if it did.
 static void update_take_view(struct viewer *v, int64_t now_ns)
 {
@@ -280,7 +267,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
     v->pad_ns = now_ns;
     if (s->take_wanted)
         open_take(v, now_ns);
-    const bool cards_left = load_cards(v);
+    const bool cards_left = viewer_takes_update(v);
     check_file(v, now_ns);
     update_take_view(v, now_ns);
     viewer_live_update(v, now_ns);

@@ -1,9 +1,10 @@
 // The viewer: all of the app but its window, so that it runs the same on a screen and, in tests, into memory.
 //
-// One thread, the GPU's. The camera feed and the avatar builder have threads of their own.
+// One thread, the GPU's. The camera feed, the avatar builder and the judge of takes have threads of their own.
 #pragma once
 #include "app/camera/camera_feed.h"
 #include "app/settings_file.h"
+#include "app/take_judge.h"
 #include "app/state/resolution_governor.h"
 #include "app/ui/input_map.h"
 #include "app/ui/take_list.h"
@@ -47,6 +48,7 @@ struct viewer {
     struct input_map input;
     struct recording *recording;
     struct take_list takes;
+    struct take_judge *judge; // of takes whose file keeps no verdict; NULL: there was none yet
     struct place place;
     bool has_place;
     struct take_view *take_view;

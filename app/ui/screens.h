@@ -27,8 +27,9 @@ struct take_card {
     bool loaded; // what follows is known
     int64_t length_ns;
     bool complete;
-    const char *trouble;             // why it cannot be watched; NULL: it can
-    bool judged, good;               // a verdict is kept in the file, and what it says; else verdict is ""
+    const char *trouble; // why it cannot be watched; NULL: it can
+    bool judged, good;   // whether there is a verdict, and what it says; else verdict is ""
+    bool unjudgeable;
     char verdict[160];               // its headline and first sentence
     const struct gpu_texture *image; // NULL: none
     double image_aspect;             // width over height

@@ -1,7 +1,6 @@
 #include "app/ui/take_list.h"
 
 #include "base/image_shrink.h"
-#include "capture/recording/recorded_verdict.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -58,26 +57,31 @@ static enum status upload_cover(struct take_list *l, struct gpu *gpu, int number
     return status;
 }
 
-// What is kept: to judge an older file's take would hold up the screen for seconds.
+void take_list_say(struct take_card *card, const struct take_verdict *v)
+{
+    card->judged = true;
+    card->good = verdict_is_good(v);
+    const int used = snprintf(card->verdict, sizeof card->verdict, "%s", verdict_headline(v));
+    for (int i = 0; i < v->count; i++)
+        if (verdict_shows_line(v, i)) {
+            snprintf(card->verdict + used, sizeof card->verdict - (size_t)used, "; %s", v->line[i].text);
+            break;
+        }
+}
+
+// What is kept: to judge an older file's take would hold up the screen.
 static enum status read_verdict(struct take_card *card, struct recording *recording)
 {
     struct take *take;
     struct take_verdict v;
     bool fits = false;
-    enum status status = take_open(&take, recording, card->name);
-    if (status == OK)
-        status = recorded_verdict_read(take, &v, &fits);
+    enum status status = card->judged ? NOTHING : take_open(&take, recording, card->name);
+    if (status != OK)
+        return status == ERR_MEMORY ? status : OK;
+    status = recorded_verdict_read(take, &v, &fits);
     take_close(&take);
-    card->judged = status == OK && fits;
-    if (card->judged) {
-        card->good = verdict_is_good(&v);
-        int used = snprintf(card->verdict, sizeof card->verdict, "%s", verdict_headline(&v));
-        for (int i = 0; i < v.count; i++)
-            if (verdict_shows_line(&v, i)) {
-                snprintf(card->verdict + used, sizeof card->verdict - (size_t)used, "; %s", v.line[i].text);
-                break;
-            }
-    }
+    if (status == OK && fits)
+        take_list_say(card, &v);
     return status == ERR_MEMORY ? status : OK;
 }
 
@@ -143,6 +147,18 @@ enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recordin
         return NOTHING;
     l->cards[next].loaded = true;
     return make_card(l, gpu, recording, next);
+}
+
+int take_list_unjudged(const struct take_list *l, int first, int end)
+{
+    int next = -1;
+    for (int i = 0; i < l->count; i++) {
+        const struct take_card *c = &l->cards[i];
+        if (c->loaded && !c->judged && !c->unjudgeable && !c->trouble &&
+            (next < 0 || beyond(i, first, end) < beyond(next, first, end)))
+            next = i;
+    }
+    return next;
 }
 
 void take_list_close(struct take_list *l)

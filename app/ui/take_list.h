@@ -1,7 +1,7 @@
 // The takes of a recording as cards: name, length, and an image of the actor.
 #pragma once
 #include "app/ui/screens.h"
-#include "capture/recording/recording.h"
+#include "capture/recording/recorded_verdict.h"
 
 struct take_list {
     struct take_card *cards;
@@ -19,4 +19,10 @@ MUST_CHECK enum status take_list_open(struct take_list *l, struct recording *rec
 enum { TAKE_LIST_AHEAD = 24 };
 MUST_CHECK enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recording *recording, int first,
                                       int end);
+
+// The card nearest to those in sight that is loaded, can be watched, and whose file keeps no verdict; -1: none.
+int take_list_unjudged(const struct take_list *l, int first, int end);
+// Its verdict, which stays when the card gives up its image.
+void take_list_say(struct take_card *card, const struct take_verdict *v);
+
 void take_list_close(struct take_list *l); // leaves it zeroed; zeroed is fine

@@ -4,6 +4,7 @@
 
 #include "app/ui/take_list.h"
 #include "base/clock.h"
+#include "capture/take_verdict.h"
 #include "reenact/render/actor_renderer.h"
 #include "tests/support/sql.h"
 
@@ -177,6 +178,43 @@ static void test_a_long_list_holds_few_images(void **state)
     recording_free(&r);
 }
 
+// Of a file that keeps no verdict the takes are judged beside the screen; the file stays as it is.
+static void test_takes_without_a_verdict_are_judged(void **state)
+{
+    (void)state;
+    static char path[200];
+    char text[VERDICT_TEXT_BYTES];
+    struct glass g;
+    struct recording *r;
+    struct take_verdict verdict;
+    uint8_t *before, *after;
+    size_t before_count, after_count;
+    snprintf(path, sizeof path, "%s", sample_path("unjudged"));
+    sample_recording_write(path);
+    EXPECT_STATUS(file_read(path, &before, &before_count), OK);
+    const struct viewer_options options = {.file = path, .refresh_hz = 60};
+    glass_open(&g, 640, 400, &options);
+    const struct take_card *card = &g.viewer.takes.cards[0];
+    const int64_t until_ns = clock_now_ns() + 60 * (int64_t)1000000000;
+    glass_draw(&g);
+    while (!card->judged && clock_now_ns() < until_ns) {
+        clock_sleep_until_ns(clock_now_ns() + 5000000);
+        glass_draw(&g);
+    }
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_verdict_get(r, card->name, NULL, &verdict), OK);
+    recording_free(&r);
+    printf("'%s' of '%s'\n", card->verdict, verdict_text(&verdict, text));
+    EXPECT_TRUE(*card->verdict && !strncmp(card->verdict, text, strlen(card->verdict)));
+    EXPECT_TRUE(card->good == verdict_is_good(&verdict));
+    glass_close(&g);
+    EXPECT_STATUS(file_read(path, &after, &after_count), OK);
+    EXPECT_INT(after_count, before_count);
+    EXPECT_TRUE(!memcmp(before, after, before_count));
+    free(before);
+    free(after);
+}
+
 static bool in_sight(const struct glass *g, int take)
 {
     return take >= g->viewer.screens.first_in_sight && take < g->viewer.screens.end_in_sight;
@@ -243,6 +281,7 @@ int main(void)
         cmocka_unit_test(test_damaged_image_is_passed_over),
         cmocka_unit_test(test_large_images_are_shrunk),
         cmocka_unit_test(test_a_long_list_holds_few_images),
+        cmocka_unit_test(test_takes_without_a_verdict_are_judged),
         cmocka_unit_test(test_the_page_follows_what_is_selected),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
