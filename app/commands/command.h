@@ -27,7 +27,7 @@ const char *command_nearest(const char *word, const char *const *names, size_t c
 // Says that there is no command or action (`what`) of that name, and which one was probably meant; returns 2.
 int command_unknown(const char *program, const char *what, const char *word, const char *const *names, size_t count);
 
-// For a command that picks its options by hand: "reenact-capture 0.1.0" for argv[0] "reenact-capture calibrate".
+// For a command that picks its options by hand: "reenact-capture 0.2.0" for argv[0] "reenact-capture calibrate".
 void command_print_version(const char *program);
 
 // Prints "program: sentence" of the last fail() to stderr; returns 1.

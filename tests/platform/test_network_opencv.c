@@ -115,7 +115,7 @@ static void check_network(const char *name, int side, float low, int outline)
     struct network_by_opencv *theirs;
     struct network *ours;
     if (!read_model(name, &model))
-        skip();
+        skip_without("the networks (reenact-capture models --fetch)");
     const int outputs = model.output_count;
     EXPECT_STATUS(network_by_opencv_open(&theirs, &model), OK);
     EXPECT_STATUS(network_open(&ours, name, &model, (1u << outputs) - 1), OK);

@@ -17,9 +17,7 @@ static int open_network(void **state)
 {
     (void)state;
     const enum status status = pose_network_open(&network, NULL, POSE_NETWORK_LITE);
-    if (status == ERR_MISSING)
-        print_message("skipped: %s\n", status_message());
-    else
+    if (status != ERR_MISSING)
         EXPECT_STATUS(status, OK);
     return 0;
 }
@@ -57,7 +55,7 @@ static void test_points_are_near_the_joints(void **state)
 {
     (void)state;
     if (!network)
-        skip();
+        skip_without("the networks (reenact-capture models --fetch)");
     struct world *world;
     struct world_options options = world_default_options();
     options.motion = "kata";
@@ -99,7 +97,7 @@ static void test_empty_room_has_no_person(void **state)
 {
     (void)state;
     if (!network)
-        skip();
+        skip_without("the networks (reenact-capture models --fetch)");
     struct world *world;
     const struct world_options options = world_default_options();
     EXPECT_STATUS(world_open(&world, &options), OK);

@@ -145,10 +145,8 @@ static void test_a_ros_robot_is_driven(void **state)
 {
     (void)state;
     struct robot *const r = &driven;
-    if (!ros_stage_available()) {
-        print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
-        skip();
-    }
+    if (!ros_stage_available())
+        skip_without("ROS (libroscpp-dev, python3-rosmaster)");
     start(r, "0.5");
     // The world begins where the first capture is taken; on a busy machine the robot would have moved by then.
     for (int i = 0; i < PATIENCE && !r->session.ros.surroundings.any_taken; i++)
@@ -179,7 +177,7 @@ static void test_a_program_that_hangs_stops_the_robot(void **state)
     (void)state;
     struct robot *const r = &driven;
     if (!ros_stage_available())
-        skip();
+        skip_without("ROS (libroscpp-dev, python3-rosmaster)");
     const pid_t child = fork();
     if (child == 0) {
         start(r, "60");

@@ -133,7 +133,7 @@ static void test_browser_shows_light_and_dark(void **state)
                  {"phone.png", "1", 390, {0xff, 0xff, 0xff}, {0x0b, 0x62, 0xc4}}};
     enum { HEIGHT = 1200 };
     if (no_browser())
-        skip();
+        skip_without("a browser (chromium)");
     for (size_t i = 0; i < COUNT_OF(views); i++) {
         int ground, mark;
         uint8_t *rgb = shoot(views[i].name, views[i].scheme, views[i].width, HEIGHT);
@@ -152,7 +152,7 @@ static void test_browser_prints(void **state)
     uint8_t *bytes = NULL;
     size_t size = 0;
     if (no_browser())
-        skip();
+        skip_without("a browser (chromium)");
     snprintf(pdf, sizeof pdf, "--print-to-pdf=%s", scratch_file(&scratch, "page.pdf"));
     snprintf(url, sizeof url, "file://%s", page);
     const struct process_result r = PROCESS(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", pdf, url);

@@ -167,10 +167,8 @@ static void expect_steady(void)
 static void test_what_ends_driving(void **state)
 {
     (void)state;
-    if (!driver) {
-        print_message("no ROS here: libroscpp-dev and python3-rosmaster\n");
-        skip();
-    }
+    if (!driver)
+        skip_without("ROS (libroscpp-dev, python3-rosmaster)");
     expect_steady();
     drive();
     display_hold_key(&display, key(), false);
@@ -223,7 +221,7 @@ static void test_what_ends_driving(void **state)
 static void end_driving(const char *what, pid_t process, int signal)
 {
     if (!driver)
-        skip();
+        skip_without("ROS (libroscpp-dev, python3-rosmaster)");
     drive();
     const pid_t guard = guard_of(driver);
     EXPECT_TRUE(guard > 0);
@@ -255,7 +253,7 @@ static void test_the_guard_is_killed(void **state)
 {
     (void)state;
     if (!driver)
-        skip();
+        skip_without("ROS (libroscpp-dev, python3-rosmaster)");
     drive();
     const pid_t guard = guard_of(driver);
     EXPECT_TRUE(guard > 0);
