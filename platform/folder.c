@@ -6,7 +6,8 @@
 //
 // Colour is JPEG or PNG with 8 bits, depth PNG with 16. Depth in a unit other
 // than millimetres is converted and rounded to the nearest; what 16 bits of
-// millimetres cannot hold becomes 0 (no depth).
+// millimetres cannot hold becomes 0 (no depth), and so does 65535, with which
+// some programs mark a pixel without a reading.
 //
 // A camera's frames are those of rgb.txt. A sensor's frames are those of
 // depth.txt; each gets the colour image nearest in time, if that is at most
@@ -56,7 +57,7 @@ struct folder {
     const struct image_list *lead; // the list that defines the frames
     int64_t *color_of;             // for each depth image the index of its colour image, -1: none; NULL for a camera
     bool numbered;                 // a name is too long for frame.name, or used twice: frames are numbered instead
-    uint16_t *to_mm;               // 65536 values: millimetres by the depth image's units; NULL where they are the same
+    uint16_t *to_mm;               // 65536 values: millimetres by the depth image's units
     uint8_t *rgb;                  // the last frame's colour
     uint16_t *mm;                  // and depth
     uint8_t *jpeg;                 // and its JPEG, or NULL
@@ -347,11 +348,8 @@ static enum status read_depth(struct folder *f, const struct image_entry *entry,
         return status;
     size_t area = (size_t)lens->width * (size_t)lens->height;
     const uint16_t *units = pixels;
-    if (f->to_mm)
-        for (size_t i = 0; i < area; i++)
-            f->mm[i] = f->to_mm[units[i]];
-    else
-        memcpy(f->mm, units, area * sizeof *f->mm);
+    for (size_t i = 0; i < area; i++)
+        f->mm[i] = f->to_mm[units[i]];
     free(pixels);
     out->depth = f->mm;
     return OK;
@@ -481,13 +479,12 @@ static enum status alloc_buffers(struct folder *f, const struct calibration *c, 
 {
     f->rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
     f->mm = malloc((size_t)c->depth.width * (size_t)c->depth.height * sizeof *f->mm + 1);
-    bool convert = c->depth.width && fabs(unit_m - 0.001) > 1e-12;
-    if (convert && (f->to_mm = malloc(65536 * sizeof *f->to_mm)))
-        for (int raw = 0; raw < 65536; raw++) {
-            double mm = round(raw * (unit_m / 0.001));
-            f->to_mm[raw] = mm <= 65535 ? (uint16_t)mm : 0;
-        }
-    if (!f->rgb || !f->mm || (convert && !f->to_mm))
+    f->to_mm = calloc(65536, sizeof *f->to_mm);
+    for (int raw = 0; f->to_mm && raw < 65535; raw++) { // 65535 stays 0
+        double mm = round(raw * (unit_m / 0.001));
+        f->to_mm[raw] = mm <= 65535 ? (uint16_t)mm : 0;
+    }
+    if (!f->rgb || !f->mm || !f->to_mm)
         return fail(ERR_MEMORY, "no memory for the pictures of %s", f->dir);
     return OK;
 }

@@ -33,7 +33,7 @@ static void put_depth(struct folder_case *test, const char *name, int seed)
 {
     struct rng rng = {(uint64_t)seed};
     for (int i = 0; i < W * H; i++)
-        test->mm[i] = i % 7 ? (uint16_t)(rng_uniform(&rng) * 65536) : 0;
+        test->mm[i] = i % 7 ? (uint16_t)(rng_uniform(&rng) * 65535) : 0;
     const char *path = scratch_file(&test->scratch, name);
     assert_int_equal(png_write(path, PNG_GRAY16, test->mm, W, H), OK);
 }
@@ -224,6 +224,22 @@ static void test_another_unit_becomes_millimetres(void **state)
     EXPECT_STATUS(source_next(s, &f), OK);
     for (int i = 0; i < W * H; i++)
         EXPECT_INT(f.depth[i], test->mm[i] <= 6553 ? test->mm[i] * 10 : 0);
+    source_close(&s);
+}
+
+// As OpenCV's users write what a Kinect could not measure.
+static void test_saturated_depth_is_no_reading(void **state)
+{
+    struct folder_case *test = *state;
+    scratch_text(&test->scratch, "depth.txt", "1 depth/a.png\n");
+    for (int i = 0; i < W * H; i++)
+        test->mm[i] = i % 3 ? 65535 : 65534;
+    EXPECT_STATUS(png_write(scratch_file(&test->scratch, "depth/a.png"), PNG_GRAY16, test->mm, W, H), OK);
+    struct source *s = open_as(test, SOURCE_SENSOR);
+    struct frame f;
+    EXPECT_STATUS(source_next(s, &f), OK);
+    for (int i = 0; i < W * H; i++)
+        EXPECT_INT(f.depth[i], i % 3 ? 0 : 65534);
     source_close(&s);
 }
 
@@ -634,6 +650,7 @@ int main(void)
         WITH_CASE(test_camera_needs_no_depth),
         WITH_CASE(test_sensor_needs_no_color),
         WITH_CASE(test_another_unit_becomes_millimetres),
+        WITH_CASE(test_saturated_depth_is_no_reading),
         WITH_CASE(test_pairs_by_time),
         WITH_CASE(test_two_clocks_are_named),
         WITH_CASE(test_missing_sources),
