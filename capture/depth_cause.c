@@ -17,7 +17,8 @@ static const double FEW_SHARE = 0.5, // of the take's frames with a person: belo
 static const double NEAREST_M = 0.12, FARTHEST_M = 20;
 static const double REACHED_SHARE = 0.05; // of the pixels have depth: below it nothing can be told
 
-enum { FRAMES = 24, SCENE_FRAMES = 4, COLUMNS_MOST = 320 };
+// A hypothesis is tried on so many frames at least: in one or two, furniture is a person as easily as a person is.
+enum { FRAMES = 24, FRAMES_LEAST = 8, SCENE_FRAMES = 4, COLUMNS_MOST = 320 };
 
 struct depth_film {
     struct lens lens;
@@ -257,7 +258,7 @@ static enum status try_hypothesis(const struct depth_film *f, const struct hypot
         if (m > 0)
             statures[sized++] = m;
     }
-    if (looked)
+    if (f->count >= FRAMES_LEAST)
         *out = (struct trial){(double)with / looked, median(statures, sized)};
     tracker_close(&tracker);
     free(depth);
