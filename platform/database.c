@@ -69,6 +69,8 @@ static enum status fail_sqlite(const struct database *db, int code)
         return fail(ERR_IO, "%s is in use by another program: close the other program, then run it again", path);
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN:
+        if (system_errno == ENAMETOOLONG)
+            return fail(ERR_IO, "%s has too long a name to be changed: leave room for \"-journal\"", path);
         return fail(ERR_IO, "%s cannot be opened: %s", path,
                     system_errno ? strerror(system_errno) : "the system gives no reason");
     case SQLITE_IOERR:

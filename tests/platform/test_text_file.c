@@ -55,6 +55,10 @@ static void test_what_other_systems_write(void **state)
     expect_end(&t);
     EXPECT_STATUS(open_text(&t, "\xef\xbb\xbf# only a comment"), OK);
     expect_end(&t);
+    EXPECT_STATUS(open_text(&t, "# comment\r1 a\r\r2 b\r"), OK);
+    expect_line(&t, 2, "1 a");
+    expect_line(&t, 4, "2 b");
+    expect_end(&t);
 }
 
 static void test_nothing_to_read(void **state)
