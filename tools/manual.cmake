@@ -137,7 +137,7 @@ _@function@()
         done
         [ -n "$file" ] && while IFS= read -r take; do
             [[ $take == "$current"* ]] && COMPREPLY+=("$(printf %q "$take")")
-        done < <(reenact-capture info --json "$file" 2>/dev/null | sed -n '/"takes"/,$s/^\t*"name":\t"\(.*\)",$/\1/p')
+        done < <(reenact-capture info --json "$file" 2>/dev/null | sed -n '/"takes"/,${s/^\t*"name":\t"\(.*\)",$/\1/;ta;d;:a;s/\\\(.\)/\1/g;p}')
     elif [[ $current == -* ]]; then
         COMPREPLY=($(compgen -W "$options" -- "$current"))
     elif [ "$COMP_CWORD" -eq 2 ]; then

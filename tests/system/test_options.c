@@ -364,6 +364,27 @@ static void expect_offered(const char *program, const char *typed, const char *c
     EXPECT_TRUE(!all || lines == count);
 }
 
+// The takes' names are those of the recording that was typed, as bash would have them typed.
+static void offer_takes(void)
+{
+    static const char *const names[] = {"one", "two\\ of\\ them", "say\\ \\\"hi\\\""};
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(SOURCE_DIR "/tests/recording/data/joint_error.reenact", &bytes, &count), OK);
+    scratch_write(&scratch, "a.reenact", bytes, count);
+    scratch_write(&scratch, "b.reenact", bytes, count);
+    free(bytes);
+    const char *b = scratch_file(&scratch, "b.reenact");
+    EXPECT_INT(PROCESS(CAPTURE, "take", "copy", b, "--take", "one", "--name", "two of them").exit_code, 0);
+    EXPECT_INT(PROCESS(CAPTURE, "take", "copy", b, "--take", "one", "--name", "say \"hi\"").exit_code, 0);
+    expect_offered(CAPTURE, "export a.reenact --take ''", names, 1, true);
+    expect_offered(CAPTURE, "take trim b.reenact --take ''", names, 3, true);
+    expect_offered(CAPTURE, "take trim b.reenact --take = tw", names + 1, 1, true);
+    expect_offered(REENACT, "b.reenact --take ''", names, 3, true);
+    expect_offered(REENACT, "compare a.reenact --with b.reenact --take ''", names, 1, true);
+    expect_offered(REENACT, "compare a.reenact --with b.reenact --with-take ''", names, 3, true);
+}
+
 static void test_completion_offers_what_is_taken(void **state)
 {
     (void)state;
@@ -403,6 +424,7 @@ static void test_completion_offers_what_is_taken(void **state)
                 expect_offered(w->program, typed, values, count, true);
         }
     }
+    offer_takes();
     static const char *const takes[] = {"rename", "delete", "trim", "copy", "note"};
     expect_offered(CAPTURE, "take ''", takes, COUNT_OF(takes), false);
     static const char *const things[] = {"serve", "list", "note"};
