@@ -1,20 +1,23 @@
 // reenact-capture take: renames, deletes, trims and copies takes, and keeps notes on them.
 #include "app/commands/commands.h"
 
+#include "base/text.h"
 #include "capture/recording/recording.h"
 #include "capture/take_verdict.h"
 #include "platform/file.h"
 
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
+#include <unistd.h>
 
 struct take_arguments {
     const char *action, *file, *take, *name, *into, *note, *alias;
     double from_s, to_s;
-    bool has_from, has_to;
+    bool has_from, has_to, yes;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_NAME, KEY_INTO, KEY_NOTE, KEY_ALIAS, KEY_FROM, KEY_TO };
+enum { KEY_TAKE = COMMAND_KEY, KEY_NAME, KEY_INTO, KEY_NOTE, KEY_ALIAS, KEY_FROM, KEY_TO, KEY_YES };
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
@@ -33,6 +36,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->to_s = command_parse_number(state, "--to", value, 0, 1e6);
         a->has_to = true;
         return 0;
+    case KEY_YES: a->yes = true; return 0;
     case ARGP_KEY_ARG:
         if (!a->action)
             a->action = value;
@@ -48,6 +52,35 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
+// ------------------------------------------------------------- asking first
+
+static bool has_take(const struct take_arguments *a)
+{
+    struct recording *r;
+    bool has = false;
+    if (recording_open(&r, a->file) != OK)
+        return false;
+    for (int i = 0; i < recording_take_count(r); i++)
+        has |= !strcmp(recording_take_name(r, i), a->take);
+    recording_free(&r);
+    return has;
+}
+
+// Asked on a terminal only: a script cannot answer. What is not there is not asked for; the action says so.
+static bool is_meant(const struct take_arguments *a, const char *what, const char *images)
+{
+    char take[TEXT_SHOWN_BYTES], file[TEXT_SHOWN_BYTES], answer[8] = "";
+    if (a->yes || !isatty(STDIN_FILENO) || !isatty(STDERR_FILENO) || !has_take(a))
+        return true;
+    fprintf(stderr, "%s take '%s' of %s? %s overwritten and cannot be brought back. [y/N] ", what,
+            text_shown(a->take, take), text_shown(a->file, file), images);
+    if (!fgets(answer, sizeof answer, stdin))
+        fputc('\n', stderr);
+    return !strcasecmp(answer, "y\n") || !strcasecmp(answer, "yes\n");
+}
+
+// ------------------------------------------------------------- the actions
+
 static enum status rename_take(const struct take_arguments *a)
 {
     enum status status = recording_rename_take(a->file, a->take, a->name);
@@ -59,6 +92,8 @@ static enum status rename_take(const struct take_arguments *a)
 static enum status delete_take(const struct take_arguments *a)
 {
     int64_t freed;
+    if (!is_meant(a, "Delete", "Its images are"))
+        return NOTHING;
     enum status status = recording_delete_take(a->file, a->take, &freed);
     if (status == OK)
         printf("take '%s' is deleted, its bytes are overwritten; %.1f MB are free again\n", a->take,
@@ -80,6 +115,8 @@ static enum status judge_anew(const char *file, const char *take, const struct t
 static enum status trim_take(const struct take_arguments *a)
 {
     int64_t freed;
+    if (!is_meant(a, "Trim", "The images that are cut off are"))
+        return NOTHING;
     enum status status = recording_trim_take(a->file, a->take, (int64_t)(a->from_s * 1e9),
                                              a->has_to ? (int64_t)(a->to_s * 1e9) : INT64_MAX, &freed);
     if (status == OK)
@@ -129,6 +166,7 @@ static enum status annotate_take(const struct take_arguments *a)
     return recording_annotate_take(a->file, a->take, a->note, a->alias);
 }
 
+// NOTHING: the user thought better of it.
 static const struct action {
     const char *name;
     enum status (*run)(const struct take_arguments *a);
@@ -159,6 +197,7 @@ int capture_take(int argc, char **argv)
         {"into", KEY_INTO, "FILE", 0, "copy: into this recording, which is made where there is none", 0},
         {"from", KEY_FROM, "S", 0, "trim: the first second that stays", 0},
         {"to", KEY_TO, "S", 0, "trim: the last one", 0},
+        {"yes", KEY_YES, NULL, 0, "delete, trim: do not ask on a terminal whether it is meant", 0},
         {"note", KEY_NOTE, "TEXT", 0, "note: one line about the take; an empty one removes it", 0},
         {"alias", KEY_ALIAS, "NAME", 0, "note: who performs, under another name than the person's own", 0},
         {0},
@@ -170,7 +209,8 @@ int capture_take(int argc, char **argv)
         "Changes the takes of a recording.\v"
         "Each is done whole or not at all, but for a copy into a file that was there: where that breaks off, the take "
         "is marked as interrupted. What delete and trim remove is overwritten with zeros and the file made "
-        "smaller, which takes as much room on the disk again while it runs.",
+        "smaller, which takes as much room on the disk again while it runs. On a terminal both ask first; where nobody "
+        "can answer, as in a script, they do not.",
         0,
         0,
         0};
@@ -184,7 +224,10 @@ int capture_take(int argc, char **argv)
             fprintf(stderr, "%s %s: %s\n", argv[0], a.action, wrong);
             return 2;
         }
-        return actions[i].run(&a) == OK ? 0 : command_failed(argv[0]);
+        const enum status status = actions[i].run(&a);
+        if (status == NOTHING)
+            fprintf(stderr, "%s: the take stays as it is\n", argv[0]);
+        return status == OK ? 0 : status == NOTHING ? 1 : command_failed(argv[0]);
     }
     const char *names[COUNT_OF(actions)];
     for (size_t i = 0; i < COUNT_OF(actions); i++)

@@ -6,15 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
+#include <termios.h>
 #include <unistd.h>
 
 // The emulator's command for a cross-built program, then NULL.
 static const char *const emulator[] = {EMULATOR NULL};
 
-static void become(const char *const *argv, int out, int err)
+static void become(const char *const *argv, int in, int out, int err)
 {
     int nothing = open("/dev/null", O_RDWR);
-    dup2(nothing, STDIN_FILENO);
+    dup2(in < 0 ? nothing : in, STDIN_FILENO);
     dup2(out < 0 ? nothing : out, STDOUT_FILENO);
     dup2(err < 0 ? nothing : err, STDERR_FILENO);
     const char *words[64] = {0};
@@ -42,17 +43,15 @@ static bool drain(int fd, char *text, size_t size, size_t *used)
     return true;
 }
 
-struct process_result process_run(const char *const *argv)
+// out, err: pairs of ends, to read and to write; all are closed. in < 0: nothing.
+static struct process_result run(const char *const *argv, int in, const int out[2], const int err[2])
 {
     struct process_result said = {0};
-    int out[2], err[2];
-    if (pipe(out) || pipe(err))
-        abort();
     pid_t child = fork();
     if (child == 0) {
         close(out[0]);
         close(err[0]);
-        become(argv, out[1], err[1]);
+        become(argv, in, out[1], err[1]);
     }
     close(out[1]);
     close(err[1]);
@@ -73,10 +72,33 @@ struct process_result process_run(const char *const *argv)
     return said;
 }
 
+struct process_result process_run(const char *const *argv)
+{
+    int out[2], err[2];
+    if (pipe(out) || pipe(err))
+        abort();
+    return run(argv, -1, out, err);
+}
+
+struct process_result process_run_on_terminal(const char *typed, const char *const *argv)
+{
+    int out[2], err[2] = {posix_openpt(O_RDWR | O_NOCTTY), -1};
+    if (pipe(out) || err[0] < 0 || grantpt(err[0]) || unlockpt(err[0]))
+        abort();
+    err[1] = open(ptsname(err[0]), O_RDWR | O_NOCTTY);
+    struct termios how;
+    if (err[1] < 0 || tcgetattr(err[1], &how))
+        abort();
+    how.c_lflag &= ~(tcflag_t)ECHO;
+    if (tcsetattr(err[1], TCSANOW, &how) || write(err[0], typed, strlen(typed)) != (ssize_t)strlen(typed))
+        abort();
+    return run(argv, err[1], out, err);
+}
+
 pid_t process_start(const char *const *argv)
 {
     pid_t child = fork();
     if (child == 0)
-        become(argv, -1, -1);
+        become(argv, -1, -1, -1);
     return child;
 }

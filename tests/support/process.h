@@ -23,5 +23,9 @@ struct process_result process_run(const char *const *argv);
 // PROGRAM(…): process_run with the arguments listed.
 #define PROCESS(...) process_run((const char *const[]){__VA_ARGS__, NULL})
 
+// The same on a terminal whose user has typed `typed` already: standard input and error are the terminal, and what it
+// shows is in .err, without the echo.
+struct process_result process_run_on_terminal(const char *typed, const char *const *argv);
+
 // Starts it with both streams discarded; the caller waits for the child.
 pid_t process_start(const char *const *argv);

@@ -267,6 +267,61 @@ static void test_takes_and_library(void **state)
     }
 }
 
+static bool holds(const char *recording, const char *take)
+{
+    struct recording *r;
+    bool there = false;
+    EXPECT_STATUS(recording_open(&r, recording), OK);
+    for (int i = 0; i < recording_take_count(r); i++)
+        there |= !strcmp(recording_take_name(r, i), take);
+    recording_free(&r);
+    return there;
+}
+
+// What cannot be brought back is asked for on a terminal; --yes answers, and where there is no terminal nobody is
+// asked.
+static void test_a_terminal_is_asked_first(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *typed;
+        bool yes, asked, done;
+    } cases[] = {{"\n", false, true, false},  {"n\n", false, true, false}, {"nay, yes\n", false, true, false},
+                 {"\4", false, true, false},  {"\4", true, false, true},   {"y\n", false, true, true},
+                 {"YES\n", false, true, true}};
+    const char *const copy = path_of("asked.reenact");
+    for (size_t i = 0; i < COUNT_OF(cases); i++)
+        for (int trim = 0; trim < 2; trim++) {
+            EXPECT_INT(PROCESS(CAPTURE, "take", "copy", file, "--take", "one", "--into", copy).exit_code, 0);
+            const char *const words[] = {CAPTURE,
+                                         "take",
+                                         trim ? "trim" : "delete",
+                                         copy,
+                                         "--take",
+                                         "one",
+                                         cases[i].yes ? "--yes"
+                                         : trim       ? "--to=0.04"
+                                                      : NULL,
+                                         trim ? "--to=0.04" : NULL,
+                                         NULL};
+            const struct process_result said = process_run_on_terminal(cases[i].typed, words);
+            const bool asked = strstr(said.err, "[y/N]"), done = strstr(said.out, trim ? "is trimmed" : "is deleted");
+            if (asked != cases[i].asked || done != cases[i].done || said.exit_code != !done)
+                print_error("'%s' to %s: exit code %d, '%s', '%s'\n", cases[i].typed, words[2], said.exit_code,
+                            said.err, said.out);
+            EXPECT_TRUE(asked == cases[i].asked && done == cases[i].done && said.exit_code == !done);
+            EXPECT_TRUE(!asked || (strstr(said.err, "'one'") && strstr(said.err, copy)));
+            EXPECT_TRUE(holds(copy, "one") == (trim || !done));
+            EXPECT_INT(unlink(copy), 0);
+        }
+    // What is not there is said without a question.
+    EXPECT_INT(PROCESS(CAPTURE, "take", "copy", file, "--take", "one", "--into", copy).exit_code, 0);
+    const struct process_result said = process_run_on_terminal(
+        "y\n", (const char *const[]){CAPTURE, "take", "delete", copy, "--take", "nobody", NULL});
+    EXPECT_REFUSED(said, "no take 'nobody'");
+    EXPECT_TRUE(!strstr(said.err, "[y/N]"));
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -291,6 +346,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_recording_is_never_overwritten),
+        cmocka_unit_test(test_a_terminal_is_asked_first),
         cmocka_unit_test(test_nothing_is_overwritten_without_force),
         cmocka_unit_test(test_outputs_are_checked_first),
         cmocka_unit_test(test_recordings_to_add_to_are_checked_first),
