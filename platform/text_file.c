@@ -18,7 +18,8 @@ enum status text_file_open(struct text_file *out, const char *path)
         free(bytes);
         return fail(ERR_INPUT, "%s is not a text file in UTF-8", path);
     }
-    for (size_t i = 0; i + 1 < count; i++) // lines that end with a carriage return alone, as old spreadsheets write them
+    for (size_t i = 0; i + 1 < count;
+         i++) // lines that end with a carriage return alone, as old spreadsheets write them
         if (bytes[i] == '\r' && bytes[i + 1] != '\n')
             bytes[i] = '\n';
     *out = (struct text_file){.text = (char *)bytes};

@@ -129,20 +129,23 @@ static enum status report(const struct record_arguments *given, const struct rec
     return OK;
 }
 
-// Of a take that broke off, as any other program counts them; `given` where the file cannot be read.
-static int64_t frames_in_file(const char *path, const char *name, int64_t given)
+// Of a take that broke off: fewer frames reached the file than were given to it. As it was where the file cannot be read.
+static void count_in_file(const char *path, const char *name, struct recorder_result *result)
 {
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct failure first;
     failure_keep(&first, ERR_IO);
-    if (recording_open(&recording, path) == OK && take_open(&take, recording, name) == OK)
-        given = take_frame_count(take);
+    if (recording_open(&recording, path) == OK && take_open(&take, recording, name) == OK) {
+        result->frames = take_frame_count(take);
+        result->tracked = 0;
+        for (int64_t i = 0; i < result->frames; i++)
+            result->tracked += take_entry(take, i)->has_skeleton;
+    }
     take_close(&take);
     recording_free(&recording);
     const enum status kept = failure_restore(&first);
     (void)kept;
-    return given;
 }
 
 // What did not go well but is no reason to fail.
@@ -206,8 +209,8 @@ static enum status record(const struct record_arguments *given, struct place *pl
     enum status closed = recording_close(&writer);
     source_close(&source);
     status = status != OK ? status : closed;
-    if (status != OK && result->frames) // a disk that is full takes fewer than were given to it
-        result->frames = frames_in_file(given->into ? given->into : given->out, given->take, result->frames);
+    if (status != OK && result->frames)
+        count_in_file(given->into ? given->into : given->out, given->take, result);
     if (made && !result->frames) { // a file without a take is of no use
         struct failure first;
         failure_keep(&first, status);

@@ -22,9 +22,9 @@ enum { SANITIZED = 1 };
 enum { SANITIZED = 0 };
 #endif
 
-// A check that cannot be made here, for what it needs is not installed, names that and is skipped. The program then ends
-// with EXIT_SKIPPED, which CTest reports as skipped whatever else passed; with REENACT_REQUIRE_ALL in the environment, as
-// in continuous integration, the check fails.
+// A check that cannot be made here, for what it needs is not installed, names that and is skipped. The program then
+// ends with EXIT_SKIPPED, which CTest reports as skipped whatever else passed; with REENACT_REQUIRE_ALL in the
+// environment, as in continuous integration, the check fails.
 enum { EXIT_SKIPPED = 77 };
 static int skipped_checks;
 
