@@ -438,13 +438,20 @@ static void draw_undo(const struct brush *b, struct studio_state *s, struct ui_b
 {
     char button[24];
     const struct studio_erasure *e = &s->waiting;
+    const double length_s = (double)(e->to_ns - e->from_ns) * 1e-9;
     snprintf(button, sizeof button, "Undo %d", studio_undo_left_s(s, now_ns));
     if (e->kind == ERASES_TAKE)
         snprintf(text, 300, "%.60s is discarded", e->take);
     else
-        snprintf(text, 300, "%.60s is cut to %.1f s", e->take, (double)(e->to_ns - e->from_ns) * 1e-9);
+        snprintf(text, 300, "%.60s is cut to %.1f s", e->take, length_s);
     if (text_button(b, "studio-undo", button, BUTTON_MAIN, cut_right(head, 110)))
         studio_do(s, STUDIO_UNDO, now_ns);
+    if (ui_text_width(b->ui, FACE_SMALL, text) <= head->w)
+        return;
+    if (e->kind == ERASES_TAKE)
+        snprintf(text, 300, "discarded");
+    else
+        snprintf(text, 300, "cut to %.1f s", length_s);
 }
 
 void studio_screen_draw(const struct brush *b, struct studio_state *s, const struct studio_view *v, int64_t now_ns)

@@ -9,7 +9,9 @@ static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GR
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
-double sheet_rows_height(int rows) { return rows * SWITCH + TEXT_SIZE_NAME + TARGET + GAP; }
+double sheet_buttons_height(void) { return TEXT_SIZE_NAME + TARGET + GAP; }
+
+double sheet_rows_height(int rows) { return rows * SWITCH + sheet_buttons_height(); }
 
 double sheet_height_of(int rows) { return HEADING + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
 
@@ -24,9 +26,17 @@ static double sheet_height(const struct view_state *s)
     }
 }
 
+enum live_marks layout_live_marks(double width, double height)
+{
+    static const double BUTTONS_W = 780, ROW_H = 700; // dp; from there on they leave the picture enough
+    return width >= BUTTONS_W ? MARKS_AMONG_BUTTONS : height >= ROW_H ? MARKS_IN_A_ROW : MARKS_IN_SHEET;
+}
+
 struct ui_box layout_live_sheet(double width, double height)
 {
-    const double w = fmin(SHEET_W, width - 2 * MARGIN), h = fmin(sheet_height_of(LIVE_ROWS), height - 2 * MARGIN);
+    const double marks = layout_live_marks(width, height) == MARKS_IN_SHEET ? sheet_buttons_height() : 0;
+    const double w = fmin(SHEET_W, width - 2 * MARGIN),
+                 h = fmin(sheet_height_of(LIVE_ROWS) + marks, height - 2 * MARGIN);
     return (struct ui_box){width - MARGIN - w, height - MARGIN - h, w, h};
 }
 

@@ -30,8 +30,12 @@ struct layout layout_of(double width, double height, const struct view_state *s,
 // Height of that many rows and the text size; of a sheet with them.
 double sheet_rows_height(int rows);
 double sheet_height_of(int rows);
+double sheet_buttons_height(void); // of buttons under a name, in a sheet
 
-// Where the live page's sheet is.
+// Where the live page's sheet is, and where "From here" and "To here" are: with the other buttons, in a row of their
+// own on an upright screen, else in the sheet.
+enum live_marks { MARKS_AMONG_BUTTONS, MARKS_IN_A_ROW, MARKS_IN_SHEET };
+enum live_marks layout_live_marks(double width, double height);
 struct ui_box layout_live_sheet(double width, double height);
 
 // Height of the colour legend.

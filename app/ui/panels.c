@@ -1,5 +1,5 @@
 // The sheets with settings: what is shown, speed, text size, and on the live page how the exercise is done.
-#include "app/ui/screens.h"
+#include "app/ui/screen_live.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -28,6 +28,25 @@ static double text_size_row(const struct brush *b, struct view_state *s, struct 
     if (chosen >= 0)
         view_state_set_text_size(s, view_text_sizes[chosen], now_ns);
     return TEXT_SIZE_NAME + controls_height(b, sizes, VIEW_TEXT_SIZES, row.w);
+}
+
+static bool has_marks(const struct brush *b, const struct view_state *s)
+{
+    return s->sheet == SHEET_LIVE && layout_live_marks(ui_width(b->ui), ui_height(b->ui)) == MARKS_IN_SHEET;
+}
+
+// Begin and end of the part that is done, under its name; returns its height.
+static double marks_row(const struct brush *b, struct view_state *s, struct ui_box at, int64_t now_ns)
+{
+    struct control marks[2];
+    const int count = live_mark_controls(&s->live, marks);
+    label(b, FACE_BODY, (struct ui_box){at.x + 8, at.y, at.w - 16, TEXT_SIZE_NAME}, b->theme->text,
+          "The part that is done");
+    const struct ui_box row = {at.x + 4, at.y + TEXT_SIZE_NAME, at.w - 12, TARGET};
+    const int done = controls_draw(b, marks, count, row);
+    if (done >= 0)
+        view_state_do(s, (enum view_action)done, now_ns);
+    return sheet_buttons_height();
 }
 
 // Chooses the permitted error of the drawn actor, pixels: a larger one draws faster. For developers.
@@ -61,13 +80,16 @@ static void rows_draw(const struct brush *b, struct screens *screens, struct vie
                       const struct sheet_row *rows, int count, struct ui_box in, int64_t now_ns)
 {
     const bool developer = s->developer && s->sheet == SHEET_LAYERS;
-    const double content_h = sheet_rows_height(count + developer);
+    const bool marks = has_marks(b, s);
+    const double content_h = sheet_rows_height(count + developer) + (marks ? sheet_buttons_height() : 0);
     struct scroll *scroll = &screens->sheet;
     scroll->at += s->list_steps * SWITCH;
     s->list_steps = 0;
     const struct brush inside = scroll_begin(b, scroll, &in, content_h);
     double y = in.y - scroll->at;
     int more = 0;
+    if (marks) // first: the actor does not wait
+        y += marks_row(&inside, s, (struct ui_box){in.x, y, in.w, SWITCH}, now_ns);
     for (int i = 0; i < count; i++, y += SWITCH) {
         if (switch_row(&inside, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
                        (struct ui_box){in.x, y, in.w - 6, SWITCH}))

@@ -19,7 +19,8 @@ static bool is_tiny(double width) { return width < 480; } // start, tempo and th
 
 static struct ui_box panel_box(double width, double height)
 {
-    const int rows = is_one_row(width, height) || !is_tiny(width) ? 2 : 3;
+    const int rows =
+        (is_one_row(width, height) || !is_tiny(width) ? 2 : 3) + (layout_live_marks(width, height) == MARKS_IN_A_ROW);
     const double w = fmin(width - 2 * MARGIN, PANEL_W), h = rows * (ROW + GAP) + 24;
     return (struct ui_box){(width - w) / 2, height - MARGIN - h, w, h};
 }
@@ -111,13 +112,17 @@ static void draw_count(const struct brush *b, const struct live_state *l, struct
                   b->theme->text, text);
 }
 
-static void draw_legend(const struct brush *b, struct ui_box free)
+// said: what the legend stands above where it would be covered.
+static void draw_legend(const struct brush *b, struct ui_box under, struct ui_box said)
 {
     static const struct {
         enum verdict verdict;
         const char *text;
     } rows[] = {{VERDICT_SAME, "as the actor"}, {VERDICT_DIFFERENT, "different"}, {VERDICT_UNKNOWN, "cannot tell"}};
-    struct ui_box box = {free.x, free.y + GAP, LEGEND_W, 3 * 30 + 24};
+    const double h = 3 * 30 + 24, bottom = said.w > 0 && said.x < under.x + LEGEND_W + GAP
+                                               ? fmin(said.y, under.y + under.h)
+                                               : under.y + under.h;
+    const struct ui_box box = {under.x, bottom - GAP - h, LEGEND_W, h};
     ui_fill(b->ui, box, ROUND, b->theme->glass);
     for (int i = 0; i < 3; i++) {
         const double y = box.y + 12 + 30 * i + 15;
@@ -180,8 +185,9 @@ static double cue_line(const struct brush *b, const char *text, struct ui_box bo
     return line;
 }
 
+// said: where both have no room there is no cue.
 static void draw_cue(const struct brush *b, struct screens *screens, const struct live_page *page, struct ui_box free,
-                     int64_t now_ns)
+                     struct ui_box said, int64_t now_ns)
 {
     char text[60];
     if (!page->verdicts || !page->parts) {
@@ -196,6 +202,8 @@ static void draw_cue(const struct brush *b, struct screens *screens, const struc
     const struct ui_point size = ui_text_extent(b->ui, FACE_CUE, line, text, free.w - (CUE_SIGN + 0.5) * line);
     const double w = size.x + (CUE_SIGN + 0.5) * line;
     const struct ui_box box = {free.x + (free.w - w) / 2, free.y, w, size.y};
+    if (said.w > 0 && said.y < box.y + box.h)
+        return;
     ui_fill(b->ui, box, ROUND, b->theme->surface);
     ui_border(b->ui, box, ROUND, right ? 2 : 6, color);
     icon_draw(b->ui, right ? ICON_CHECK : ICON_WARNING, (struct ui_point){box.x + 0.75 * line, box.y + box.h / 2},
@@ -235,6 +243,15 @@ static const char *start_text(const struct live_state *l)
     return l->phase == LIVE_READY ? "Start" : l->phase == LIVE_DOING ? "Stop" : "Wait";
 }
 
+int live_mark_controls(const struct live_state *l, struct control out[2])
+{
+    const bool marked = l->marked_from_ns > 0 || l->marked_to_ns < l->length_ns;
+    const bool takes_back = l->phase == LIVE_READY && marked;
+    out[0] = (struct control){"live-mark-from", takes_back ? "All of it" : "From here", BUTTON_RAISED, DO_MARK_FROM};
+    out[1] = (struct control){"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO};
+    return takes_back ? 1 : 2;
+}
+
 // What every screen has room for, and all else where there is.
 static void controls(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
                      int64_t now_ns)
@@ -242,32 +259,41 @@ static void controls(const struct brush *b, struct view_state *s, const struct l
     const struct live_state *l = &s->live;
     char tempo[16];
     snprintf(tempo, sizeof tempo, "%g×", l->tempo);
-    const bool marked = l->marked_from_ns > 0 || l->marked_to_ns < l->length_ns;
+    struct control marks[2];
+    const int mark_count = live_mark_controls(l, marks);
     const enum button_kind sheet = s->sheet == SHEET_LIVE ? BUTTON_ON : BUTTON_RAISED;
-    const struct control all[] = {
+    const struct control always[] = {
         {"live-start", start_text(l), BUTTON_MAIN, DO_PLAY_PAUSE},
         {"live-slower", "−", BUTTON_RAISED, DO_SLOWER},
         {"live-tempo", tempo, BUTTON_PLAIN, DO_NOTHING},
         {"live-faster", "+", BUTTON_RAISED, DO_FASTER},
-        {"live-mark-from", l->phase == LIVE_DOING || !marked ? "From here" : "All of it", BUTTON_RAISED, DO_MARK_FROM},
-        {"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO},
         {"live-sheet", "Options", sheet, DO_LAYERS},
+    };
+    const struct control in_sheet[] = {
+        // what the sheet has, too
         {"live-row-loop", "Repeat", l->loop ? BUTTON_ON : BUTTON_RAISED, DO_LOOP},
         {"live-row-pace", l->pace == LIVE_FOLLOW ? "Actor waits" : "Actor goes on", BUTTON_RAISED, DO_PACE},
         {"live-row-mirrored", "Mirrored", l->mirrored ? BUTTON_ON : BUTTON_RAISED, DO_MIRROR},
     };
-    enum { FIRST = 7 }; // of those that the sheet has, too
+    enum { ALWAYS = COUNT_OF(always) };
+    struct control shown[ALWAYS + COUNT_OF(marks) + COUNT_OF(in_sheet)];
+    const double width = ui_width(b->ui), height = ui_height(b->ui);
+    const enum live_marks place = layout_live_marks(width, height);
     struct ui_box in = inner(box, 12);
-    const bool one_row = is_one_row(ui_width(b->ui), ui_height(b->ui));
+    int count = 0;
     panel(b, box, true);
     time_line(b, l, page, cut_top(&in, ROW));
-    // From here and to here are what a small screen does without: the keys and a larger one have them.
-    struct control few[] = {all[0], all[1], all[2], all[3], all[6]};
-    const bool small = ui_width(b->ui) < 780;
-    const int done = small ? controls_draw(b, few, (int)COUNT_OF(few), in)
-                           : controls_draw(b, all, one_row ? (int)COUNT_OF(all) : FIRST, in);
-    if (done > DO_NOTHING)
-        view_state_do(s, (enum view_action)done, now_ns);
+    for (int i = 0; i < ALWAYS - 1; i++)
+        shown[count++] = always[i];
+    for (int i = 0; i < mark_count && place == MARKS_AMONG_BUTTONS; i++)
+        shown[count++] = marks[i];
+    shown[count++] = always[ALWAYS - 1];
+    for (int i = 0; i < (int)COUNT_OF(in_sheet) && is_one_row(width, height); i++)
+        shown[count++] = in_sheet[i];
+    const int mark = place == MARKS_IN_A_ROW ? controls_draw(b, marks, mark_count, cut_bottom(&in, ROW)) : -1,
+              done = controls_draw(b, shown, count, in);
+    if (done > DO_NOTHING || mark >= 0)
+        view_state_do(s, (enum view_action)(mark >= 0 ? mark : done), now_ns);
     (void)ui_area(b->ui, "live-panel", box);
 }
 
@@ -325,9 +351,10 @@ void screen_live(const struct brush *b, struct screens *screens, struct view_sta
     const double under_top = MARGIN + TARGET + GAP;
     const struct ui_box under = {free.x, under_top, free.w, panel_at.y - GAP - under_top};
     const bool legend = under.h > LEGEND_LEAST && under.w > LEGEND_LEAST;
-    draw_cue(b, screens, page, under, now_ns);
+    const struct ui_box said = screen_message_box(b, s);
+    draw_cue(b, screens, page, under, said, now_ns);
     if (legend)
-        draw_legend(b, (struct ui_box){under.x, under.y + under.h - 3 * 30 - 24 - GAP, under.w, 0});
+        draw_legend(b, under, said);
     draw_count(b, &s->live, under);
     top_row(b, s, page, (struct ui_box){MARGIN, MARGIN, all.w - 2 * MARGIN, TARGET}, now_ns);
     controls(b, s, page, panel_at, now_ns);

@@ -56,6 +56,12 @@ static struct summary_layout layout(double width, double height)
 
 struct ui_box screen_summary_figures(double width, double height) { return layout(width, height).figures; }
 
+double screen_summary_bottom(double width, double height)
+{
+    const struct ui_box strip = layout(width, height).strip;
+    return strip.y + strip.h;
+}
+
 // ---------------------------------------------------------------- score and progress
 
 static uint32_t score_color(const struct theme *t, double score)

@@ -61,9 +61,11 @@ void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns)
 
 // The part of the screen, dp, in which LIVE_BESIDE shows both figures, and LIVE_MIRROR the picture.
 struct ui_box screen_live_free(double width, double height);
+double screen_summary_bottom(double width, double height); // of all but the summary's buttons, dp
 
 // The notice, the hint or the progress bar, over any screen.
 void screen_message(const struct brush *b, const struct view_state *s);
+struct ui_box screen_message_box(const struct brush *b, const struct view_state *s); // width 0: nothing is said
 
 // A graph of the last frames' times by stage.
 void frame_graph_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
