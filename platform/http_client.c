@@ -14,6 +14,8 @@ struct http_limits http_default_limits(void) { return (struct http_limits){3000,
 #include <curl/curl.h>
 #include <pthread.h>
 
+enum { ADDRESS_MOST = 2048 }; // bytes, with the 0 at the end
+
 static void start_curl(void) { curl_global_init(CURL_GLOBAL_DEFAULT); }
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
@@ -159,12 +161,17 @@ static void set_limits(CURL *c, const struct http_limits *l)
         curl_easy_setopt(c, CURLOPT_CAINFO, l->authorities);
 }
 
-// One request without redirects. *next: where the server redirects to, "" for nowhere.
-static enum status request(CURL *c, const char *url, const struct http_limits *limits, struct transfer *t, long *code,
-                           char *next, size_t next_bytes)
+// One request without redirects. *next: where the server redirects to, "" for nowhere. On a copy of the handle: libcurl
+// 7.88 appends an answer's header that begins with white space to the last one of the handle's answer before, which is
+// freed.
+static enum status request(CURL *given, const char *url, const struct http_limits *limits, struct transfer *t,
+                           long *code, char next[ADDRESS_MOST])
 {
     char detail[CURL_ERROR_SIZE] = "";
     char *redirect = NULL;
+    CURL *c = curl_easy_duphandle(given);
+    if (!c)
+        return fail(ERR_MEMORY, "no memory to read %s", address_shown(url, detail));
     free(t->answer->body);
     *t->answer = (struct http_answer){0};
     t->capacity = 0;
@@ -176,15 +183,14 @@ static enum status request(CURL *c, const char *url, const struct http_limits *l
     curl_easy_setopt(c, CURLOPT_HEADERFUNCTION, take_header);
     curl_easy_setopt(c, CURLOPT_HEADERDATA, t);
     const CURLcode result = curl_easy_perform(c);
-    curl_easy_setopt(c, CURLOPT_ERRORBUFFER, NULL);
-    if (result != CURLE_OK)
-        return transfer_error(result, t, url, detail);
+    enum status status = result == CURLE_OK ? OK : transfer_error(result, t, url, detail);
     next[0] = 0;
     curl_easy_getinfo(c, CURLINFO_RESPONSE_CODE, code);
     curl_easy_getinfo(c, CURLINFO_REDIRECT_URL, &redirect);
-    if (redirect && (size_t)snprintf(next, next_bytes, "%s", redirect) >= next_bytes)
-        return fail(ERR_INPUT, "%s redirects to an address that is too long", address_shown(url, detail));
-    return OK;
+    if (status == OK && redirect && snprintf(next, ADDRESS_MOST, "%s", redirect) >= ADDRESS_MOST)
+        status = fail(ERR_INPUT, "%s redirects to an address that is too long", address_shown(url, detail));
+    curl_easy_cleanup(c);
+    return status;
 }
 
 static enum status server_error(long code, const char *url)
@@ -199,14 +205,14 @@ static enum status server_error(long code, const char *url)
 
 static enum status follow(CURL *c, const char *url, const struct http_limits *limits, struct transfer *t)
 {
-    char at[2048], next[2048], shown[ADDRESS_SHOWN_BYTES];
+    char at[ADDRESS_MOST], next[ADDRESS_MOST], shown[ADDRESS_SHOWN_BYTES];
     long code = 0;
     address_shown(url, shown);
     if ((size_t)snprintf(at, sizeof at, "%s", url) >= sizeof at)
         return fail(ERR_INPUT, "the address %s is too long", shown);
     address_hide_user(at);
     for (int i = 0; i <= limits->most_redirects; i++) {
-        enum status status = request(c, at, limits, t, &code, next, sizeof next);
+        enum status status = request(c, at, limits, t, &code, next);
         if (status != OK)
             return status;
         if (!next[0])
