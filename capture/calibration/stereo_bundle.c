@@ -34,27 +34,49 @@ static const double disc_point[DISC_POINTS][3] = {{0, 0, 0.25},
                                                   {DISC_REACH * -0.5, DISC_REACH * -0.86602540378443865, 0.125},
                                                   {DISC_REACH * 0.5, DISC_REACH * -0.86602540378443865, 0.125}};
 
-static struct vec3 point_of_disc(const struct stereo_bundle *b, const struct disc_sighting *s, int i)
+// A board's x and y axes.
+struct board_axes {
+    struct vec3 x, y;
+};
+
+static struct board_axes axes_of(struct quat a_from_board)
 {
-    return v3(s->x_m + b->radius_m * disc_point[i][0], s->y_m + b->radius_m * disc_point[i][1], 0);
+    return (struct board_axes){quat_rotate(a_from_board, v3(1, 0, 0)), quat_rotate(a_from_board, v3(0, 1, 0))};
+}
+
+static struct vec3 point_of_disc(const struct stereo_bundle *b, const struct disc_sighting *s,
+                                 const struct board_axes *axes, int i)
+{
+    return v3_add(v3_scale(axes->x, s->x_m + b->radius_m * disc_point[i][0]),
+                  v3_scale(axes->y, s->y_m + b->radius_m * disc_point[i][1]));
+}
+
+// lens_project's distortion, whose sixth-degree term is not estimated here and 0; inlined, for it is done most of all.
+static inline struct pixel distorted(const struct lens *l, double x, double y)
+{
+    const double r2 = x * x + y * y, radial = 1 + r2 * (l->k1 + r2 * l->k2);
+    return (struct pixel){x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x),
+                          y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y};
 }
 
 static bool predict(const struct stereo_bundle *b, const struct disc_sighting *s, const struct pose *camera_from_board,
                     struct pixel *out)
 {
+    const struct lens *l = &b->lens[s->camera];
+    const struct board_axes axes = axes_of(camera_from_board->rotation);
     double sum = 0;
     struct pixel at = {0, 0};
     for (int i = 0; i < DISC_POINTS; i++) {
-        const struct vec3 p = pose_apply(*camera_from_board, point_of_disc(b, s, i));
+        const struct vec3 p = v3_add(point_of_disc(b, s, &axes, i), camera_from_board->translation);
         if (!(p.z > LEAST_DEPTH_M))
             return false;
-        const struct pixel px = lens_project(&b->lens[s->camera], p);
+        const struct pixel px = distorted(l, p.x / p.z, p.y / p.z);
         const double weight = disc_point[i][2] / (p.z * p.z * p.z); // area in the image for area on a plane
         sum += weight;
         at.x += weight * px.x;
         at.y += weight * px.y;
     }
-    *out = (struct pixel){at.x / sum, at.y / sum};
+    *out = (struct pixel){l->fx * at.x / sum + l->cx, l->fy * at.y / sum + l->cy};
     return true;
 }
 
@@ -75,28 +97,30 @@ static void project(const struct lens *l, struct vec3 p, struct projection *out)
 {
     const double x = p.x / p.z, y = p.y / p.z, r2 = x * x + y * y;
     const double radial = 1 + r2 * (l->k1 + r2 * l->k2), slope = 2 * (l->k1 + 2 * r2 * l->k2);
-    const double xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
-    const double yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
-    const double xx = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x; // d xd / d x
-    const double xy = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;          // d xd / d y = d yd / d x
-    const double yy = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x; // d yd / d y
+    const struct pixel d = distorted(l, x, y);
+    const double xx = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x; // d d.x / d x
+    const double xy = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;          // d d.x / d y = d d.y / d x
+    const double yy = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x; // d d.y / d y
     const double rows[2][BUNDLE_LENS] = {
-        {xd, 0, 1, 0, l->fx * x * r2, l->fx * x * r2 * r2, l->fx * 2 * x * y, l->fx * (r2 + 2 * x * x)},
-        {0, yd, 0, 1, l->fy * y * r2, l->fy * y * r2 * r2, l->fy * (r2 + 2 * y * y), l->fy * 2 * x * y}};
+        {d.x, 0, 1, 0, l->fx * x * r2, l->fx * x * r2 * r2, l->fx * 2 * x * y, l->fx * (r2 + 2 * x * x)},
+        {0, d.y, 0, 1, l->fy * y * r2, l->fy * y * r2 * r2, l->fy * (r2 + 2 * y * y), l->fy * 2 * x * y}};
     memcpy(out->by_lens, rows, sizeof rows);
-    out->at = (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+    out->at = (struct pixel){l->fx * d.x + l->cx, l->fy * d.y + l->cy};
     out->by_point[0] = v3_scale(v3(xx, xy, -xx * x - xy * y), l->fx / p.z);
     out->by_point[1] = v3_scale(v3(xy, yy, -xy * x - yy * y), l->fy / p.z);
 }
 
-// How a point moves with each of a pose's unknowns: turned about the frame's origin, shifted.
-static void pose_slopes(struct vec3 turned, struct vec3 out[BUNDLE_POSE])
+// Adds how a number moves with each of a pose's unknowns, which turn about the frame's origin and shift, where `by` is
+// how it moves with the point that is `turned`.
+static void add_pose_slopes(struct vec3 turned, struct vec3 by, double out[BUNDLE_POSE])
 {
-    static const struct vec3 axis[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    for (int k = 0; k < 3; k++) {
-        out[k] = v3_cross(axis[k], turned);
-        out[3 + k] = axis[k];
-    }
+    const struct vec3 turn = v3_cross(turned, by); // by . (axis x turned) = axis . (turned x by)
+    out[0] += turn.x;
+    out[1] += turn.y;
+    out[2] += turn.z;
+    out[3] += by.x;
+    out[4] += by.y;
+    out[5] += by.z;
 }
 
 // As stereo_predict, with the derivatives by the local unknowns: the camera's lens, the pose between the cameras, the
@@ -105,42 +129,39 @@ static bool predict_with_slopes(const struct stereo_bundle *b, const struct disc
                                 double slope[LOCAL][2])
 {
     const struct pose camera = b->camera_from_left[s->camera], board = b->left_from_board[s->board];
-    double sum = 0, sum_slope[LOCAL] = {0};
+    const struct quat left_from_camera = quat_conjugate(camera.rotation);
+    const struct board_axes axes = axes_of(board.rotation);
+    double sum = 0, slopes[3][LOCAL] = {{0}}; // of at.x, at.y and sum
     struct pixel at = {0, 0};
-    memset(slope, 0, LOCAL * sizeof *slope);
     for (int i = 0; i < DISC_POINTS; i++) {
-        const struct vec3 on_board = quat_rotate(board.rotation, point_of_disc(b, s, i));
+        const struct vec3 on_board = point_of_disc(b, s, &axes, i);
         const struct vec3 turned = quat_rotate(camera.rotation, v3_add(on_board, board.translation));
         const struct vec3 p = v3_add(turned, camera.translation);
         if (!(p.z > LEAST_DEPTH_M))
             return false;
         struct projection seen;
-        struct vec3 by[2 * BUNDLE_POSE];
         project(&b->lens[s->camera], p, &seen);
-        pose_slopes(turned, by);
-        pose_slopes(on_board, by + BUNDLE_POSE);
-        for (int k = BUNDLE_POSE; k < 2 * BUNDLE_POSE; k++)
-            by[k] = quat_rotate(camera.rotation, by[k]);
-        const double weight = disc_point[i][2] / (p.z * p.z * p.z);
+        const double weight = disc_point[i][2] / (p.z * p.z * p.z), weight_by_z = -3 * weight / p.z;
         sum += weight;
         at.x += weight * seen.at.x;
         at.y += weight * seen.at.y;
-        for (int k = 0; k < BUNDLE_LENS; k++) {
-            slope[k][0] += weight * seen.by_lens[0][k];
-            slope[k][1] += weight * seen.by_lens[1][k];
-        }
-        for (int k = 0; k < 2 * BUNDLE_POSE; k++) {
-            const double weight_slope = -3 * weight / p.z * by[k].z;
-            double *of = slope[BUNDLE_LENS + k];
-            sum_slope[BUNDLE_LENS + k] += weight_slope;
-            of[0] += weight_slope * seen.at.x + weight * v3_dot(seen.by_point[0], by[k]);
-            of[1] += weight_slope * seen.at.y + weight * v3_dot(seen.by_point[1], by[k]);
+        const struct vec3 by_point[3] = {
+            v3_add(v3_scale(seen.by_point[0], weight), v3(0, 0, weight_by_z * seen.at.x)),
+            v3_add(v3_scale(seen.by_point[1], weight), v3(0, 0, weight_by_z * seen.at.y)),
+            v3(0, 0, weight_by_z),
+        };
+        for (int r = 0; r < 3; r++) {
+            for (int k = 0; r < 2 && k < BUNDLE_LENS; k++)
+                slopes[r][k] += weight * seen.by_lens[r][k];
+            add_pose_slopes(turned, by_point[r], slopes[r] + BUNDLE_LENS);
+            add_pose_slopes(on_board, quat_rotate(left_from_camera, by_point[r]),
+                            slopes[r] + BUNDLE_LENS + BUNDLE_POSE);
         }
     }
     *out = (struct pixel){at.x / sum, at.y / sum};
     for (int k = 0; k < LOCAL; k++) {
-        slope[k][0] = (slope[k][0] - out->x * sum_slope[k]) / sum;
-        slope[k][1] = (slope[k][1] - out->y * sum_slope[k]) / sum;
+        slope[k][0] = (slopes[0][k] - out->x * slopes[2][k]) / sum;
+        slope[k][1] = (slopes[1][k] - out->y * slopes[2][k]) / sum;
     }
     return true;
 }
@@ -177,7 +198,7 @@ double stereo_bundle_cost(const struct stereo_bundle *b)
 
 struct system {
     int n;
-    double *a, *g, *damped, *step; // J'J, -J'r; scratch; the solution
+    double *a, *g, *damped, *step; // J'J's lower triangle, -J'r; scratch; the solution
 };
 
 static void add_sighting(const struct stereo_bundle *b, const struct disc_sighting *s, struct system *m)
@@ -195,7 +216,7 @@ static void add_sighting(const struct stereo_bundle *b, const struct disc_sighti
         if (column[k] < 0)
             continue;
         m->g[column[k]] -= weight * (j[k][0] * rx + j[k][1] * ry);
-        for (int i = 0; i < LOCAL; i++)
+        for (int i = 0; i <= k; i++) // the columns rise
             if (column[i] >= 0)
                 m->a[column[k] * m->n + column[i]] += weight * (j[k][0] * j[i][0] + j[k][1] * j[i][1]);
     }

@@ -85,11 +85,13 @@ enum status stereo_by_opencv(const struct stereo_set *set, struct opencv_rig *ri
         for (int camera = 0; camera < 2; camera++) {
             const sightings s = of_one(*set, camera);
             std::vector<cv::Mat> rotations, translations;
-            cv::calibrateCamera(s.board, s.left, size, k[camera], d[camera], rotations, translations, cv::CALIB_FIX_K3);
+            cv::calibrateCamera(s.board, s.left, size, k[camera], d[camera], rotations, translations,
+                                cv::CALIB_FIX_K3 | cv::CALIB_USE_LU,
+                                cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 1e-9));
         }
         const sightings s = of_both(*set);
         rig->rms_px = cv::stereoCalibrate(s.board, s.left, s.right, k[0], d[0], k[1], d[1], size, r, t, e, f,
-                                          cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3);
+                                          cv::CALIB_USE_INTRINSIC_GUESS | cv::CALIB_FIX_K3 | cv::CALIB_USE_LU);
         for (int camera = 0; camera < 2; camera++)
             rig->lens[camera] = lens_of(*set, k[camera], d[camera]);
         for (int y = 0; y < 3; y++) {

@@ -111,9 +111,16 @@ static void test_as_robust_as_opencv(void **state)
 
 // The bounds and the fisheye's angles were chosen while looking at sets of SEED; these were left out.
 
+// The sets are made once: that takes as long as calibrating by them.
 static void make(int index)
 {
-    stereo_set_make(&set, WRONG_SEED, index);
+    static struct stereo_set made[WRONG_SETS];
+    if (!made[index].pairs)
+        stereo_set_make(&made[index], WRONG_SEED, index);
+    set = made[index];
+    for (int v = 0; v < set.pairs; v++)
+        for (int camera = 0; camera < 2; camera++)
+            set.views[v].circles[camera] = set.circles[v][camera];
     print_message("set %d of seed %d, %d pairs, tilt %.2f rad\n", index, WRONG_SEED, set.pairs, set.tilt_rad);
 }
 
