@@ -293,7 +293,8 @@ static void things(const struct brush *b, struct screens *screens, struct view_s
     const struct label_view picture = {&view, 0, l->picture, taken, (int)COUNT_OF(taken)};
     const struct label_view map = {&page->room->map_view, 1, l->map, taken, (int)COUNT_OF(taken)};
     int touched = ROOM_NOTHING, on_map = ROOM_NOTHING;
-    if (!page->room->apart && ((p->camera == NULL && !p->making) || (s->camera.placed && s->presence > 0)))
+    if (!page->room->apart &&
+        ((p->camera == NULL && !p->making && !p->bodiless) || (s->camera.placed && s->presence > 0)))
         touched = thing_labels_draw(b, &screens->room, &s->room, page->room, &picture);
     if (l->map.w > 0)
         on_map = thing_labels_draw(b, &screens->room, &s->room, page->room, &map);

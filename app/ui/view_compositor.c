@@ -298,11 +298,14 @@ static void draw_actor(const struct brush *b, struct ui_box box, const struct ta
 
 // ---------------------------------------------------------------- until the body is whole
 
-// What the sensor saw: in an orbit all that is shown, in a camera's image as a card. Fades as the body comes.
+static bool lacks_body(const struct take_view_image *p) { return p->making || p->bodiless; }
+
+// What the sensor saw: in an orbit all that is shown, in a camera's image as a card. Fades as the body comes, if it
+// does.
 static void draw_sensor(const struct brush *b, struct ui_box box, const struct take_view_image *p,
                         const struct view_state *s)
 {
-    const double share = p->camera ? 0.5 : 1, opacity = p->making ? 1 : 1 - s->crossfade; // chosen by hand
+    const double share = p->camera ? 0.5 : 1, opacity = lacks_body(p) ? 1 : 1 - s->crossfade; // chosen by hand
     if (!p->camera)
         ui_fill(b->ui, box, 0, faint(b->theme->ground, opacity));
     if (p->sensor) {
@@ -311,10 +314,11 @@ static void draw_sensor(const struct brush *b, struct ui_box box, const struct t
         const struct ui_uv_rect part = {p->flip_x, 0, !p->flip_x, 1};
         ui_image(b->ui, p->sensor, at, part, p->camera ? ROUND : 0, faint(0xffffffff, opacity));
     }
-    if (!p->making)
+    if (!lacks_body(p))
         return;
-    char text[64];
-    snprintf(text, sizeof text, "The body is being made, %.0f %%", 100 * s->avatar_progress);
+    char text[64] = "No body can be made of this take";
+    if (p->making)
+        snprintf(text, sizeof text, "The body is being made, %.0f %%", 100 * s->avatar_progress);
     const double w = fmin(ui_text_width(b->ui, FACE_STRONG, text) + 2 * MARGIN, box.w);
     const struct ui_box word = {box.x + (box.w - w) / 2, box.y + box.h * 0.5 * (1 - share) + TARGET + 2 * MARGIN, w,
                                 40};
@@ -333,7 +337,7 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         draw_studio(b, p, cover, box);
     if (!p->camera)
         draw_room(b, p, cover, box);
-    const bool waits = p->making && !p->camera; // the sensor's image is of another viewpoint than these
+    const bool waits = lacks_body(p) && !p->camera; // the sensor's image is of another viewpoint than these
     if (s->presence > 0 && p->has_skeleton && !waits) {
         if (s->moving)
             draw_ring(b, p, cover);
@@ -345,7 +349,7 @@ void compositor_draw(const struct brush *b, struct ui_box box, const struct take
         ui_image(b->ui, p->overlay, whole_of(p, cover),
                  p->flip_x ? (struct ui_uv_rect){1, 0, 0, 1} : (struct ui_uv_rect){0, 0, 1, 1}, 0,
                  faint(0xffffffff, s->presence));
-    if (p->making || (p->sensor && s->crossfade < 1))
+    if (lacks_body(p) || (p->sensor && s->crossfade < 1))
         draw_sensor(b, box, p, s);
     ui_unclip(b->ui);
 }

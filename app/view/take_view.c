@@ -342,10 +342,15 @@ bool take_view_final(const struct take_view *s)
     return !s->renderer || (renderer_upload_done(s->renderer) && !better && !s->outdated);
 }
 
+// Nothing whole can be drawn: not yet, or, once the full avatar should be there, never.
+static bool lacks_body(const struct take_view *s) { return !(s->renderer && renderer_avatar(s->renderer)); }
+
 // The prefetch works with the avatar before, so it ends first. The upload of a few megabytes is a hitch of some
 // milliseconds; in steps it would show cylinders for many images, also between the simple avatar and the full one.
 static enum status adopt(struct take_view *s, struct avatar *avatar, enum status made)
 {
+    if (made != OK && !lacks_body(s))
+        return made < 0 ? made : OK; // the simple one remains
     prefetch_close(&s->prefetch);
     const enum status given = renderer_set_avatar(s->renderer, made == OK ? avatar : NULL);
     if (given == OK)
@@ -487,10 +492,10 @@ static struct ui_uv_rect part_within(const struct renderer_result *drawn, bool f
     return (struct ui_uv_rect){flip_x ? 1 - right : left, top, flip_x ? 1 - left : right, bottom};
 }
 
-// Nothing whole can be drawn yet, but will be.
-static bool makes_body(const struct take_view *s)
+static void set_body(const struct take_view *s, struct take_view_image *out)
 {
-    return s->builder && !s->has_full && !(s->renderer && renderer_avatar(s->renderer));
+    out->making = lacks_body(s) && !s->has_full;
+    out->bodiless = lacks_body(s) && s->has_full;
 }
 
 static enum status draw_actor(struct take_view *s, const struct take_view_request *request, int64_t frame,
@@ -533,9 +538,10 @@ static enum status draw_actor(struct take_view *s, const struct take_view_reques
     out->actor_part = part_within(&result, request->placement.mirrored);
     out->flip_x = request->placement.mirrored;
     out->parts = result.parts;
-    out->making = makes_body(s);
-    if (out->making) { // parts with gaps between them are no body
+    set_body(s, out);
+    if (out->making || out->bodiless) { // parts with gaps between them are no body
         out->actor = out->shadow = NULL;
+        out->prepared = out->full = false;
         out->parts = 0;
         return OK;
     }
@@ -550,12 +556,13 @@ enum status take_view_draw(struct take_view *s, const struct take_view_request *
     struct track_sample sample;
     bool has_skeleton = skeleton_track_at(s->track, request->time_ns, true, &sample) == OK;
     s->substituted = s->outdated = false;
-    out->making = makes_body(s) && !request->camera_lost;
+    if (!request->camera_lost)
+        set_body(s, out);
     if (has_skeleton)
         place_skeleton(s, request, &sample, out);
     if (!request->camera_lost)
         status = draw_actor(s, request, has_skeleton ? sample.frame : -1, out);
-    s->stood_in = out->making || (s->stood_in && request->sensor);
+    s->stood_in = out->making || out->bodiless || (s->stood_in && request->sensor);
     if (status == OK && (request->inset || s->stood_in) && has_skeleton)
         status = upload_inset(s, request, sample.frame, out);
     return status;

@@ -24,8 +24,8 @@ struct take_view_options {
 };
 // The take can be drawn immediately: with the avatar that the recording keeps; or without the actor, but with what the
 // sensor saw, until, after the first take_view_presented, a simple avatar and then the full one were built in the
-// background. At DETAIL_PAPER, which is in parts with gaps between them, where no avatar can be made. Errors: as
-// recording_open, take_open and skeleton_track_open; *out is then NULL.
+// background. Where no avatar can be made, what the sensor saw is all there is: DETAIL_PAPER and _PARTS have gaps
+// between the parts. Errors: as recording_open, take_open and skeleton_track_open; *out is then NULL.
 MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct take_view_options *options);
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 
@@ -75,11 +75,12 @@ struct take_view_image {
                                        // NULL: none, or the camera is lost
     bool making;                       // the actor's body is not whole yet, and nothing of it is given: not `actor`,
                                        // nor `shadow`
+    bool bodiless;                     // the same for good: no avatar can be made of the take
     const struct gpu_texture
-        *sensor;          // the sensor's colour image while `making`, and after it while it is asked for; NULL
-    double sensor_aspect; // its width divided by its height
-    bool prepared;        // `actor` is better than DETAIL_PAPER
-    bool full;            // and as good as it gets: the take's full avatar
+        *sensor; // the sensor's colour image while `making` or `bodiless`, and after it while it is asked for; NULL
+    double sensor_aspect;              // its width divided by its height
+    bool prepared;                     // `actor` is better than DETAIL_PAPER
+    bool full;                         // and as good as it gets: the take's full avatar
     const struct gpu_texture *sources; // where each pixel is from, premultiplied, to be drawn over the actor; NULL
     const struct gpu_texture *inset;   // the sensor's colour image at that instant; NULL
     double inset_aspect;               // its width divided by its height

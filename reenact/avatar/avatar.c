@@ -86,7 +86,8 @@ struct avatar_build {
     struct frame_job job[IN_FLIGHT];
     const struct progress_watch *watch;
     int threads, inner_threads;
-    bool simple; // avatar_options.simple
+    bool simple;    // avatar_options.simple
+    bool has_shown; // a frame has shown the actor's surface; without any the shape is the prior's alone
 };
 
 static enum status open_build(struct avatar_build *r, struct take *take, const struct source_rays *rays)
@@ -129,7 +130,10 @@ static bool needs_colors(enum avatar_step pass)
 // NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
 static enum status read_frame(struct avatar_build *r, struct frame_job *job, int i)
 {
-    return depth_frame_cache_read(r->frame_cache, i, &job->depth_frame, needs_colors(r->pass) ? job->rgb : NULL);
+    const struct depth_frame *s = &job->depth_frame;
+    const enum status status =
+        depth_frame_cache_read(r->frame_cache, i, &job->depth_frame, needs_colors(r->pass) ? job->rgb : NULL);
+    return status == OK && s->right < s->left ? NOTHING : status;
 }
 
 static bool measures_silhouettes(enum avatar_step pass)
@@ -213,8 +217,10 @@ static enum status integrate_frame(struct avatar_build *r, const struct frame_jo
                          &(struct vertex_color_frame){&job->depth_frame, job->rgb, &job->transforms, job->deformation,
                                                       take_entry(r->take, r->avatar->frames[i])->world_from_camera,
                                                       time_of(r, i)});
-    else if (r->target)
+    else if (r->target) {
+        r->has_shown = true;
         return tsdf_integrate(r->target, &job->depth_frame, &job->transforms);
+    }
     return OK;
 }
 
@@ -326,6 +332,8 @@ static enum status make_shape(struct avatar *f, struct avatar_build *r)
     f->joint_errors = joint_noise_prior();
     for (size_t i = 0; i < (r->simple ? 1 : COUNT_OF(rounds)) && status == OK; i++) {
         status = make_round(f, r, &rounds[i]);
+        if (status == OK && !r->has_shown)
+            status = NOTHING;
         if (status != OK || rounds[i].shape != AVATAR_TSDF_ALIGNED)
             continue;
         f->joint_errors = joint_noise_estimate(&r->joint_errors);

@@ -1,5 +1,5 @@
 // The sequence of pictures from a cold start: a take that was never opened begins with what the sensor saw, until the
-// actor's body is whole. No picture shows parts of one.
+// actor's body is whole; for good where none can be made. No picture shows parts of one.
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
@@ -7,15 +7,18 @@
 #include "tests/support/glass.h"
 #include "tests/support/rehearsal.h"
 
+#include <stdio.h>
+#include <string.h>
+
 static struct rehearsal rehearsal;
 
 // Mean difference of the screen, between the controls, from the recorded image of that frame, which fills its height.
-static double difference_from_sensor(struct glass *g, int64_t frame)
+static double difference_from_sensor(struct glass *g, const char *file, int64_t frame)
 {
     struct recording *recording;
     struct take *take;
     struct take_images images;
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
+    EXPECT_STATUS(recording_open(&recording, file), OK);
     EXPECT_STATUS(take_open(&take, recording, "once more"), OK);
     EXPECT_STATUS(take_read(take, frame, TAKE_COLOR, &images), OK);
     const struct lens *lens = &take_calibration(take)->color;
@@ -41,7 +44,7 @@ static void expect_no_parts(struct glass *g, int *with_sensor)
     const struct take_view_image *p = &g->viewer.image;
     if (p->making) {
         EXPECT_TRUE(!p->actor && !p->shadow && p->sensor && !p->parts && !p->prepared);
-        EXPECT_AT_MOST(difference_from_sensor(g, p->frame), 8);
+        EXPECT_AT_MOST(difference_from_sensor(g, rehearsal.file, p->frame), 8);
         ++*with_sensor;
     } else {
         EXPECT_TRUE(p->prepared && p->actor);
@@ -99,6 +102,72 @@ static void test_take_opens_immediately_and_refines(void **state)
     glass_close(&g);
 }
 
+// "once more" in a recording of its own, its depth images without a reading.
+static void write_without_depth(const char *file)
+{
+    struct recording *recording;
+    struct take *take;
+    struct recording_writer *writer;
+    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
+    EXPECT_STATUS(take_open(&take, recording, "once more"), OK);
+    const struct lens *depth = &take_calibration(take)->depth;
+    uint16_t *no_reading = calloc((size_t)depth->width * (size_t)depth->height, sizeof *no_reading);
+    EXPECT_STATUS(recording_create(&writer, file), OK);
+    EXPECT_STATUS(recording_begin_take(writer, "once more", take_calibration(take)), OK);
+    EXPECT_STATUS(recording_put_body(writer, take_body(take)), OK);
+    for (int64_t i = 0; i < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        const uint8_t *bytes;
+        struct take_images images;
+        struct take_frame frame = {.time_ns = e->time_ns,
+                                   .world_from_camera = e->world_from_camera,
+                                   .located = e->located,
+                                   .depth = no_reading,
+                                   .has_skeleton = e->has_skeleton,
+                                   .skeleton = e->skeleton};
+        EXPECT_STATUS(take_read_jpeg(take, i, &bytes, &frame.jpeg_bytes), OK);
+        uint8_t *jpeg = malloc(frame.jpeg_bytes);
+        assert_non_null(jpeg);
+        memcpy(jpeg, bytes, frame.jpeg_bytes);
+        frame.jpeg = jpeg;
+        EXPECT_STATUS(take_read(take, i, TAKE_MASK, &images), OK);
+        frame.mask = images.mask;
+        EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
+        free(jpeg);
+    }
+    EXPECT_STATUS(recording_end_take(writer), OK);
+    EXPECT_STATUS(recording_close(&writer), OK);
+    free(no_reading);
+    take_close(&take);
+    recording_free(&recording);
+}
+
+// No avatar can be made of it: what the sensor saw stays, and the screen says why.
+static void test_a_take_without_an_avatar_shows_no_parts(void **state)
+{
+    (void)state;
+    struct glass g;
+    char file[256];
+    snprintf(file, sizeof file, "%s", scratch_file(&rehearsal.scratch, "bodiless.reenact"));
+    write_without_depth(file);
+    const struct viewer_options how = {.file = file, .take = "once more", .refresh_hz = 60};
+    glass_open(&g, GLASS_LONG / 2, GLASS_SHORT / 2, &how);
+    const struct take_view_image *p = &g.viewer.image;
+    int after = 0; // pictures after it was known
+    glass_draw(&g);
+    glass_seek(&g, 0.3);
+    for (const int64_t until = clock_now_ns() + 200000000000; after < 5 && clock_now_ns() < until;) {
+        glass_draw_and_wait(&g);
+        EXPECT_TRUE(!p->actor && !p->shadow && !p->parts && !p->prepared && p->sensor);
+        EXPECT_TRUE(p->making != p->bodiless);
+        EXPECT_AT_MOST(difference_from_sensor(&g, file, p->frame), 8);
+        after += p->bodiless;
+    }
+    EXPECT_INT(after, 5);
+    EXPECT_NEAR(g.viewer.state.avatar_progress, 1, 0);
+    glass_close(&g);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -117,6 +186,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_take_opens_immediately_and_refines),
+        cmocka_unit_test(test_a_take_without_an_avatar_shows_no_parts),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
