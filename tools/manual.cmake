@@ -58,8 +58,11 @@ endfunction()
 
 get_filename_component(name ${PROGRAM} NAME)
 ask(help --help)
-string(REGEX MATCH "^[^\n]*" about "${help}")
+string(REGEX REPLACE "^Usage: [^\n]*\n" "" about "${help}") # of a program without commands
+string(REGEX MATCH "^[^\n]*" about "${about}")
 string(REGEX REPLACE "^${name} |\\.$" "" about "${about}")
+string(REGEX MATCH "^Usage: ${name} ([^\n]*)" usage "${help}")
+set(usage "${CMAKE_MATCH_1}")
 string(REGEX REPLACE "\nUsage: .*" "" help "${help}") # of what is done without a command; that has a section of its own
 
 # The commands: a line each, "  PROGRAM COMMAND  what it does".
@@ -79,7 +82,10 @@ string(REPLACE "-" "_" function ${name})
 roff(about_text "${about}")
 roff(help_text "${help}")
 set(page ".TH ${upper} 1 \"\" \"reenact ${VERSION}\" \"Reenact\"\n.SH NAME\n${name} \\- ${about_text}\n")
-string(APPEND page ".SH SYNOPSIS\n.B ${name}\nCOMMAND [OPTION...]\n.SH DESCRIPTION\n.nf\n${help_text}.fi\n")
+if(NOT usage)
+    set(usage "COMMAND [OPTION...]")
+endif()
+string(APPEND page ".SH SYNOPSIS\n.B ${name}\n${usage}\n.SH DESCRIPTION\n.nf\n${help_text}.fi\n")
 set(options_cases)
 set(value_cases)
 foreach(command ${described})
@@ -109,6 +115,13 @@ foreach(command ${described})
         string(APPEND value_cases "    ${pattern}\\ ${option}) values='${values}' ;;\n")
     endforeach()
 endforeach()
+if(NOT commands) # its arguments are of one kind, listed as "  NAME: what it is"; options go before or after them
+    options_of("${help}" own_options choices)
+    string(REGEX MATCHALL "\n  [a-z][a-z-]*: " commands "${help}")
+    string(REGEX REPLACE "\n  ([a-z-]+): " "\\1" commands "${commands}")
+    list(JOIN own_options " " own_options)
+    string(APPEND options_cases "    *) options='${own_options}' ;;\n")
+endif()
 list(JOIN commands " " words)
 set(completion [==[
 # bash completion for @name@, made from its --help.
@@ -118,7 +131,7 @@ _@function@()
     local options= actions= values= word file take
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W '@words@ --help --version' -- "$current"))
+        COMPREPLY=($(compgen -W '@words@ @own_options@ --help --version' -- "$current"))
         return
     fi
     case "$command ${COMP_WORDS[2]}" in

@@ -81,6 +81,30 @@ static struct process_result complete(const char *file, const char *program, con
     return PROCESS("/usr/bin/bash", "-c", script);
 }
 
+// It has stages in place of commands.
+static void check_bench(const char *prefix)
+{
+    char path[512];
+    snprintf(path, sizeof path, "%s/bin/reenact-bench", prefix);
+    const struct process_result stages = PROCESS(path);
+    EXPECT_INT(stages.exit_code, 0);
+    EXPECT_TRUE(strstr(stages.out, "tag-distance"));
+    snprintf(path, sizeof path, "%s/share/man/man1/reenact-bench.1.gz", prefix);
+    EXPECT_INT(PROCESS("gzip", "-d", path).exit_code, 0);
+    path[strlen(path) - strlen(".gz")] = 0;
+    char *page = read_text(path);
+    EXPECT_TRUE(strstr(page, "[OPTION...] [STAGE]") && strstr(page, "tag\\-distance"));
+    EXPECT_TRUE(strstr(page, "reenact-bench \\- Measures error against time"));
+    free(page);
+    snprintf(path, sizeof path, "%s/share/bash-completion/completions/reenact-bench", prefix);
+    struct process_result said = complete(path, "reenact-bench", "_reenact_bench", "tag");
+    EXPECT_TRUE(strstr(said.out, "tags") && strstr(said.out, "tag-distance") && !strstr(said.out, "depth"));
+    said = complete(path, "reenact-bench", "_reenact_bench", "depth --rou");
+    EXPECT_TRUE(strstr(said.out, "--rounds"));
+    said = complete(path, "reenact-bench", "_reenact_bench", "--ht");
+    EXPECT_TRUE(strstr(said.out, "--html"));
+}
+
 static void test_what_is_installed(void **state)
 {
     (void)state;
@@ -121,6 +145,7 @@ static void test_what_is_installed(void **state)
     EXPECT_TRUE(strstr(said.out, "--fullscreen"));
     said = complete(path, "reenact", "_reenact", "render film.reenact --det");
     EXPECT_TRUE(strstr(said.out, "--detail"));
+    check_bench(prefix);
 }
 
 // Every relative link of a text that was installed leads to a file that was, too.
