@@ -3,16 +3,26 @@
 
 #include "locate/tag_corners.h"
 #include "platform/jpeg.h"
+#include "platform/tag_families.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 // All chosen by hand.
-enum { MOST_PICTURES = 8 }; // that are looked at again
+enum { MOST_PICTURES = 8 /* that are looked at again */, MOST_OTHERS = 32 /* tags in one of them */ };
 static const double SATURATED = 250, MUCH = 0.3, DARK_MEAN = 16;
 
 struct looked {
     int pictures, overexposed, dark, mirrored; // mirrored: that show a listed tag in a mirror
+    struct tag_of_family other[MOST_PICTURES + 1][MOST_OTHERS];
+    int others[MOST_PICTURES + 1]; // of each picture: tags of other families
+};
+
+// What they are looked at with.
+struct look {
+    struct tag_detector *detector;
+    struct tag_families *families;
+    uint8_t *rgb, *gray;
 };
 
 static bool is_listed(const struct map *m, int32_t id)
@@ -34,21 +44,24 @@ static void measure_light(const uint8_t *gray, size_t pixels, struct looked *out
     out->dark += sum < DARK_MEAN * (double)pixels;
 }
 
-static enum status look_at(const struct map *m, const struct map_frame *f, struct tag_detector *detector, uint8_t *rgb,
-                           uint8_t *gray, struct looked *out)
+static enum status look_at(const struct map *m, const struct map_frame *f, const struct look *by, struct looked *out)
 {
     const struct lens *lens = &m->calibration.color;
+    const struct gray_image image = {by->gray, lens->width, lens->height};
     struct tag_detection seen[PNP_MAX_TAGS];
     int count;
     bool listed = false;
-    enum status status = jpeg_decode(f->jpeg, f->jpeg_bytes, rgb, lens->width, lens->height);
+    enum status status = jpeg_decode(f->jpeg, f->jpeg_bytes, by->rgb, lens->width, lens->height);
     if (status != OK)
         return status == ERR_CORRUPT ? OK : status;
-    gray_from_rgb(rgb, lens_pixels(lens), gray);
-    measure_light(gray, lens_pixels(lens), out);
-    gray_mirror(gray, lens->width, lens->height);
-    status = tag_detector_detect(detector, &(struct gray_image){gray, lens->width, lens->height}, seen, PNP_MAX_TAGS,
-                                 &count);
+    gray_from_rgb(by->rgb, lens_pixels(lens), by->gray);
+    measure_light(by->gray, lens_pixels(lens), out);
+    status =
+        tag_families_look(by->families, &image, out->other[out->pictures], MOST_OTHERS, &out->others[out->pictures]);
+    if (status != OK)
+        return status;
+    gray_mirror(by->gray, lens->width, lens->height);
+    status = tag_detector_detect(by->detector, &image, seen, PNP_MAX_TAGS, &count);
     for (int i = 0; status == OK && i < count; i++)
         listed = listed || is_listed(m, seen[i].id);
     out->mirrored += listed;
@@ -60,19 +73,48 @@ static enum status look_at(const struct map *m, const struct map_frame *f, struc
 static enum status look_again(const struct map *m, struct looked *out)
 {
     const size_t pixels = lens_pixels(&m->calibration.color);
-    uint8_t *rgb = malloc(pixels * 4), *gray = rgb ? rgb + 3 * pixels : NULL;
-    struct tag_detector *detector = NULL;
-    enum status status = rgb ? tag_detector_open(&detector, 1) : fail(ERR_MEMORY, "no memory to look for tags");
+    struct look by = {.rgb = malloc(pixels * 4)};
+    by.gray = by.rgb ? by.rgb + 3 * pixels : NULL;
+    enum status status = by.rgb ? tag_detector_open(&by.detector, 1) : fail(ERR_MEMORY, "no memory to look for tags");
+    if (status == OK)
+        status = tag_families_open(&by.families);
     const int32_t step = m->frame_count / MOST_PICTURES + 1;
     for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
         if (i < due || !m->frames[i].jpeg)
             continue;
-        status = look_at(m, &m->frames[i], detector, rgb, gray, out);
+        status = look_at(m, &m->frames[i], &by, out);
         due = i + step;
     }
-    tag_detector_close(&detector);
-    free(rgb);
+    tag_families_close(&by.families);
+    tag_detector_close(&by.detector);
+    free(by.rgb);
     return status;
+}
+
+static bool shows(const struct looked *l, int picture, struct tag_of_family tag)
+{
+    for (int i = 0; i < l->others[picture]; i++)
+        if (l->other[picture][i].family == tag.family && l->other[picture][i].id == tag.id)
+            return true;
+    return false;
+}
+
+// The other family of which most is seen, each tag in two pictures at least: what looks like a tag by chance does so
+// from one place. -1: none.
+static int other_family(const struct looked *l)
+{
+    int seen[TAG_FAMILIES] = {0}, best = -1;
+    for (int picture = 0; picture < l->pictures; picture++)
+        for (int i = 0; i < l->others[picture]; i++) {
+            bool again = false;
+            for (int k = 0; k < l->pictures; k++)
+                again = again || (k != picture && shows(l, k, l->other[picture][i]));
+            seen[l->other[picture][i].family] += again;
+        }
+    for (int i = 0; i < TAG_FAMILIES; i++)
+        if (seen[i] > (best < 0 ? 0 : seen[best]))
+            best = i;
+    return best;
 }
 
 enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag)
@@ -102,6 +144,11 @@ enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_wit
         return fail(ERR_INPUT,
                     "the pictures show tag %d%s, but none of the listed tags: correct the numbers in the list",
                     (int)unlisted, others > 1 ? " and others" : "");
+    if (other_family(&looked) >= 0)
+        return fail(ERR_INPUT,
+                    "the tags in the pictures are of the family %s; print those of tag36h11 (reenact-capture tags) and "
+                    "hang them in their place",
+                    tag_family_name(other_family(&looked)));
     if (2 * looked.overexposed > looked.pictures)
         return fail(ERR_INPUT, "the pictures are overexposed, and none of the listed tags is recognised: film with a "
                                "shorter exposure");

@@ -1,6 +1,7 @@
 // What the mapper says of a sweep whose lens, depth or list of tags is wrong: the cause, and nothing of a right one.
 // The sweep is the small world's, whose lens and tags are exact.
 #include "capture/mapping/map_advice.h"
+#include "tests/support/other_tags.h"
 #include "tests/support/test.h"
 #include "tests/world/world.h"
 
@@ -280,6 +281,32 @@ static void test_missing_tags_are_explained(void **state)
     free(changed);
 }
 
+static void test_tags_of_another_family_are_named(void **state)
+{
+    (void)state;
+    const struct lens *lens = &room.calibration.color;
+    const size_t pixels = lens_pixels(lens);
+    uint8_t *color = malloc(pixels * 4), *gray = color + 3 * pixels;
+    struct mapper *m;
+    struct mapper_report report;
+    struct place place;
+    assert_non_null(color);
+    EXPECT_STATUS(mapper_open(&m, &room.calibration, room.tags, room.tag_count, NULL), OK);
+    for (int i = 0; i < 8; i++) {
+        memset(gray, 150 + i, pixels);
+        for (int tag = 0; tag < 2; tag++)
+            other_tag_draw(6, 5 + tag, gray, lens->width, lens->height, 20 + 5 * i + 130 * tag, 30 + 3 * i, 8);
+        for (size_t k = 0; k < 3 * pixels; k++)
+            color[k] = gray[k / 3];
+        EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = time_ns(i), .color = color, .depth = room.depth[i]}),
+                      OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT);
+    EXPECT_SAYS("of the family tagStandard41h12");
+    mapper_close(&m);
+    free(color);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -290,6 +317,7 @@ int main(void)
         cmocka_unit_test(test_one_tag_that_fits_badly_is_named),
         cmocka_unit_test(test_still_sensor_is_mapped_from_some_pictures),
         cmocka_unit_test(test_missing_tags_are_explained),
+        cmocka_unit_test(test_tags_of_another_family_are_named),
     };
     return cmocka_run_group_tests_name("map_lens", tests, film_room, leave_room);
 }
