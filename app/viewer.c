@@ -371,10 +371,23 @@ static struct take_view_request make_request(struct viewer *v, const struct view
     return request;
 }
 
+// From the hips: where the front is.
+static void note_facing(struct viewer *v)
+{
+    const struct skeleton *k = &v->image.skeleton;
+    if (!v->image.has_skeleton || !(k->confidence[JOINT_LEFT_HIP] > 0 && k->confidence[JOINT_RIGHT_HIP] > 0))
+        return;
+    const struct vec3 across = v3_sub(k->joint[JOINT_LEFT_HIP], k->joint[JOINT_RIGHT_HIP]);
+    const double left = v->state.placement.mirrored ? -1 : 1; // the joints keep their names
+    if (hypot(across.x, across.y) > 0.02)
+        view_state_set_facing(&v->state, atan2(left * across.y, left * across.x));
+}
+
 // Moves the orbit's centre with the actor.
 static void follow_actor(struct viewer *v)
 {
     struct view_state *s = &v->state;
+    note_facing(v);
     if (!s->orbiting || s->moving || !v->image.has_skeleton || !(v->image.skeleton.confidence[JOINT_WAIST] > 0))
         return;
     const struct vec3 waist = v->image.skeleton.joint[JOINT_WAIST];

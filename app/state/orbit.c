@@ -12,6 +12,25 @@ void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notche
     orbit->distance_m = clamp(orbit->distance_m * pow(0.9, notches), 0.8, 12);
 }
 
+void orbit_look(struct orbit *orbit, enum orbit_view view, double facing_rad, const struct orbit *start)
+{
+    static const double PI = 3.14159265358979323846, ABOVE_RAD = 1.4, SAME_RAD = 0.05;
+    const double left_rad = facing_rad + PI / 2;
+    const bool at_left = fabs(remainder(orbit->angle_rad - left_rad, 2 * PI)) < SAME_RAD &&
+                         fabs(orbit->rise_rad - start->rise_rad) < SAME_RAD;
+    orbit->rise_rad = view == ORBIT_ABOVE ? ABOVE_RAD : start->rise_rad;
+    switch (view) {
+    case ORBIT_FRONT:
+    case ORBIT_ABOVE: orbit->angle_rad = facing_rad; break;
+    case ORBIT_SIDE: orbit->angle_rad = at_left ? facing_rad - PI / 2 : left_rad; break;
+    case ORBIT_BACK: orbit->angle_rad = facing_rad + PI; break;
+    case ORBIT_START:
+        orbit->angle_rad = start->angle_rad;
+        orbit->distance_m = start->distance_m;
+        break;
+    }
+}
+
 struct pose orbit_world_from_camera(const struct orbit *o)
 {
     struct vec3 back =

@@ -13,5 +13,10 @@ struct orbit {
 // The elevation and the distance stay in their ranges.
 void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notches);
 
+// From which side of a person who faces facing_rad: the azimuth of the orbit in front of them. SIDE: their left, and
+// from there their right. The distance stays. START: as the orbit was at first.
+enum orbit_view { ORBIT_FRONT, ORBIT_SIDE, ORBIT_BACK, ORBIT_ABOVE, ORBIT_START };
+void orbit_look(struct orbit *orbit, enum orbit_view view, double facing_rad, const struct orbit *start);
+
 // Camera axes: x right, y down, z towards the centre; never rolled.
 struct pose orbit_world_from_camera(const struct orbit *orbit);

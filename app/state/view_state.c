@@ -10,6 +10,7 @@ static const double PI = 3.14159265358979323846;
 static const int64_t NOTICE_NS = 3000000000, WARNING_NS = 8000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
 static const int64_t MOVED_NS = 2000000000; // a tag must be reported as moved for this long before a notice
 static const int64_t LIVE_PAUSE_NS = 200000000, LIVE_POLL_NS = 15000000;
+static const int64_t DOUBLE_TAP_NS = 350000000;
 static const double APPEAR_S = 0.2, FADE_S = 0.7, CROSSFADE_S = 0.5;
 
 const double view_speeds[VIEW_SPEEDS] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
@@ -43,7 +44,8 @@ void view_state_open_take(struct view_state *s, int64_t length_ns, int64_t frame
     s->playback.speed = speed;
     s->playback.loop = loop;
     playback_play(&s->playback, now_ns, true);
-    s->orbit = *orbit;
+    s->orbit = s->orbit_start = *orbit;
+    s->facing_rad = orbit->angle_rad; // until the actor is known
     s->placement = (struct placement){0};
     s->avatar_shown = false;
     s->crossfade = 0;
@@ -225,9 +227,19 @@ static bool do_trim(struct view_state *s, enum view_action action, int64_t now_n
     }
 }
 
+// True: the action concerned the side from which the actor is seen.
+static bool do_look(struct view_state *s, enum view_action action)
+{
+    if (action < DO_SEE_FRONT || action > DO_SEE_START)
+        return false;
+    if (s->orbiting)
+        orbit_look(&s->orbit, (enum orbit_view)(action - DO_SEE_FRONT), s->facing_rad, &s->orbit_start);
+    return true;
+}
+
 static void do_on_watch(struct view_state *s, enum view_action action, int64_t now_ns)
 {
-    if (do_playback(s, action, now_ns) || do_trim(s, action, now_ns))
+    if (do_playback(s, action, now_ns) || do_trim(s, action, now_ns) || do_look(s, action))
         return;
     switch (action) {
     case DO_MIRROR: s->placement.mirrored = !s->placement.mirrored; break;
@@ -390,6 +402,10 @@ void view_state_gesture(struct view_state *s, const struct gesture *g, const str
     }
     if (s->page != PAGE_WATCH || (still && !g->tapped))
         return;
+    const bool twice = g->tapped && s->tapped_ns && now_ns - s->tapped_ns < DOUBLE_TAP_NS;
+    s->tapped_ns = g->tapped && !twice ? now_ns : 0;
+    if (twice && !s->moving)
+        do_look(s, DO_SEE_START);
     if (g->tapped && s->sheet != SHEET_NONE) {
         s->sheet = SHEET_NONE;
         view_state_on_input(s, now_ns);
@@ -468,6 +484,8 @@ void view_state_set_problem(struct view_state *s, const char *sentence)
     s->changed |= sentence != s->problem;
     s->problem = sentence;
 }
+
+void view_state_set_facing(struct view_state *s, double facing_rad) { s->facing_rad = facing_rad; }
 
 void view_state_set_progress(struct view_state *s, double share)
 {

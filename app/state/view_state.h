@@ -36,7 +36,12 @@ enum view_action {
     DO_FASTER,
     DO_LOOP,
     DO_MIRROR,
-    DO_ORBIT, // switch between the camera and the orbit
+    DO_ORBIT,     // switch between the camera and the orbit
+    DO_SEE_FRONT, // of an orbit: from which side the actor is seen
+    DO_SEE_SIDE,
+    DO_SEE_BACK,
+    DO_SEE_ABOVE,
+    DO_SEE_START, // as it was when the take was opened
     DO_SKELETON,
     DO_SOURCES,
     DO_INSET,
@@ -112,7 +117,9 @@ struct view_state {
 
     bool orbiting;        // the view is the orbit's, else the camera's
     bool orbit_requested; // by the user; else only for want of a camera image
-    struct orbit orbit;
+    struct orbit orbit, orbit_start;
+    double facing_rad; // the azimuth of an orbit that sees the actor from the front at this instant
+    int64_t tapped_ns; // when the image was tapped last; a second tap soon after it is a double one
     struct placement placement;
     bool moving; // fingers move the actor, not the view
     bool skeleton, sources, inset, frame_graph, dark, fullscreen;
@@ -195,8 +202,9 @@ void view_state_choose_take(struct view_state *s, int take);
 
 void view_state_on_camera(struct view_state *s, const struct view_camera *camera, int64_t now_ns);
 void view_state_set_problem(struct view_state *s, const char *sentence); // NULL: resolved
-void view_state_set_progress(struct view_state *s, double share);        // of building the avatar, 0..1
-void view_state_set_avatar_shown(struct view_state *s, bool shown);      // the frame drawn last shows the avatar
+void view_state_set_facing(struct view_state *s, double facing_rad);
+void view_state_set_progress(struct view_state *s, double share);   // of building the avatar, 0..1
+void view_state_set_avatar_shown(struct view_state *s, bool shown); // the frame drawn last shows the avatar
 void view_state_notify(struct view_state *s, const char *notice, int64_t now_ns);
 // The same for what went wrong; stays longer.
 void view_state_warn(struct view_state *s, const char *notice, int64_t now_ns);

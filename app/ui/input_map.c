@@ -27,6 +27,11 @@ enum view_action input_map_key(int key, bool shift)
     case 'l': return DO_LOOP;
     case 'm': return DO_MIRROR;
     case 'o': return DO_ORBIT;
+    case '1': return DO_SEE_FRONT;
+    case '2': return DO_SEE_SIDE;
+    case '3': return DO_SEE_BACK;
+    case '4': return DO_SEE_ABOVE;
+    case '0': return DO_SEE_START;
     case 'b': return DO_SKELETON;
     case 'x': return DO_SOURCES;
     case 'i': return DO_INSET;

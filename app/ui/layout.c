@@ -9,9 +9,9 @@ static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GR
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
-double sheet_buttons_height(void) { return TEXT_SIZE_NAME + TARGET + GAP; }
+double sheet_buttons_height(int rows) { return TEXT_SIZE_NAME + rows * (TARGET + GAP); }
 
-double sheet_rows_height(int rows) { return rows * SWITCH + sheet_buttons_height(); }
+double sheet_rows_height(int rows) { return rows * SWITCH + sheet_buttons_height(1); }
 
 double sheet_height_of(int rows) { return HEADING + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
 
@@ -20,7 +20,9 @@ static double sheet_height(const struct view_state *s)
     switch (s->sheet) {
     case SHEET_THINGS:
     case SHEET_CARD: return TALL_SHEET;
-    case SHEET_LAYERS: return sheet_height_of(LAYER_ROWS + (s->developer ? DEVELOPER_ROWS : 0));
+    case SHEET_LAYERS:
+        return sheet_height_of(LAYER_ROWS + (s->developer ? DEVELOPER_ROWS : 0)) +
+               (s->orbiting ? sheet_buttons_height(SIDES_ROWS) : 0);
     case SHEET_SPEED: return HEADING + GAP + 2 * SHEET_EDGE + 2 * SWITCH + GAP;
     default: return 0;
     }
@@ -34,7 +36,7 @@ enum live_marks layout_live_marks(double width, double height)
 
 struct ui_box layout_live_sheet(double width, double height)
 {
-    const double marks = layout_live_marks(width, height) == MARKS_IN_SHEET ? sheet_buttons_height() : 0;
+    const double marks = layout_live_marks(width, height) == MARKS_IN_SHEET ? sheet_buttons_height(1) : 0;
     const double w = fmin(SHEET_W, width - 2 * MARGIN),
                  h = fmin(sheet_height_of(LIVE_ROWS) + marks, height - 2 * MARGIN);
     return (struct ui_box){width - MARGIN - w, height - MARGIN - h, w, h};

@@ -35,18 +35,52 @@ static bool has_marks(const struct brush *b, const struct view_state *s)
     return s->sheet == SHEET_LIVE && layout_live_marks(ui_width(b->ui), ui_height(b->ui)) == MARKS_IN_SHEET;
 }
 
-// Begin and end of the part that is done, under its name; returns its height.
-static double marks_row(const struct brush *b, struct view_state *s, struct ui_box at, int64_t now_ns)
+// Buttons under their name.
+struct button_group {
+    const char *name;
+    struct control controls[5];
+    int count;
+};
+
+static struct button_group marks_group(const struct view_state *s)
 {
-    struct control marks[2];
-    const int count = live_mark_controls(&s->live, marks);
-    label(b, FACE_BODY, (struct ui_box){at.x + 8, at.y, at.w - 16, TEXT_SIZE_NAME}, b->theme->text,
-          "The part that is done");
+    struct button_group g = {.name = "The part that is done"};
+    g.count = live_mark_controls(&s->live, g.controls);
+    return g;
+}
+
+static struct button_group sides_group(void)
+{
+    return (struct button_group){"Seen from",
+                                 {{"see-front", "Front", BUTTON_RAISED, DO_SEE_FRONT},
+                                  {"see-side", "Side", BUTTON_RAISED, DO_SEE_SIDE},
+                                  {"see-back", "Back", BUTTON_RAISED, DO_SEE_BACK},
+                                  {"see-above", "Above", BUTTON_RAISED, DO_SEE_ABOVE},
+                                  {"see-start", "As at first", BUTTON_RAISED, DO_SEE_START}},
+                                 5};
+}
+
+// What stands before the switches: for what moves meanwhile, and may be wanted again and again. Count 0: nothing.
+static struct button_group first_group(const struct brush *b, const struct view_state *s)
+{
+    if (has_marks(b, s))
+        return marks_group(s);
+    return s->sheet == SHEET_LAYERS && s->orbiting ? sides_group() : (struct button_group){0};
+}
+
+static double group_height(const struct brush *b, const struct button_group *g, double width)
+{
+    return g->count ? TEXT_SIZE_NAME + controls_height(b, g->controls, g->count, width - 12) + GAP : 0;
+}
+
+static void group_draw(const struct brush *b, struct view_state *s, const struct button_group *g, struct ui_box at,
+                       int64_t now_ns)
+{
+    label(b, FACE_BODY, (struct ui_box){at.x + 8, at.y, at.w - 16, TEXT_SIZE_NAME}, b->theme->text, g->name);
     const struct ui_box row = {at.x + 4, at.y + TEXT_SIZE_NAME, at.w - 12, TARGET};
-    const int done = controls_draw(b, marks, count, row);
+    const int done = controls_draw(b, g->controls, g->count, row);
     if (done >= 0)
         view_state_do(s, (enum view_action)done, now_ns);
-    return sheet_buttons_height();
 }
 
 // Chooses the permitted error of the drawn actor, pixels: a larger one draws faster. For developers.
@@ -80,16 +114,17 @@ static void rows_draw(const struct brush *b, struct screens *screens, struct vie
                       const struct sheet_row *rows, int count, struct ui_box in, int64_t now_ns)
 {
     const bool developer = s->developer && s->sheet == SHEET_LAYERS;
-    const bool marks = has_marks(b, s);
-    const double content_h = sheet_rows_height(count + developer) + (marks ? sheet_buttons_height() : 0);
+    const struct button_group first = first_group(b, s);
+    const double first_h = group_height(b, &first, in.w), content_h = sheet_rows_height(count + developer) + first_h;
     struct scroll *scroll = &screens->sheet;
     scroll->at += s->list_steps * SWITCH;
     s->list_steps = 0;
     const struct brush inside = scroll_begin(b, scroll, &in, content_h);
     double y = in.y - scroll->at;
     int more = 0;
-    if (marks) // first: the actor does not wait
-        y += marks_row(&inside, s, (struct ui_box){in.x, y, in.w, SWITCH}, now_ns);
+    if (first.count)
+        group_draw(&inside, s, &first, (struct ui_box){in.x, y, in.w, first_h}, now_ns);
+    y += first_h;
     for (int i = 0; i < count; i++, y += SWITCH) {
         if (switch_row(&inside, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
                        (struct ui_box){in.x, y, in.w - 6, SWITCH}))

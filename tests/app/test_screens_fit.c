@@ -731,8 +731,8 @@ static void test_no_words_of_developers(void **state)
         EXPECT_TRUE(!find_mark(true, "Error") == !developer);
         EXPECT_TRUE(!find_mark(true, "Where pixels") == !developer);
         EXPECT_TRUE(!find_mark(true, "Frame times") == !developer);
-        EXPECT_TRUE(!find_mark(true, "Mirrored")); // once, under the timeline
-        EXPECT_TRUE(find_mark(true, "Mirror"));
+        EXPECT_TRUE(!find_mark(true, "Mirrored"));           // once, under the timeline
+        EXPECT_TRUE(developer || find_mark(true, "Mirror")); // a longer sheet covers it
     }
 }
 

@@ -467,9 +467,53 @@ static void test_every_field_causes_a_redraw(void **state)
     EXPECT_REDRAW(overlay = (const struct overlay *)(const void *)&pixel);
 }
 
+// Each side by its key, of an actor who faces east; two quick taps, or 0, lead back to the first view.
+static void test_sides_of_an_orbit(void **state)
+{
+    (void)state;
+    const struct orbit start = {v3(0, 0, 1), 0.3, 0.12, 3};
+    struct view_state s = view_state_start(1, true, 0);
+    view_state_open_take(&s, 10 * S, 301, &start, 0);
+    view_state_do(&s, DO_SEE_BACK, 0); // where the actor faces is not known yet: by the first view
+    EXPECT_NEAR(remainder(s.orbit.angle_rad - 0.3 - PI, 2 * PI), 0, 1e-12);
+    view_state_set_facing(&s, PI / 2);
+    s.orbit.distance_m = 5;
+    const struct {
+        enum view_action action;
+        double x, y, z;                                           // from the actor to the camera; east is x, north y
+    } cases[] = {{DO_SEE_FRONT, 1, 0, 0}, {DO_SEE_SIDE, 0, 1, 0}, // the left of one who faces east
+                 {DO_SEE_SIDE, 0, -1, 0}, {DO_SEE_SIDE, 0, 1, 0}, {DO_SEE_BACK, -1, 0, 0}, {DO_SEE_ABOVE, 0, 0, 1}};
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        view_state_do(&s, cases[i].action, 0);
+        const struct vec3 from = v3_scale(v3_sub(orbit_world_from_camera(&s.orbit).translation, s.orbit.centre), 0.2);
+        EXPECT_NEAR(v3_distance(from, v3(cases[i].x, cases[i].y, cases[i].z)), 0, 0.2); // and a little from above
+    }
+    EXPECT_NEAR(s.orbit.distance_m, 5, 0);
+    view_state_do(&s, DO_SEE_START, 0);
+    EXPECT_NEAR(s.orbit.angle_rad, 0.3, 0);
+    EXPECT_NEAR(s.orbit.rise_rad, 0.12, 0);
+    EXPECT_NEAR(s.orbit.distance_m, 3, 0);
+    const struct gesture tap = {.spread = 1, .tapped = true}, drag = {.spread = 1, .drag_x = 0.2};
+    for (int slow = 1; slow >= 0; slow--) {
+        view_state_gesture(&s, &drag, NULL, 0);
+        const double turned = s.orbit.angle_rad;
+        view_state_gesture(&s, &tap, NULL, 10 * S);
+        view_state_gesture(&s, &tap, NULL, 10 * S + (slow ? S / 2 : S / 4));
+        EXPECT_NEAR(s.orbit.angle_rad, slow ? turned : 0.3, 0);
+        s.tapped_ns = 0;
+    }
+    EXPECT_INT(input_map_key('1', false), DO_SEE_FRONT);
+    EXPECT_INT(input_map_key('0', false), DO_SEE_START);
+    // Through a camera nothing is turned.
+    s.orbiting = false;
+    view_state_do(&s, DO_SEE_BACK, 0);
+    EXPECT_NEAR(s.orbit.angle_rad, 0.3, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sides_of_an_orbit),
         cmocka_unit_test(test_playback_speed_and_loop),
         cmocka_unit_test(test_without_loop_stops_at_end_and_restarts),
         cmocka_unit_test(test_steps_land_on_frames),
