@@ -405,10 +405,35 @@ static enum status look_upside_down(const struct depth_film *f, struct depth_fin
     return status;
 }
 
+// Of some frames all over the take, which need not show a person.
+static enum status find_turn(struct take *take, enum depth_turn *out)
+{
+    enum { LOOKS = 12 };
+    const struct calibration *c = take_calibration(take);
+    const int64_t count = take_frame_count(take);
+    struct stream_turn seen = {.images = 0};
+    enum status status = OK;
+    *out = DEPTH_STRAIGHT;
+    for (int k = 0; k < LOOKS && k < count && c->color.width > 0 && c->depth.width > 0 && status == OK; k++) {
+        struct take_images images;
+        status = take_read(take, count * (2 * k + 1) / (2 * LOOKS), TAKE_COLOR | TAKE_DEPTH, &images);
+        if (status == OK && images.color && images.depth)
+            status = stream_turn_add(&seen, c, images.color, images.depth);
+        status = status == ERR_CORRUPT ? OK : status;
+    }
+    *out = stream_turn_judge(&seen);
+    return status;
+}
+
 enum status depth_cause_find(struct take *take, struct depth_finding *out)
 {
     struct depth_film film;
     *out = (struct depth_finding){.stature_m = take_stature_m(take)};
+    const enum status turned = find_turn(take, &out->turn);
+    if (turned != OK || out->turn != DEPTH_STRAIGHT) {
+        out->cause = CAUSE_TURNED;
+        return turned;
+    }
     if (out->stature_m > 0 && (out->stature_m < LEAST_STATURE_M || out->stature_m > MOST_STATURE_M)) {
         out->cause = CAUSE_UNIT;
         return OK;
@@ -465,7 +490,12 @@ void depth_cause_say(const struct depth_finding *f, struct take_verdict *out)
         [CAUSE_FROM_ABOVE] =
             "the sensor looks straight down, or at a bare wall: put it on a stand at the height of the chest",
     };
-    if (f->cause == CAUSE_UNIT)
+    if (f->cause == CAUSE_TURNED)
+        verdict_say(out, USE_ANY,
+                    "the depth pictures are %s against the colour pictures: put one of the two streams right (a "
+                    "driver's mirror setting, or what wrote the film) and record again",
+                    depth_turn_text(f->turn));
+    else if (f->cause == CAUSE_UNIT)
         say_unit(f, out);
     else if (f->cause != CAUSE_NONE)
         verdict_say(out, USE_ANY, "%s", sentences[f->cause]);

@@ -456,8 +456,12 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     result->located = r->sensor_pose && sensor_pose_get(r->sensor_pose, &pose);
     result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
     result->first_moved = -1;
-    if (r->sensor_pose)
+    if (r->sensor_pose) {
+        struct sensor_sight sight;
+        sensor_pose_get_sight(r->sensor_pose, &sight);
+        result->mirrored = sight.mirrored;
         result->tags_moved = sensor_pose_moved_tags(r->sensor_pose, &result->first_moved);
+    }
     result->smoothing_out_of_memory = r->smoothing_out_of_memory;
     result->slowest_ms = r->slowest_ms;
     result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;

@@ -79,6 +79,7 @@ struct recorder_result {
     char first_damage[256];   // the error sentence of the first of them; "" when none
     int pauses;
     bool located;                 // the sensor's pose in the place is known
+    bool mirrored;                // it is not, because the pictures are mirrored: the place's tags tell
     int sensor_moves;             // how often it was moved during the take
     int32_t tags_moved;           // of the place's, now at another position; the lowest id of them is ...
     int32_t first_moved;          // ... this, else -1

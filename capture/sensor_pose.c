@@ -2,6 +2,8 @@
 #include "capture/sensor_pose.h"
 
 #include "capture/gravity_align.h"
+#include "locate/mirrored_tags.h"
+#include "locate/tag_corners.h"
 
 #include <stdlib.h>
 
@@ -37,10 +39,28 @@ struct sensor_pose {
     struct pose candidate;
     bool candidate_is_accurate; // about as accurate as the best pose in the mean
     int moves, far_moves;
+    struct mirrored_tags *mirror; // NULL: the place has no tags, or it was looked for them often enough
+    uint8_t *gray;                // for it
+    int mirror_looks, mirror_shows;
     struct sensor_sight sight;
     double scale_sum; // of sight.depth_scale
     int scales;
 };
+
+static enum status open_mirror(struct sensor_pose *s, const struct place *place)
+{
+    if (!place->tag_count)
+        return OK;
+    int32_t *ids = malloc((size_t)place->tag_count * sizeof *ids);
+    s->gray = malloc(lens_pixels(&s->calibration.color));
+    for (int32_t i = 0; i < place->tag_count && ids; i++)
+        ids[i] = place->tags[i].id;
+    const enum status status = ids && s->gray
+                                   ? mirrored_tags_open(&s->mirror, &s->calibration.color, ids, place->tag_count)
+                                   : fail(ERR_MEMORY, "no memory to locate the sensor");
+    free(ids);
+    return status;
+}
 
 enum status sensor_pose_open(struct sensor_pose **out, const struct place *place, const struct calibration *calibration)
 {
@@ -62,6 +82,10 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
         sensor_pose_close(&s);
         return status;
     }
+    if ((status = open_mirror(s, place)) != OK) {
+        sensor_pose_close(&s);
+        return status;
+    }
     for (int32_t i = 0; i < s->reference_count; i++)
         s->references[i] = place->tag_count ? place->tags[i].world_from_tag.translation : place->points[i].world;
     *out = s;
@@ -72,6 +96,8 @@ void sensor_pose_close(struct sensor_pose **s)
 {
     if (*s) {
         locator_close(&(*s)->locator);
+        mirrored_tags_close(&(*s)->mirror);
+        free((*s)->gray);
         free((*s)->references);
     }
     free(*s);
@@ -105,6 +131,7 @@ static void average(struct sensor_pose *s, struct pose pose, double weight)
 
 static void restart_from(struct sensor_pose *s, const struct location *found, double weight)
 {
+    s->sight.mirrored = false;
     s->mean = found->world_from_camera;
     s->mean_weight = weight;
     s->least_sigma_m = found->position_sigma_m;
@@ -163,6 +190,25 @@ static void note_depth_scale(struct sensor_pose *s)
     s->sight.depth_scale = ++s->scales < ENOUGH ? 0 : s->scale_sum / s->scales;
 }
 
+// Where no tag is seen: whether the first such images show one in a mirror. Once one was seen as it is, never again.
+static enum status look_in_mirror(struct sensor_pose *s, const uint8_t *color)
+{
+    enum { LOOKS = 6, ENOUGH = 2 };
+    int shown = 0;
+    if (!s->mirror)
+        return OK;
+    if (s->sight.tag_count || s->poses || s->mirror_looks == LOOKS) {
+        mirrored_tags_close(&s->mirror);
+        return OK;
+    }
+    gray_from_rgb(color, lens_pixels(&s->calibration.color), s->gray);
+    const enum status status = mirrored_tags_look(s->mirror, s->gray, &shown);
+    s->mirror_looks++;
+    s->mirror_shows += shown > 0;
+    s->sight.mirrored = s->mirror_shows >= ENOUGH;
+    return status;
+}
+
 enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     const int64_t frame = s->frame++;
@@ -177,6 +223,11 @@ enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, cons
     s->sight.tag_count = locator_seen_tags(s->locator, s->sight.tags, SENSOR_SIGHT_TAGS);
     s->sight.points = status == OK ? found.points_used : 0;
     note_depth_scale(s);
+    if (status == NOTHING) {
+        const enum status looked = look_in_mirror(s, color);
+        if (looked != OK)
+            return looked;
+    }
     if (status == NOTHING || status == AMBIGUOUS)
         return OK;
     if (status != OK)

@@ -18,6 +18,7 @@ struct sensor_sight {
     int32_t tags[SENSOR_SIGHT_TAGS]; // of the place that the last image examined showed, lowest first
     int tag_count;
     int32_t points;     // landmarks that agreed with the last pose
+    bool mirrored;      // tags are seen in the mirror alone: the sensor's pictures are turned over
     double depth_scale; // measured depth of the tags in sight over the one that their size says; 0: not known
 };
 

@@ -1,6 +1,7 @@
 #include "locate/picture_check.h"
 
 #include "locate/landmark_matching.h"
+#include "locate/mirrored_tags.h"
 #include "locate/relocalization.h"
 #include "locate/tag_corners.h"
 
@@ -33,12 +34,14 @@ struct sample {
     struct feature features[MOST_MATCHES];
     struct landmark_match matches[MOST_MATCHES];
     int count;
-    int mirrored; // landmarks that agree in a mirror; 0: not looked for, or too few
+    int mirrored;       // landmarks that agree in a mirror, or tags; 0: not looked for, or too few
+    bool is_recognised; // as it is, by landmarks or tags
     double saturated_share, mean;
 };
 
 struct picture_check {
     const struct place *place;
+    struct mirrored_tags *tags; // NULL: the place has none
     struct lens lens;
     uint8_t *gray;
     uint8_t *row_max, *column_max; // over all samples
@@ -48,6 +51,20 @@ struct picture_check {
     struct feature_index index; // of `found`, or of one sample's features
     struct landmark_match matches[FEATURES_MAX];
 };
+
+static enum status open_tags(struct picture_check *c)
+{
+    if (!c->place->tag_count)
+        return OK;
+    int32_t *ids = malloc((size_t)c->place->tag_count * sizeof *ids);
+    if (!ids)
+        return fail(ERR_MEMORY, "no memory to check the pictures");
+    for (int32_t i = 0; i < c->place->tag_count; i++)
+        ids[i] = c->place->tags[i].id;
+    const enum status status = mirrored_tags_open(&c->tags, &c->lens, ids, c->place->tag_count);
+    free(ids);
+    return status;
+}
 
 enum status picture_check_open(struct picture_check **out, const struct place *place, const struct lens *lens)
 {
@@ -62,10 +79,12 @@ enum status picture_check_open(struct picture_check **out, const struct place *p
     c->row_max = calloc((size_t)lens->height, 1);
     c->column_max = calloc((size_t)lens->width, 1);
     c->samples = malloc(MOST_SAMPLES * sizeof *c->samples);
-    if (c->gray && c->row_max && c->column_max && c->samples)
-        return OK;
-    picture_check_close(out);
-    return fail(ERR_MEMORY, "no memory to check the pictures");
+    enum status status = c->gray && c->row_max && c->column_max && c->samples
+                             ? open_tags(c)
+                             : fail(ERR_MEMORY, "no memory to check the pictures");
+    if (status != OK)
+        picture_check_close(out);
+    return status;
 }
 
 void picture_check_close(struct picture_check **out)
@@ -73,6 +92,7 @@ void picture_check_close(struct picture_check **out)
     struct picture_check *c = *out;
     if (!c)
         return;
+    mirrored_tags_close(&c->tags);
     free(c->gray);
     free(c->row_max);
     free(c->column_max);
@@ -142,6 +162,29 @@ static void thin_out(struct picture_check *c)
     c->stride *= 2;
 }
 
+// The picture is not recognised by its landmarks: by its tags, or in a mirror by either?
+static enum status look_in_mirror(struct picture_check *c, struct sample *s)
+{
+    struct lens other = c->lens;
+    struct pose pose;
+    int count, tags = 0;
+    enum status status = c->tags ? mirrored_tags_look_straight(c->tags, c->gray, &tags) : OK;
+    if (status != OK || tags) {
+        s->is_recognised = tags > 0;
+        return status;
+    }
+    if (c->tags)
+        status = mirrored_tags_look(c->tags, c->gray, &s->mirrored);
+    if (status != OK || s->mirrored)
+        return status;
+    other.cx = other.width - 1 - other.cx;
+    gray_mirror(c->gray, other.width, other.height);
+    status = recognise(c, &count);
+    if (status == OK)
+        s->mirrored = agreeing(c, c->matches, count, &other, &pose);
+    return status;
+}
+
 enum status picture_check_add(struct picture_check *c, const uint8_t *color)
 {
     int count;
@@ -156,22 +199,14 @@ enum status picture_check_add(struct picture_check *c, const uint8_t *color)
     enum status status = recognise(c, &count);
     if (status != OK)
         return status;
-    const bool known = agreeing(c, c->matches, count, &c->lens, &pose) > 0;
+    s->is_recognised = agreeing(c, c->matches, count, &c->lens, &pose) > 0;
     s->count = count < MOST_MATCHES ? count : MOST_MATCHES;
     for (int i = 0; i < s->count; i++) {
         s->features[i] = c->found[c->matches[i].feature];
         s->matches[i] = (struct landmark_match){c->matches[i].point, i};
     }
     c->sample_count++;
-    if (known)
-        return OK;
-    struct lens other = c->lens;
-    other.cx = other.width - 1 - other.cx;
-    gray_mirror(c->gray, other.width, other.height);
-    status = recognise(c, &count);
-    if (status == OK)
-        s->mirrored = agreeing(c, c->matches, count, &other, &pose);
-    return status;
+    return s->is_recognised ? OK : look_in_mirror(c, s);
 }
 
 // ---------------------------------------------------------------- fitting a lens
@@ -357,16 +392,17 @@ static bool has_bars(const uint8_t *brightest, int count)
 
 enum status picture_check_judge(struct picture_check *c, const struct lens *lens, struct picture_verdict *out)
 {
-    int mirrored = 0, bright = 0, dark = 0;
+    int mirrored = 0, straight = 0, bright = 0, dark = 0;
     *out = (struct picture_verdict){.looked_at = c->sample_count};
     for (int i = 0; i < c->sample_count; i++) {
         mirrored += c->samples[i].mirrored > 0;
+        straight += c->samples[i].is_recognised;
         bright += c->samples[i].saturated_share > MUCH;
         dark += c->samples[i].mean < DARK_MEAN;
     }
     out->overexposed = 2 * bright > c->sample_count;
     out->dark = 2 * dark > c->sample_count;
-    out->mirrored = 2 * mirrored > c->sample_count;
+    out->mirrored = 2 * mirrored > c->sample_count || (mirrored > 1 && !straight);
     out->barred = c->sample_count && (has_bars(c->row_max, lens->height) || has_bars(c->column_max, lens->width));
     return c->place->point_count && !out->mirrored ? judge_lens(c, lens, out) : OK;
 }

@@ -29,7 +29,7 @@ MUST_CHECK enum status picture_check_add(struct picture_check *c, const uint8_t 
 struct picture_verdict {
     int looked_at, recognised; // pictures; those in which enough landmarks agree on a pose, with whatever lens
     struct lens_verdict lens;  // LENS_FITS, too, where too little is recognised
-    bool mirrored;             // most are recognised only in a mirror
+    bool mirrored;             // most are recognised only in a mirror, or several and no other at all
     bool barred;               // black bars above and below, or on both sides, in all of them
     bool overexposed, dark;    // most of them, largely
 };

@@ -7,6 +7,7 @@
 #include "capture/calibration/lens_calibration.h"
 #include "capture/calibration/printed_board.h"
 #include "capture/calibration/readout.h"
+#include "locate/mirrored_tags.h"
 #include "locate/tag_corners.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -90,6 +91,8 @@ struct calibration_run {
     struct lens_calibration lens;
     struct color_depth color_depth;
     struct tag_detector *detector;
+    struct mirrored_tags *mirror; // of --rolling-shutter
+    int mirror_looks, mirror_shows;
     uint8_t *gray;
     struct readout readout;
     bool enough;
@@ -119,6 +122,18 @@ static enum status add_color_depth(struct calibration_run *r, const struct frame
     return status;
 }
 
+// Whether the first pictures without a tag show one in a mirror.
+static enum status look_in_mirror(struct calibration_run *r)
+{
+    enum { LOOKS = 6 };
+    int shown;
+    if (r->readout.count || r->mirror_looks++ >= LOOKS)
+        return OK;
+    const enum status status = mirrored_tags_look(r->mirror, r->gray, &shown);
+    r->mirror_shows += shown > 0;
+    return status;
+}
+
 static enum status add_rolling(struct calibration_run *r, const struct frame *f)
 {
     const struct lens *l = &r->calibration.color;
@@ -144,7 +159,7 @@ static enum status add_rolling(struct calibration_run *r, const struct frame *f)
              "tag %s · swing left and right, a turn of the wrist each way every second",
              largest >= 0 ? "seen" : "not seen");
     r->enough = r->readout.count >= 150; // 5 s
-    return status;
+    return status == OK && !count ? look_in_mirror(r) : status;
 }
 
 static enum status feed(struct calibration_run *r, struct source_frames *frames,
@@ -256,6 +271,9 @@ static enum status solve_rolling(struct calibration_run *r)
 {
     struct readout_report report;
     double readout_s;
+    if (r->mirror_shows > 1 && !r->readout.count)
+        return fail(ERR_INPUT, "the pictures are mirrored, so that no tag is recognised: switch the camera's mirror "
+                               "off and film again");
     enum status status = readout_solve(&r->readout, &readout_s, &report);
     if (status != OK)
         return status;
@@ -281,7 +299,8 @@ static enum status prepare(struct calibration_run *r)
         return fail(ERR_MEMORY, "no memory to calibrate");
     if (r->a->color_depth)
         return color_depth_start(&r->color_depth, &r->calibration, &discs);
-    return tag_detector_open(&r->detector, 1);
+    const enum status status = mirrored_tags_open(&r->mirror, color, NULL, 0);
+    return status == OK ? tag_detector_open(&r->detector, 1) : status;
 }
 
 // A depth sensor's colour camera is a camera, too.
@@ -315,6 +334,7 @@ static enum status calibrate(struct calibration_run *r)
     lens_calibration_free(&r->lens);
     color_depth_free(&r->color_depth);
     tag_detector_close(&r->detector);
+    mirrored_tags_close(&r->mirror);
     free(r->gray);
     source_close(&source);
     return status;

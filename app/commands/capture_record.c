@@ -106,6 +106,7 @@ static enum status report(const struct record_arguments *given, const struct rec
         json_add_number(root, "dropped", (double)r->dropped);
         json_add_number(root, "damaged", (double)r->damaged);
         json_add_bool(root, "located", r->located);
+        json_add_bool(root, "mirrored", r->mirrored);
         json_add_number(root, "sensor_moves", r->sensor_moves);
         json_add_number(root, "tags_moved", r->tags_moved);
         json_add_number(root, "mean_ms", r->mean_ms);
@@ -158,7 +159,12 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
     if (*r->no_body_points)
         fprintf(stderr, "%s: tracked from depth alone, without body points from colour: %s\n", program,
                 r->no_body_points);
-    if (has_place && !r->located)
+    if (r->mirrored)
+        fprintf(stderr,
+                "%s: the pictures are mirrored, so that none of the place's tags is recognised: switch the sensor's "
+                "mirror off and film again\n",
+                program);
+    else if (has_place && !r->located)
         fprintf(stderr, "%s: the sensor recognised nothing of the place, so it is unknown where the actor stood\n",
                 program);
     command_warn_moved_tags(program, r->tags_moved, r->first_moved);

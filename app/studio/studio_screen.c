@@ -88,6 +88,10 @@ static void place_text(const struct studio_snapshot *shown, char text[LINE_BYTES
         snprintf(text, size, "No place in the file: map the room first, or film without");
         return;
     }
+    if (sight->mirrored) {
+        snprintf(text, size, "The pictures are mirrored: switch the sensor's mirror off");
+        return;
+    }
     if (shown->located)
         used = snprintf(text, size, "Place known to %.0f mm", fmax(sight->position_sigma_m * 1e3, 1));
     else

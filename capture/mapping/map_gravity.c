@@ -1,4 +1,5 @@
-// World axes of a new map: up from the tags or from the surfaces in the depth, the floor as a robust plane fit.
+// World axes of a new map: up from the tags or from the surfaces in the depth, also of a sensor that hung upside down;
+// the floor as a robust plane fit.
 #include "capture/mapping/map_internal.h"
 
 #include "base/linear_algebra.h"
@@ -13,6 +14,10 @@ enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MAX_SURFACE_POINTS = 200000, MAX_U
 static const double MAX_CAMERA_TILT_COS = 0.64;           // 50 degrees: a camera is seldom tilted more
 static const double LEVEL_COS = 0.99, UPRIGHT_COS = 0.14; // 8 degrees
 static const double BIN_M = 0.01;
+// The camera hung upside down where so many times as much surface faces the other way, also without the lowest plane's.
+// Of two sweeps that it was settled on (dance, tum-rpy) and one that was left out (kitchen) 0.2 to 0.4 times as much
+// does, and upside down 2.3 times and more.
+static const double OTHER_WAY = 2, OTHER_WAY_M2 = 0.5;
 
 // A tag's axis that may point up: 0..3 are +y, -y, +x, -x (on a wall, in any quarter turn; tags printed by OpenCV 4 are
 // upside down), 4 is +z (lying).
@@ -254,6 +259,44 @@ static bool surface_samples_alloc(struct surface_samples *s)
     return s->points && s->normals && s->weights && s->areas;
 }
 
+// What faces up: all of it, and what is not the lowest plane, as tables and seats are.
+struct facing {
+    double all_m2, higher_m2;
+};
+
+static struct facing area_facing(const struct surface_samples *all, struct vec3 up, struct surface_samples *flat)
+{
+    const double thick_m = 0.15;
+    struct facing f = {0, 0};
+    double lowest = 0;
+    select_horizontal(all, up, flat);
+    if (!lowest_plane_height(flat, up, &lowest))
+        return f;
+    for (int32_t i = 0; i < flat->count; i++) {
+        f.all_m2 += flat->areas[i];
+        f.higher_m2 += v3_dot(up, flat->points[i]) > lowest + thick_m ? flat->areas[i] : 0;
+    }
+    return f;
+}
+
+// Up if the camera was held with its own up as `held`.
+static struct vec3 up_for(const struct map *m, const struct surface_samples *all, struct vec3 held)
+{
+    return m->tag_count ? up_from_tags(m, held) : up_from_surfaces(all, held);
+}
+
+// Up, by tags or surfaces, both of which leave open which way round: as the camera was held, unless what it saw stands
+// on its head. A room has floor, seats and tables that face up, and little but the ceiling faces down. A tag tells
+// nothing: some print theirs upside down, and some hang them on the ceiling.
+static struct vec3 find_up(const struct map *m, const struct surface_samples *all, struct surface_samples *flat)
+{
+    const struct vec3 held = mean_camera_up(m), up = up_for(m, all, held), other = up_for(m, all, v3_scale(held, -1));
+    const struct facing as_held = area_facing(all, up, flat), turned = area_facing(all, other, flat);
+    const bool hung =
+        turned.all_m2 > OTHER_WAY * as_held.all_m2 && turned.higher_m2 > OTHER_WAY * as_held.higher_m2 + OTHER_WAY_M2;
+    return hung ? other : up;
+}
+
 // Up, by tags where there are some, else by surfaces, and the floor's height along
 // it where it was seen in depth: OK, else NOTHING and *height unchanged.
 static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
@@ -263,10 +306,8 @@ static enum status find_floor(const struct map *m, struct vec3 *up, double *heig
     bool allocated = surface_samples_alloc(&all) && surface_samples_alloc(&flat);
     if (allocated && m->calibration.registered && m->calibration.depth.width)
         collect_surface(m, &all);
-    *up = m->tag_count ? up_from_tags(m, mean_camera_up(m)) : mean_camera_up(m);
     if (allocated) {
-        if (!m->tag_count)
-            *up = up_from_surfaces(&all, *up);
+        *up = find_up(m, &all, &flat);
         select_horizontal(&all, *up, &flat);
         // Twice: the first time `up` is only as accurate as the tags hang.
         for (int round = 0; round < 2; round++)

@@ -117,8 +117,9 @@ MUST_CHECK enum status map_check_tag_sides(struct map *m);
 enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag);
 
 // ---- map_plausibility.c
-// Before anything of the map: whether depth is mirrored or upside down against the colour, by the tags that both show.
-enum map_depth_turn map_find_depth_turn(const struct map *m);
+// Before anything of the map. ERR_INPUT: depth is mirrored or upside down against the colour, by the tags that both
+// show, or else by the edges (locate/stream_turn.h). ERR_MEMORY.
+MUST_CHECK enum status map_check_depth_turn(const struct map *m);
 // Once the map no longer moves: the lens, and depth against the list of tags. ERR_MEMORY, ERR_SOLVER.
 MUST_CHECK enum status map_judge(struct map *m, struct mapper_report *report);
 // ERR_INPUT, with the likeliest cause: the map is of no use.

@@ -1,6 +1,7 @@
 // Why no listed tag is in any picture of a sweep.
 #include "capture/mapping/map_internal.h"
 
+#include "locate/mirrored_tags.h"
 #include "locate/tag_corners.h"
 #include "platform/jpeg.h"
 #include "platform/tag_families.h"
@@ -20,7 +21,7 @@ struct looked {
 
 // What they are looked at with.
 struct look {
-    struct tag_detector *detector;
+    struct mirrored_tags *mirror;
     struct tag_families *families;
     uint8_t *rgb, *gray;
 };
@@ -48,9 +49,7 @@ static enum status look_at(const struct map *m, const struct map_frame *f, const
 {
     const struct lens *lens = &m->calibration.color;
     const struct gray_image image = {by->gray, lens->width, lens->height};
-    struct tag_detection seen[PNP_MAX_TAGS];
-    int count;
-    bool listed = false;
+    int listed = 0;
     enum status status = jpeg_decode(f->jpeg, f->jpeg_bytes, by->rgb, lens->width, lens->height);
     if (status != OK)
         return status == ERR_CORRUPT ? OK : status;
@@ -60,11 +59,8 @@ static enum status look_at(const struct map *m, const struct map_frame *f, const
         tag_families_look(by->families, &image, out->other[out->pictures], MOST_OTHERS, &out->others[out->pictures]);
     if (status != OK)
         return status;
-    gray_mirror(by->gray, lens->width, lens->height);
-    status = tag_detector_detect(by->detector, &image, seen, PNP_MAX_TAGS, &count);
-    for (int i = 0; status == OK && i < count; i++)
-        listed = listed || is_listed(m, seen[i].id);
-    out->mirrored += listed;
+    status = mirrored_tags_look(by->mirror, by->gray, &listed);
+    out->mirrored += listed > 0;
     out->pictures++;
     return status;
 }
@@ -73,9 +69,14 @@ static enum status look_at(const struct map *m, const struct map_frame *f, const
 static enum status look_again(const struct map *m, struct looked *out)
 {
     const size_t pixels = lens_pixels(&m->calibration.color);
+    int32_t ids[MAPPER_MAX_TAGS];
+    int count = 0;
+    for (int32_t t = 0; t < m->tag_count && count < MAPPER_MAX_TAGS; t++)
+        ids[count++] = m->tags[t].id;
     struct look by = {.rgb = malloc(pixels * 4)};
     by.gray = by.rgb ? by.rgb + 3 * pixels : NULL;
-    enum status status = by.rgb ? tag_detector_open(&by.detector, 1) : fail(ERR_MEMORY, "no memory to look for tags");
+    enum status status = by.rgb ? mirrored_tags_open(&by.mirror, &m->calibration.color, ids, count)
+                                : fail(ERR_MEMORY, "no memory to look for tags");
     if (status == OK)
         status = tag_families_open(&by.families);
     const int32_t step = m->frame_count / MOST_PICTURES + 1;
@@ -86,7 +87,7 @@ static enum status look_again(const struct map *m, struct looked *out)
         due = i + step;
     }
     tag_families_close(&by.families);
-    tag_detector_close(&by.detector);
+    mirrored_tags_close(&by.mirror);
     free(by.rgb);
     return status;
 }

@@ -4,12 +4,15 @@
 #include "capture/mapping/map_frontend.h"
 #include "capture/mapping/map_internal.h"
 
+#include "locate/stream_turn.h"
+#include "platform/jpeg.h"
+
 #include <stdlib.h>
 
 // ---------------------------------------------------------------- depth that is mirrored
 
 // All chosen by hand.
-enum { MOST_RATIOS = 4096, MIN_RATIOS = 24 };
+enum { MOST_RATIOS = 4096, MIN_RATIOS = 24, MOST_TURN_PICTURES = 16 };
 // Depth of the right way round agrees with the tags' sizes to some hundredths. Another way is believed where it does
 // so, and the given one is this many times as far off.
 static const double TURNED_SPREAD = 0.06, TIMES_AS_FAR = 2.5;
@@ -27,7 +30,7 @@ static double median(double *values, int count)
 }
 
 // Depth over the distance that a tag's size tells, at the middle of its four quarters.
-static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k, enum map_depth_turn turn, double *out,
+static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k, enum depth_turn turn, double *out,
                       int count)
 {
     const struct lens *lens = &m->calibration.color;
@@ -51,7 +54,7 @@ static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k,
 }
 
 // How far depth and tags are apart, a share: the median deviation of their ratio from its median. 1: not known.
-static double spread_of_depth(const struct map *m, enum map_depth_turn turn, double *ratios)
+static double spread_of_depth(const struct map *m, enum depth_turn turn, double *ratios)
 {
     int count = 0;
     for (int32_t i = 0; i < m->frame_count; i++)
@@ -65,21 +68,57 @@ static double spread_of_depth(const struct map *m, enum map_depth_turn turn, dou
     return median(ratios, count);
 }
 
-enum map_depth_turn map_find_depth_turn(const struct map *m)
+// By the tags. False: too few of them show depth.
+static bool turn_by_tags(const struct map *m, enum depth_turn *best)
 {
-    enum map_depth_turn best = DEPTH_STRAIGHT;
     double ratios[MOST_RATIOS], least, straight;
-    if (!m->has_depth || !map_depth_usable(&m->calibration))
-        return DEPTH_STRAIGHT;
     least = straight = spread_of_depth(m, DEPTH_STRAIGHT, ratios);
-    for (enum map_depth_turn turn = DEPTH_MIRRORED; turn <= DEPTH_TURNED; turn++) {
+    *best = DEPTH_STRAIGHT;
+    for (enum depth_turn turn = DEPTH_MIRRORED; turn < DEPTH_TURNS; turn++) {
         const double spread = spread_of_depth(m, turn, ratios);
         if (spread < least && spread < TURNED_SPREAD && straight < 1 && straight > TIMES_AS_FAR * spread) {
             least = spread;
-            best = turn;
+            *best = turn;
         }
     }
-    return best;
+    return straight < 1;
+}
+
+// By the edges of some of the pictures that are kept, spread over the sweep.
+static enum status turn_by_edges(const struct map *m, enum depth_turn *best)
+{
+    const struct lens *lens = &m->calibration.color;
+    const int32_t step = m->frame_count / MOST_TURN_PICTURES + 1;
+    struct stream_turn seen = {.images = 0};
+    enum status status = OK;
+    uint8_t *rgb = malloc(lens_pixels(lens) * 3);
+    if (!rgb)
+        return fail(ERR_MEMORY, "no memory to compare colour and depth");
+    for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
+        const struct map_frame *f = &m->frames[i];
+        if (i < due || !f->jpeg || !f->depth)
+            continue;
+        due = i + step;
+        status = jpeg_decode(f->jpeg, f->jpeg_bytes, rgb, lens->width, lens->height);
+        if (status == OK)
+            status = stream_turn_add(&seen, &m->calibration, rgb, f->depth);
+        status = status == ERR_CORRUPT ? OK : status;
+    }
+    *best = stream_turn_judge(&seen);
+    free(rgb);
+    return status;
+}
+
+enum status map_check_depth_turn(const struct map *m)
+{
+    enum depth_turn turn;
+    if (!m->has_depth || !map_depth_usable(&m->calibration))
+        return OK;
+    const enum status status = turn_by_tags(m, &turn) ? OK : turn_by_edges(m, &turn);
+    if (status != OK || turn == DEPTH_STRAIGHT)
+        return status;
+    return fail(ERR_INPUT, "the depth pictures are %s against the colour pictures: film both the same way round",
+                depth_turn_text(turn));
 }
 
 // ---------------------------------------------------------------- lens and unit
@@ -135,21 +174,11 @@ static enum status refuse_unit(double ratio)
                 ratio);
 }
 
-static enum status refuse_turn(enum map_depth_turn turn)
-{
-    return fail(ERR_INPUT, "the depth pictures are %s against the colour pictures: film both the same way round",
-                turn == DEPTH_MIRRORED  ? "mirrored"
-                : turn == DEPTH_FLIPPED ? "upside down and mirrored"
-                                        : "upside down");
-}
-
 enum status map_check_use(const struct map *m, const struct mapper_report *r)
 {
     char text[LENS_TEXT_BYTES];
     const bool far_off = m->rms_m > MAX_DEPTH_ERROR_M && m->rms_m > MAX_TIMES_NOISE * m->expected_m;
     const bool useless = far_off || most_tags_lost(m);
-    if (r->depth_turn != DEPTH_STRAIGHT)
-        return refuse_turn(r->depth_turn);
     if (r->lens.fault != LENS_FITS && (r->lens.gross || useless))
         return fail(ERR_INPUT,
                     "%s, and such a map is of no use: calibrate the lens, or use the calibration.json that belongs to "

@@ -441,8 +441,9 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         report_tags(m, report);
         return map_explain_no_tags(&m->map, m->frames_with_tag);
     }
-    report->depth_turn = map_find_depth_turn(&m->map);
-    status = map_check_tag_sides(&m->map);
+    status = map_check_depth_turn(&m->map);
+    if (status == OK)
+        status = map_check_tag_sides(&m->map);
     if (status == OK && prior)
         status = map_release_moved_tags(&m->map);
     if (status == OK)

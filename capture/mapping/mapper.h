@@ -75,9 +75,6 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out);
 // Valid until the next call.
 const struct sweep_plan *mapper_plan(struct mapper *m);
 
-// How the depth picture lies on the colour picture.
-enum map_depth_turn { DEPTH_STRAIGHT, DEPTH_MIRRORED, DEPTH_FLIPPED, DEPTH_TURNED };
-
 struct mapper_report {
     int32_t frames; // used, of frames_seen
     int32_t frames_seen;
@@ -104,7 +101,6 @@ struct mapper_report {
     // Distances by the depth over those by the tags' listed sides and the lens, its fault taken out; 0: not known. Near
     // 1 if the depth's unit and the list are right.
     double depth_ratio;
-    enum map_depth_turn depth_turn;
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest landmark. With `prior`: true
 };
 

@@ -130,6 +130,47 @@ static void test_color_that_starts_late(void **state)
     free(depth);
 }
 
+// The place's tags are seen in the mirror alone: that is why the sensor is not located. Not said of a sensor that is,
+// nor of one that sees no tag.
+static void test_mirrored_pictures_are_noticed(void **state)
+{
+    (void)state;
+    enum { UPDATES = 3 };
+    const struct calibration c = world_calibration(1);
+    const int width = c.color.width;
+    const size_t pixels = lens_pixels(&c.color);
+    uint8_t *color = malloc(3 * pixels), *shown = malloc(3 * pixels);
+    struct place tags = film_true_place(world, 1);
+    const struct world_shot shot = {c.color, world_sensor_pose(world), 0, true};
+    EXPECT_TRUE(color && shown);
+    EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = color}), OK);
+    for (int how = 0; how < 3; how++) {
+        struct sensor_pose *s;
+        struct sensor_sight sight;
+        struct pose at;
+        for (size_t k = 0; k < pixels; k++)
+            for (size_t i = 0; i < 3; i++) {
+                const size_t x = k % (size_t)width, from = how == 1 ? k - x + (size_t)width - 1 - x : k;
+                shown[3 * k + i] = how == 2 ? 128 : color[3 * from + i];
+            }
+        EXPECT_STATUS(sensor_pose_open(&s, &tags, &c), OK);
+        for (int i = 0; i < UPDATES; i++)
+            EXPECT_STATUS(sensor_pose_update(s, shown, NULL), OK);
+        sensor_pose_get_sight(s, &sight);
+        printf("%s: located %d, mirrored %d\n",
+               how == 0   ? "as it is"
+               : how == 1 ? "mirrored"
+                          : "blank",
+               sensor_pose_get(s, &at), sight.mirrored);
+        EXPECT_INT(sensor_pose_get(s, &at), how == 0);
+        EXPECT_INT(sight.mirrored, how == 1);
+        sensor_pose_close(&s);
+    }
+    place_free(&tags);
+    free(color);
+    free(shown);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -137,6 +178,7 @@ int main(void)
         cmocka_unit_test(test_sagging_stand),
         cmocka_unit_test(test_moved_stand),
         cmocka_unit_test(test_color_that_starts_late),
+        cmocka_unit_test(test_mirrored_pictures_are_noticed),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

@@ -172,6 +172,19 @@ static void test_changed_pictures_are_named(void **state)
     expect_cause(&v, "overexposed", false);
 }
 
+// In a place of tags alone the tags tell.
+static void test_mirrored_tags_are_named(void **state)
+{
+    (void)state;
+    const int32_t points = room.place.point_count;
+    room.place.point_count = 0;
+    struct picture_verdict v = check(&room.lens, in_a_mirror);
+    expect_cause(&v, "mirrored", true);
+    v = check(&room.lens, as_filmed);
+    EXPECT_TRUE(!v.mirrored);
+    room.place.point_count = points;
+}
+
 // No pose is better than one that is metres off.
 static void test_no_pose_of_mirrored_pictures(void **state)
 {
@@ -196,9 +209,8 @@ static void test_no_pose_of_mirrored_pictures(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_right_lens_is_not_blamed),
-        cmocka_unit_test(test_wrong_focal_length_is_named),
-        cmocka_unit_test(test_changed_pictures_are_named),
+        cmocka_unit_test(test_right_lens_is_not_blamed),     cmocka_unit_test(test_wrong_focal_length_is_named),
+        cmocka_unit_test(test_changed_pictures_are_named),   cmocka_unit_test(test_mirrored_tags_are_named),
         cmocka_unit_test(test_no_pose_of_mirrored_pictures),
     };
     return cmocka_run_group_tests_name("picture_check", tests, film_room, leave_room);
