@@ -130,7 +130,8 @@ static enum status report(const struct record_arguments *given, const struct rec
     return OK;
 }
 
-// Of a take that broke off: fewer frames reached the file than were given to it. As it was where the file cannot be read.
+// Of a take that broke off: fewer frames reached the file than were given to it. As it was where the file cannot be
+// read.
 static void count_in_file(const char *path, const char *name, struct recorder_result *result)
 {
     struct recording *recording = NULL;
