@@ -4,8 +4,8 @@
 
 #include <math.h>
 
-static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140,
-                    TALL_SHEET = 600, LEAST_TALL = 330, NARROW = 530, LEAST_FREE = 60;
+static const double SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, WIDE_SHEET_W = 460, CARD_W = 262, GRAPH_W = 380,
+                    GRAPH_H = 140, TALL_SHEET = 600, LEAST_TALL = 330, NARROW = 530, LEAST_FREE = 60;
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
@@ -15,14 +15,15 @@ double sheet_rows_height(int rows) { return rows * SWITCH + sheet_buttons_height
 
 double sheet_height_of(int rows) { return HEADING + GAP + 2 * SHEET_EDGE + sheet_rows_height(rows); }
 
-static double sheet_height(const struct view_state *s)
+static double sheet_height(const struct view_state *s, double width)
 {
+    const int sides = width < WIDE_SHEET_W ? 2 : 1; // rows of the buttons that choose from where an orbit looks
     switch (s->sheet) {
     case SHEET_THINGS:
     case SHEET_CARD: return TALL_SHEET;
     case SHEET_LAYERS:
         return sheet_height_of(LAYER_ROWS + (s->developer ? DEVELOPER_ROWS : 0)) +
-               (s->orbiting ? sheet_buttons_height(SIDES_ROWS) : 0);
+               (s->orbiting ? sheet_buttons_height(sides) : 0);
     case SHEET_SPEED: return HEADING + GAP + 2 * SHEET_EDGE + 2 * SWITCH + GAP;
     default: return 0;
     }
@@ -49,8 +50,9 @@ static struct ui_box sheet_box(struct layout *l, const struct view_state *s, dou
     // A tall one reaches from below the top row, on an upright screen from the middle, to the panel.
     const bool tall = s->sheet == SHEET_THINGS || s->sheet == SHEET_CARD;
     const double below_top = l->wide ? l->top.y + l->top.h : 0.45 * l->panel.y, bottom = l->panel.y - GAP;
-    const double most = bottom - GAP - (tall ? below_top : l->top.y + l->top.h), wanted = sheet_height(s);
-    const double w = fmin(SHEET_W, l->panel.w), right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
+    const double w = fmin(l->wide ? SHEET_W : WIDE_SHEET_W, l->panel.w); // what is upright has the actor above it
+    const double most = bottom - GAP - (tall ? below_top : l->top.y + l->top.h), wanted = sheet_height(s, w);
+    const double right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
     l->sheet_covers = s->sheet != SHEET_NONE && most < (tall ? LEAST_TALL : wanted);
     if (l->sheet_covers) {
         const double h = fmin(wanted, height - 2 * MARGIN);

@@ -31,7 +31,6 @@ struct layout layout_of(double width, double height, const struct view_state *s,
 double sheet_rows_height(int rows);
 double sheet_height_of(int rows);
 double sheet_buttons_height(int rows); // of buttons under a name, in a sheet
-enum { SIDES_ROWS = 2 };               // of the buttons that choose from where an orbit looks
 
 // Where the live page's sheet is, and where "From here" and "To here" are: with the other buttons, in a row of their
 // own on an upright screen, else in the sheet.

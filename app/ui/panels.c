@@ -55,8 +55,8 @@ static struct button_group sides_group(void)
                                  {{"see-front", "Front", BUTTON_RAISED, DO_SEE_FRONT},
                                   {"see-side", "Side", BUTTON_RAISED, DO_SEE_SIDE},
                                   {"see-back", "Back", BUTTON_RAISED, DO_SEE_BACK},
-                                  {"see-above", "Above", BUTTON_RAISED, DO_SEE_ABOVE},
-                                  {"see-start", "As at first", BUTTON_RAISED, DO_SEE_START}},
+                                  {"see-above", "Top", BUTTON_RAISED, DO_SEE_ABOVE},
+                                  {"see-start", "Reset", BUTTON_RAISED, DO_SEE_START}},
                                  5};
 }
 
