@@ -223,3 +223,17 @@ bool text_number(const char *text, double *out)
         *out = strtod(text, NULL);
     return true;
 }
+
+bool text_index(const char *text, int most, int *out)
+{
+    long long value = 0;
+    if (!*text || text[strspn(text, "0123456789")])
+        return false;
+    for (const char *at = text; *at; at++) {
+        value = 10 * value + (*at - '0');
+        if (value > most)
+            return false;
+    }
+    *out = (int)value;
+    return true;
+}

@@ -48,3 +48,6 @@ const char *seconds_text(int64_t time_ns, int decimals, char out[SECONDS_TEXT_BY
 // A whole text as a decimal number: -12, 0.5, 1e-3; infinite where it is too large for a double. False: it is none, as
 // are hexadecimal numbers, a leading blank or plus, and nan.
 bool text_number(const char *text, double *out);
+
+// A whole text of digits alone as a number from 0 to `most`. False: it is none.
+bool text_index(const char *text, int most, int *out);

@@ -13,6 +13,7 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
 extern "C" {
+#include "base/text.h"
 #include "platform/jpeg.h"
 }
 #include "base/pixels.h"
@@ -526,9 +527,8 @@ const struct source_kind libcamera_kind = {libcamera_next, libcamera_close};
 enum status libcamera_open(void **self, const char *where, enum source_wanted, struct source_facts *facts)
 {
     *self = nullptr;
-    char *end = nullptr;
-    long index = *where ? std::strtol(where, &end, 10) : 0;
-    if (*where && (*end || end == where || index < 0 || index > 999))
+    int index = 0;
+    if (*where && !text_index(where, 999, &index))
         return fail(ERR_INPUT, "'libcamera:%s' does not say which camera; write libcamera:0 for the first", where);
     facts->live = true;
     return guarded([&] {

@@ -24,6 +24,7 @@
 // register is reported as not registered, with both cameras in one position,
 // because OpenNI2 does not give their distance.
 #include "base/clock.h"
+#include "base/text.h"
 #include "platform/oni_player.h"
 #include "platform/openni_internal.h"
 
@@ -424,12 +425,11 @@ enum status openni_open(void **self, const char *where, enum source_wanted wante
 {
     (void)wanted;
     *self = NULL;
-    char *end = NULL;
-    long index = *where ? strtol(where, &end, 10) : 0;
-    if (*where && (*end || end == where || index < 0 || index > 999))
+    int index = 0;
+    if (*where && !text_index(where, 999, &index))
         return fail(ERR_INPUT, "'openni:%s' does not say which sensor; write openni:0 for the first", where);
     struct openni_sensor *s = new_sensor(false, "the sensor", facts);
-    return s ? finish_open(s, (int)index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
+    return s ? finish_open(s, index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
 }
 
 enum status oni_play(void **self, const char *name, struct source_facts *facts)

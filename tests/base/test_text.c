@@ -147,6 +147,14 @@ static void test_numbers(void **state)
     }
     for (size_t i = 0; i < COUNT_OF(none); i++)
         EXPECT_TRUE(!text_number(none[i], &value));
+    static const char *const no_index[] = {"",    "-1",  "+1",  " 1",   "1 ",
+                                           "0x1", "1.0", "1e1", "1000", "99999999999999999999"};
+    int index = -1;
+    for (size_t i = 0; i < COUNT_OF(no_index); i++)
+        EXPECT_TRUE(!text_index(no_index[i], 999, &index));
+    EXPECT_INT(index, -1);
+    EXPECT_TRUE(text_index("0", 999, &index) && index == 0);
+    EXPECT_TRUE(text_index("0999", 999, &index) && index == 999);
     struct rng rng = {17};
     for (int i = 0; i < 20000; i++) {
         char text[64];

@@ -303,8 +303,11 @@ static void test_devices(void **state)
     read_live("openni:1", FRAMES);
     EXPECT_STATUS(source_open(&s, "openni:2", SOURCE_SENSOR), ERR_MISSING);
     EXPECT_SAYS("number 2");
-    EXPECT_STATUS(source_open(&s, "openni:x", SOURCE_SENSOR), ERR_INPUT);
-    EXPECT_SAYS("openni:x");
+    static const char *const none[] = {"openni:x", "openni:+1", "openni: 1", "openni:-1", "openni:1x", "openni:1000"};
+    for (size_t i = 0; i < COUNT_OF(none); i++) {
+        EXPECT_STATUS(source_open(&s, none[i], SOURCE_SENSOR), ERR_INPUT);
+        EXPECT_SAYS(none[i]);
+    }
     EXPECT_STATUS(source_open(&s, "openni:-1", SOURCE_SENSOR), ERR_INPUT);
     set("", NULL);
     EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_MISSING);
