@@ -4,8 +4,8 @@
 
 #include "base/clock.h"
 #include "platform/file.h"
+#include "tests/support/answer.h"
 #include "tests/support/display.h"
-#include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 
 #include <signal.h>
@@ -119,23 +119,13 @@ static void test_wayland(void **state)
     end(&weston);
 }
 
-// Exit code 1 and exactly one sentence on stderr, with the word.
-static void expect_refusal(const struct process_result *said, const char *word)
-{
-    const char *end = strchr(said->err, '\n');
-    print_message("%s", said->err);
-    EXPECT_INT(said->exit_code, 1);
-    EXPECT_TRUE(strstr(said->err, word));
-    EXPECT_TRUE(end && !end[1]);
-}
-
 static void test_missing_display_is_reported(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "wayland", 1);
     setenv("WAYLAND_DISPLAY", "nowhere", 1);
     struct process_result said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
-    expect_refusal(&said, "display");
+    EXPECT_SENTENCE(said, "display");
 }
 
 static void test_missing_graphics_driver_is_reported(void **state)
@@ -148,8 +138,8 @@ static void test_missing_graphics_driver_is_reported(void **state)
         PROCESS(PROGRAM_DIR "/reenact", "render", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
                 "--out", scratch_file(&rehearsal.scratch, "out"));
     unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
-    expect_refusal(&watched, "OpenGL ES 3");
-    expect_refusal(&rendered, "graphics driver");
+    EXPECT_SENTENCE(watched, "OpenGL ES 3");
+    EXPECT_SENTENCE(rendered, "graphics driver");
 }
 
 static int count_occurrences(const char *text, const char *what)
