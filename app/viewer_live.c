@@ -198,7 +198,8 @@ static void judge_attempt(struct viewer *v, int64_t now_ns)
     if (l->judge) { // a loop that is shorter than judging it takes: the former is not shown
         attempt_judge_close(&l->judge);
     }
-    (void)live_sensor_take_samples(l->sensor, v->state.live.finished, &samples);
+    if (live_sensor_take_samples(l->sensor, v->state.live.finished, &samples) < 0)
+        view_state_warn(&v->state, status_message(), now_ns);
     const bool mirrored = v->state.live.attempt_mirrored;
     const struct attempt_task task = {.reference = reference_of(l, mirrored),
                                       .mirrored = mirrored,
@@ -209,6 +210,9 @@ static void judge_attempt(struct viewer *v, int64_t now_ns)
                                       .notify_self = v->options.wake_self};
     if (attempt_judge_start(&l->judge, &task, &samples) != OK) {
         const struct live_result none = {0};
+        live_attempt_free(&l->shown);
+        l->shown.number = v->state.live.finished;
+        snprintf(l->shown.why, sizeof l->shown.why, "%.199s", status_message());
         live_state_on_result(&v->state.live, &none, 0, now_ns);
     }
 }

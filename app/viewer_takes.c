@@ -26,7 +26,8 @@ static void ask_for_verdict(struct viewer *v)
     if (wanted < 0)
         return;
     if (v->judge || take_judge_start(&v->judge, v->options.file, v->options.wake, v->options.wake_self) == OK)
-        (void)!take_judge_ask(v->judge, wanted, v->takes.cards[wanted].name);
+        status_ignore(
+            take_judge_ask(v->judge, wanted, v->takes.cards[wanted].name)); // asked again with the next update
 }
 
 bool viewer_takes_update(struct viewer *v)

@@ -48,6 +48,9 @@ const char *status_message(void);
 // "ERR_INPUT" and so on; for logs and tests.
 const char *status_name(enum status status);
 
+// For a failure that costs nobody anything; the caller's comment says why.
+static inline void status_ignore(enum status status) { (void)status; }
+
 // A status with its sentence: carries an error over clean-up calls that may fail themselves, and from one thread to
 // another. Zero: OK.
 struct failure {

@@ -282,7 +282,7 @@ static enum status start(struct openni_sensor *s)
     if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read, sizeof as_fast_as_read);
         for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
-            (void)!openni_read_frame(s, SLICE_MS); // the first image stays queued for openni_next
+            status_ignore(openni_read_frame(s, SLICE_MS)); // the first image stays queued for openni_next
     } else if (s->color.handle) {
         oniDeviceEnableDepthColorSync(s->device); // optional: frames are paired by time in any case
     }

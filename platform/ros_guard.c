@@ -112,7 +112,7 @@ void ros_guard_end(struct ros_guard **g)
     const char farewell = GUARD_BYTE_FAREWELL;
     if (!*g)
         return;
-    (void)!send((*g)->channel, &farewell, 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+    (void)send((*g)->channel, &farewell, 1, MSG_NOSIGNAL | MSG_DONTWAIT);
     close((*g)->channel);
     const int64_t until_ns = clock_now_ns() + END_MS * 1000000LL;
     while (waitpid((*g)->process, NULL, WNOHANG) == 0) {

@@ -55,7 +55,7 @@ class guard
     bool failed = false;
     int64_t failed_ns = 0, published_ns = 0;
 
-    static void say(char word) { (void)!send(GUARD_CHANNEL, &word, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }
+    static void say(char word) { (void)send(GUARD_CHANNEL, &word, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }
 
     // What the program has said until now.
     void listen(int64_t now_ns)

@@ -80,7 +80,7 @@ int capture_repair(int argc, char **argv)
     if (status == OK)
         status = recording_repair(a.file, out, &report);
     if (status == OK) // the file is repaired already: a take that cannot be judged now is judged when it is asked for
-        (void)!take_verdict_keep_missing(out);
+        status_ignore(take_verdict_keep_missing(out));
     struct failure repaired;
     failure_keep(&repaired, status);
     if (a.json)

@@ -39,7 +39,7 @@ static void prepare_process(void)
         return;
     if (!pthread_attr_getstacksize(&usual, &bytes) && bytes < STACK_BYTES &&
         !pthread_attr_setstacksize(&usual, STACK_BYTES))
-        (void)!pthread_setattr_default_np(&usual);
+        (void)pthread_setattr_default_np(&usual);
     pthread_attr_destroy(&usual);
 }
 

@@ -52,6 +52,7 @@ struct live_sensor {
     struct live_wish wish;
     struct joint_samples samples; // of samples_attempt
     int samples_attempt;
+    bool samples_cut; // there was no memory for more of them
     bool suspended, closing;
 };
 
@@ -146,6 +147,7 @@ static void begin_collecting(struct live_sensor *s, const struct live_wish *wish
     pthread_mutex_lock(&s->lock);
     joint_samples_free(&s->samples);
     s->samples_attempt = wish->attempt;
+    s->samples_cut = false;
     pthread_mutex_unlock(&s->lock);
     s->keeping = s->options.keeper;
     if (s->keeping)
@@ -160,15 +162,14 @@ static void end_keeping(struct live_sensor *s)
     s->keeping = false;
 }
 
-// Out of memory, an attempt has what was collected before.
 static void collect(struct live_sensor *s, const struct frame *frame, const struct sensor_slot *slot)
 {
     const struct live_look *look = &slot->frame.look;
     pthread_mutex_lock(&s->lock);
     struct joint_samples *to = &s->samples;
     const bool room = !to->count || look->sample.time_ns - to->at[0].time_ns < ATTEMPT_MOST_S * INT64_C(1000000000);
-    if (look->person && room && s->samples_attempt == s->attempt)
-        (void)!joint_samples_add(to, &look->sample);
+    if (look->person && room && s->samples_attempt == s->attempt && !s->samples_cut)
+        s->samples_cut = joint_samples_add(to, &look->sample) != OK;
     pthread_mutex_unlock(&s->lock);
     if (!s->keeping)
         return;
@@ -184,18 +185,23 @@ static void collect(struct live_sensor *s, const struct frame *frame, const stru
     live_keeper_add(s->options.keeper, &kept);
 }
 
-bool live_sensor_take_samples(struct live_sensor *s, int attempt, struct joint_samples *out)
+enum status live_sensor_take_samples(struct live_sensor *s, int attempt, struct joint_samples *out)
 {
+    bool cut = false;
     *out = (struct joint_samples){0};
     pthread_mutex_lock(&s->lock);
     if (s->samples_attempt == attempt) {
         *out = s->samples;
+        cut = s->samples_cut;
         s->samples = (struct joint_samples){0};
         s->samples_attempt = 0; // what comes after its end is not collected
     }
     pthread_mutex_unlock(&s->lock);
     joint_samples_start_at_zero(out);
-    return out->count > 0;
+    if (cut)
+        return fail(ERR_MEMORY, "No memory for the whole attempt: it is judged as far as %.0f s",
+                    out->count ? (double)out->at[out->count - 1].time_ns * 1e-9 : 0);
+    return out->count ? OK : NOTHING;
 }
 
 // ---------------------------------------------------------------- one frame

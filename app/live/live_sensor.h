@@ -52,8 +52,9 @@ struct live_wish {
 };
 void live_sensor_wish(struct live_sensor *s, const struct live_wish *wish);
 
-// Moves out the joints of that attempt, times from 0. False: none were collected.
-bool live_sensor_take_samples(struct live_sensor *s, int attempt, struct joint_samples *out);
+// Moves out the joints of that attempt, times from 0; none: NOTHING. ERR_MEMORY: there was no memory for all of them,
+// and *out has those before.
+MUST_CHECK enum status live_sensor_take_samples(struct live_sensor *s, int attempt, struct joint_samples *out);
 
 struct live_sensor_state {
     bool seeing;               // the sensor is open and has delivered a frame

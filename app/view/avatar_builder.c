@@ -150,7 +150,7 @@ static enum status make_full(struct avatar_builder *p, struct take *take, const 
     const bool packed = avatar_pack(&avatar, &bytes, &count) == OK;
     publish(p, AVATAR_FULL, &avatar, OK);
     if (packed) // also where it is not wanted any more: it took long to make
-        (void)!avatar_save(bytes, count, p->path, p->take); // not kept: made again the next time
+        status_ignore(avatar_save(bytes, count, p->path, p->take)); // not kept: made again the next time
     free(bytes);
     return OK;
 }

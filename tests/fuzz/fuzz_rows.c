@@ -72,7 +72,7 @@ static void put_take(struct database *db, struct input *in)
     if (insert_open(&s, db, TABLE_TAKE, true) != OK)
         return;
     take_bind(s, &t, calibration, body);
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 
@@ -102,7 +102,7 @@ static void put_frame(struct database *db, struct input *in)
     statement_bind_number(s, 7, crc);
     if (flags & 8)
         statement_bind_number(s, FRAME_SEAL + 1, row_seal(key, crc));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 
@@ -124,7 +124,7 @@ static void put_images(struct database *db, struct input *in)
     }
     if (take_byte(in) & 1)
         statement_bind_number(s, IMAGE_SEAL + 1, image_seal(key, crcs));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 
@@ -143,7 +143,7 @@ static void put_joint_errors(struct database *db, struct input *in)
     statement_bind_number(s, 3, crc);
     if (flags & 128)
         statement_bind_number(s, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 
@@ -155,7 +155,7 @@ static void put_blob(struct database *db, const char *insert, const uint8_t *blo
         return;
     statement_bind_blob(s, 1, blob, bytes);
     statement_bind_number(s, 2, crc32_of(0, blob, bytes));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 
@@ -190,7 +190,7 @@ static void put_place(struct database *db, struct input *in)
     statement_bind_number(s, PLACE_VIEWS + 1, views);
     if (flags & 4)
         statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, views));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
     if (!(flags & 8))
         return;
@@ -224,7 +224,7 @@ static void put_view(struct database *db, struct input *in)
     statement_bind_number(s, 5, crc);
     if (flags & 2)
         statement_bind_number(s, VIEW_SEAL + 1, row_seal(id, crc));
-    (void)!statement_run(s);
+    status_ignore(statement_run(s));
     statement_close(&s);
 }
 

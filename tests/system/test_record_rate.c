@@ -32,7 +32,7 @@ static void wait_until(struct studio_session *s, struct studio_snapshot *shown, 
 {
     const int64_t until = clock_now_ns() + 120 * (int64_t)1000000000;
     while ((shown->number < number || shown->takes_ready < takes) && clock_now_ns() < until) {
-        (void)!studio_session_read(s, shown);
+        status_ignore(studio_session_read(s, shown));
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
     EXPECT_TRUE(shown->number >= number && shown->takes_ready >= takes);
