@@ -77,10 +77,17 @@ static void test_a_stage_has_pictures(void **state)
     free(text);
 }
 
+// Where Chromium keeps what it keeps: not with the user's settings, and the tests have no folder for those.
+static const char *profile(char option[400])
+{
+    snprintf(option, 400, "--user-data-dir=%s", scratch_file(&scratch, "chromium"));
+    return option;
+}
+
 // A screenshot's pixels, RGB; freed by the caller.
 static uint8_t *shoot(const char *name, const char *scheme, int width, int height)
 {
-    char shot[300], option[400], size[64], preferred[64], url[320];
+    char shot[300], option[400], size[64], preferred[64], url[320], kept[400];
     void *pixels = NULL;
     int w = 0, h = 0;
     snprintf(shot, sizeof shot, "%s", scratch_file(&scratch, name));
@@ -88,7 +95,7 @@ static uint8_t *shoot(const char *name, const char *scheme, int width, int heigh
     snprintf(size, sizeof size, "--window-size=%d,%d", width, height);
     snprintf(preferred, sizeof preferred, "--blink-settings=preferredColorScheme=%s", scheme);
     snprintf(url, sizeof url, "file://%s", page);
-    const struct process_result r = PROCESS(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu",
+    const struct process_result r = PROCESS(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", profile(kept),
                                             "--hide-scrollbars", preferred, size, option, url);
     EXPECT_INT(r.exit_code, 0);
     EXPECT_STATUS(png_read(shot, PNG_RGB8, &pixels, &w, &h), OK);
@@ -148,14 +155,15 @@ static void test_browser_shows_light_and_dark(void **state)
 static void test_browser_prints(void **state)
 {
     (void)state;
-    char pdf[400], url[320];
+    char pdf[400], url[320], kept[400];
     uint8_t *bytes = NULL;
     size_t size = 0;
     if (no_browser())
         skip_without("a browser (chromium)");
     snprintf(pdf, sizeof pdf, "--print-to-pdf=%s", scratch_file(&scratch, "page.pdf"));
     snprintf(url, sizeof url, "file://%s", page);
-    const struct process_result r = PROCESS(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", pdf, url);
+    const struct process_result r =
+        PROCESS(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", profile(kept), pdf, url);
     EXPECT_INT(r.exit_code, 0);
     EXPECT_STATUS(file_read(scratch_file(&scratch, "page.pdf"), &bytes, &size), OK);
     EXPECT_TRUE(size > 5000 && !memcmp(bytes, "%PDF", 4));
