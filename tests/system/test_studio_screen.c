@@ -50,11 +50,11 @@ static const struct layout layouts[] = {{.name = "wide",
                                          .width = 800,
                                          .height = 1280,
                                          .picture = {20, 86, 780, 656},
-                                         .main = {600, 1202, 780, 1260},
-                                         .keep = {20, 1070, 396, 1128},
-                                         .done = {580, 1180, 780, 1244},
-                                         .keep_room = {20, 1202, 268, 1260},
-                                         .plan = {20, 560, 780, 1120}}};
+                                         .main = {695, 1195, 776, 1235}, // its middle: the texts beside it break
+                                         .keep = {20, 1202, 149, 1260},
+                                         .done = {622, 1202, 780, 1260},
+                                         .keep_room = {20, 1202, 248, 1260},
+                                         .plan = {20, 578, 780, 1190}}};
 static const struct layout *layout = layouts;
 static bool light;
 
