@@ -120,9 +120,9 @@ static void draw_seen(const struct brush *b, double share, enum pose_advice advi
 {
     static const double LEAST_DIAL = 96, LEAST_FIGURE = 70;
     const bool flat = in.h < 0.65 * in.w;
-    struct ui_box dial = flat ? cut_left(&in, fmin(in.h, in.w * 0.4)) : cut_top(&in, fmin(160, in.h * 0.45));
-    if (fmin(dial.w, dial.h) >= LEAST_DIAL)
-        coverage_dial_draw(b, share, advice, dial);
+    const double side = flat ? fmin(in.h, in.w * 0.4) : fmin(160, in.h * 0.45);
+    if (side >= LEAST_DIAL)
+        coverage_dial_draw(b, share, advice, flat ? cut_left(&in, side) : cut_top(&in, side));
     if (in.h >= LEAST_FIGURE && in.w >= 2 * LEAST_FIGURE)
         coverage_figure_draw(b, coverage, in);
 }
