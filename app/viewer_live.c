@@ -391,7 +391,7 @@ void viewer_live_request(struct viewer *v, const struct viewer_surface *surface,
     struct orbit orbit = s->orbit;
     const bool summary = s->phase == LIVE_SUMMARY;
     const double width = surface->width / surface->px_per_dp, height = surface->height / surface->px_per_dp;
-    const struct ui_box free = summary ? screen_summary_figures(width, height) : screen_live_free(width, height);
+    const struct ui_box free = summary ? screen_summary_figures(width, height) : layout_live_free(width, height);
     const double px = surface->px_per_dp;
     const struct ui_box box = {free.x * px, free.y * px, free.w * px, free.h * px};
     const struct lens lens = take_view_orbit_lens(surface->width, surface->height, box);

@@ -144,3 +144,28 @@ struct layout layout_of(double width, double height, const struct view_state *s,
     l.free = l.wide ? free_when_wide(&l, s, cards) : free_when_upright(&l, s, cards, width);
     return l;
 }
+
+// ---------------------------------------------------------------- the live page
+
+static const double LIVE_PANEL_W = 1480, ROWS_W = 1300;
+
+// All buttons stand in one row; on a smaller screen what is set once is in a sheet.
+bool layout_live_one_row(double width, double height) { return width >= height && width >= ROWS_W + 2 * MARGIN; }
+
+static bool is_tiny(double width) { return width < 480; } // start, tempo and the sheet's button take two rows
+
+struct ui_box layout_live_panel(double width, double height)
+{
+    const int rows = (layout_live_one_row(width, height) || !is_tiny(width) ? 2 : 3) +
+                     (layout_live_marks(width, height) == MARKS_IN_A_ROW);
+    const double w = fmin(width - 2 * MARGIN, LIVE_PANEL_W), h = rows * (LIVE_ROW + GAP) + 24;
+    return (struct ui_box){(width - w) / 2, height - MARGIN - h, w, h};
+}
+
+struct ui_box layout_live_free(double width, double height)
+{
+    // On a wide screen the top row's buttons are in the corners, beside what is shown.
+    const double top = width >= height ? MARGIN : MARGIN + TARGET + GAP,
+                 bottom = layout_live_panel(width, height).y - GAP;
+    return (struct ui_box){MARGIN, top, width - 2 * MARGIN, fmax(bottom - top, 60)};
+}

@@ -38,5 +38,12 @@ enum live_marks { MARKS_AMONG_BUTTONS, MARKS_IN_A_ROW, MARKS_IN_SHEET };
 enum live_marks layout_live_marks(double width, double height);
 struct ui_box layout_live_sheet(double width, double height);
 
+// The live page's panel, whose rows are LIVE_ROW high; whether all buttons stand in one of them, else what is set once
+// is in the sheet; and the part of the screen in which LIVE_BESIDE shows both figures, and LIVE_MIRROR the picture.
+static const double LIVE_ROW = 58;
+struct ui_box layout_live_panel(double width, double height);
+bool layout_live_one_row(double width, double height);
+struct ui_box layout_live_free(double width, double height);
+
 // Height of the colour legend.
 double layout_sources_height(void);

@@ -1,5 +1,5 @@
 // The sheets with settings: what is shown, speed, text size, and on the live page how the exercise is done.
-#include "app/ui/screen_live.h"
+#include "app/ui/screens.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -33,6 +33,15 @@ static double text_size_row(const struct brush *b, struct view_state *s, struct 
 static bool has_marks(const struct brush *b, const struct view_state *s)
 {
     return s->sheet == SHEET_LIVE && layout_live_marks(ui_width(b->ui), ui_height(b->ui)) == MARKS_IN_SHEET;
+}
+
+int live_mark_controls(const struct live_state *l, struct control out[2])
+{
+    const bool marked = l->marked_from_ns > 0 || l->marked_to_ns < l->length_ns;
+    const bool takes_back = l->phase == LIVE_READY && marked;
+    out[0] = (struct control){"live-mark-from", takes_back ? "All of it" : "From here", BUTTON_RAISED, DO_MARK_FROM};
+    out[1] = (struct control){"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO};
+    return takes_back ? 1 : 2;
 }
 
 // Buttons under their name.

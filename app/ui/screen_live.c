@@ -7,31 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
-static const double LEGEND_LEAST = 420, PANEL_W = 1480, ROWS_W = 1300, ROW = 58, LEGEND_W = 236, COUNT_DP = 92;
+static const double LEGEND_LEAST = 420, LEGEND_W = 236, COUNT_DP = 92;
 static const double DEGREE = 180 / 3.14159265358979323846;
-
-static bool is_wide(double width, double height) { return width >= height; }
-
-// All buttons stand in one row; on a smaller screen what is set once is in a sheet.
-static bool is_one_row(double width, double height) { return is_wide(width, height) && width >= ROWS_W + 2 * MARGIN; }
-
-static bool is_tiny(double width) { return width < 480; } // start, tempo and the sheet's button take two rows
-
-static struct ui_box panel_box(double width, double height)
-{
-    const int rows =
-        (is_one_row(width, height) || !is_tiny(width) ? 2 : 3) + (layout_live_marks(width, height) == MARKS_IN_A_ROW);
-    const double w = fmin(width - 2 * MARGIN, PANEL_W), h = rows * (ROW + GAP) + 24;
-    return (struct ui_box){(width - w) / 2, height - MARGIN - h, w, h};
-}
-
-struct ui_box screen_live_free(double width, double height)
-{
-    // On a wide screen the top row's buttons are in the corners, beside what is shown.
-    const double top = is_wide(width, height) ? MARGIN : MARGIN + TARGET + GAP,
-                 bottom = panel_box(width, height).y - GAP;
-    return (struct ui_box){MARGIN, top, width - 2 * MARGIN, fmax(bottom - top, 60)};
-}
 
 // ---------------------------------------------------------------- pictures
 
@@ -50,7 +27,7 @@ static void draw_mirror(const struct brush *b, const struct view_state *s, const
     ui_fill(b->ui, all, 0, b->theme->ground);
     if (!(p->lens.width > 0))
         return;
-    const struct cover cover = contain(&p->lens, screen_live_free(all.w, all.h));
+    const struct cover cover = contain(&p->lens, layout_live_free(all.w, all.h));
     const struct ui_box box = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
     const struct figure_view view = {p->lens, p->world_from_camera, cover, true};
     const struct figure person = {FIGURE_LIMBS, page->person, page->verdicts, false, 0},
@@ -243,15 +220,6 @@ static const char *start_text(const struct live_state *l)
     return l->phase == LIVE_READY ? "Start" : l->phase == LIVE_DOING ? "Stop" : "Wait";
 }
 
-int live_mark_controls(const struct live_state *l, struct control out[2])
-{
-    const bool marked = l->marked_from_ns > 0 || l->marked_to_ns < l->length_ns;
-    const bool takes_back = l->phase == LIVE_READY && marked;
-    out[0] = (struct control){"live-mark-from", takes_back ? "All of it" : "From here", BUTTON_RAISED, DO_MARK_FROM};
-    out[1] = (struct control){"live-mark-to", "To here", BUTTON_RAISED, DO_MARK_TO};
-    return takes_back ? 1 : 2;
-}
-
 // What every screen has room for, and all else where there is.
 static void controls(const struct brush *b, struct view_state *s, const struct live_page *page, struct ui_box box,
                      int64_t now_ns)
@@ -282,15 +250,15 @@ static void controls(const struct brush *b, struct view_state *s, const struct l
     struct ui_box in = inner(box, 12);
     int count = 0;
     panel(b, box, true);
-    time_line(b, l, page, cut_top(&in, ROW));
+    time_line(b, l, page, cut_top(&in, LIVE_ROW));
     for (int i = 0; i < ALWAYS - 1; i++)
         shown[count++] = always[i];
     for (int i = 0; i < mark_count && place == MARKS_AMONG_BUTTONS; i++)
         shown[count++] = marks[i];
     shown[count++] = always[ALWAYS - 1];
-    for (int i = 0; i < (int)COUNT_OF(in_sheet) && is_one_row(width, height); i++)
+    for (int i = 0; i < (int)COUNT_OF(in_sheet) && layout_live_one_row(width, height); i++)
         shown[count++] = in_sheet[i];
-    const int mark = place == MARKS_IN_A_ROW ? controls_draw(b, marks, mark_count, cut_bottom(&in, ROW)) : -1,
+    const int mark = place == MARKS_IN_A_ROW ? controls_draw(b, marks, mark_count, cut_bottom(&in, LIVE_ROW)) : -1,
               done = controls_draw(b, shown, count, in);
     if (done > DO_NOTHING || mark >= 0)
         view_state_do(s, (enum view_action)(mark >= 0 ? mark : done), now_ns);
@@ -334,12 +302,12 @@ static void top_row(const struct brush *b, struct view_state *s, const struct li
 void screen_live(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
                  int64_t now_ns)
 {
-    const struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, free = screen_live_free(all.w, all.h);
+    const struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)}, free = layout_live_free(all.w, all.h);
     if (s->live.screen == LIVE_MIRROR)
         draw_mirror(b, s, page, all);
     else
         draw_scene(b, s, page, all, s->live.screen == LIVE_ROOM);
-    const struct ui_box panel_at = panel_box(all.w, all.h);
+    const struct ui_box panel_at = layout_live_panel(all.w, all.h);
     if (s->sheet == SHEET_LIVE) { // over all others: touched first
         ui_layer(b->ui, 2);
         panels_draw(b, screens, s, layout_live_sheet(all.w, all.h), now_ns);

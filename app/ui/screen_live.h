@@ -29,10 +29,6 @@ struct live_page {
 void screen_live(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,
                  int64_t now_ns);
 
-// The buttons by which the part that is done begins and ends where the actor is; one that takes it back where nothing
-// moves. Returns how many.
-int live_mark_controls(const struct live_state *l, struct control out[2]);
-
 // Of the summary: where the reviewed figures are drawn.
 struct ui_box screen_summary_figures(double width, double height);
 // The moment of the attempt at which the finding is seen best, its middle; of a missing piece, where it should begin.

@@ -59,8 +59,6 @@ void screen_opening(const struct brush *b, const char *file);
 
 void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns);
 
-// The part of the screen, dp, in which LIVE_BESIDE shows both figures, and LIVE_MIRROR the picture.
-struct ui_box screen_live_free(double width, double height);
 double screen_summary_bottom(double width, double height); // of all but the summary's buttons, dp
 
 // The notice, the hint or the progress bar, over any screen.
@@ -73,6 +71,10 @@ void frame_graph_draw(const struct brush *b, const struct frame_times *times, do
 // The open sheet with settings.
 void panels_draw(const struct brush *b, struct screens *screens, struct view_state *s, struct ui_box box,
                  int64_t now_ns);
+
+// The buttons by which the part that is done begins and ends where the actor is; one that takes it back where nothing
+// moves. Returns how many.
+int live_mark_controls(const struct live_state *l, struct control out[2]);
 
 // A mouse's wheel over what scrolls on the pages for watching and for doing. False: nothing does there.
 bool screens_wheel(struct screens *screens, const struct view_state *s, struct ui_point at, double notches);
