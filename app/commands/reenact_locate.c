@@ -54,31 +54,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
-// The lines of the trajectory; grows.
-struct text_buffer {
-    char *bytes;
-    size_t count, capacity;
-};
-
-static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose w)
+// A line of the trajectory.
+static void add_line(FILE *lines, int64_t time_ns, struct pose w)
 {
-    char line[256];
     // In integers: a double cannot hold the seconds since 1970 to the nanosecond.
     char seconds[SECONDS_TEXT_BYTES];
-    int length = snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
-                          seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), w.translation.x,
-                          w.translation.y, w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
-    if (t->count + (size_t)length > t->capacity) {
-        size_t capacity = 2 * t->capacity + 65536;
-        char *bytes = realloc(t->bytes, capacity);
-        if (!bytes)
-            return fail(ERR_MEMORY, "no memory for the trajectory");
-        t->bytes = bytes;
-        t->capacity = capacity;
-    }
-    memcpy(t->bytes + t->count, line, (size_t)length);
-    t->count += (size_t)length;
-    return OK;
+    fprintf(lines, "%s %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
+            seconds_text(time_ns + (time_ns < 0 ? -500 : 500), 6, seconds), w.translation.x, w.translation.y,
+            w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
 }
 
 // What localises the camera, and what checks it.
@@ -102,7 +85,7 @@ struct locate_summary {
 };
 
 // One image. Only errors that end the run are returned.
-static enum status locate_image(const struct locate_work *work, const struct frame *frame, struct text_buffer *lines,
+static enum status locate_image(const struct locate_work *work, const struct frame *frame, FILE *lines,
                                 struct locate_summary *s)
 {
     struct location found;
@@ -119,10 +102,11 @@ static enum status locate_image(const struct locate_work *work, const struct fra
     s->tags_used += found.tags_used;
     s->tags_rejected += found.tags_rejected;
     s->sum_rms2 += found.rms_px * found.rms_px;
-    return add_line(lines, frame->time_ns, found.world_from_camera);
+    add_line(lines, frame->time_ns, found.world_from_camera);
+    return OK;
 }
 
-static enum status run(const struct locate_work *work, struct source_frames *camera, struct text_buffer *lines,
+static enum status run(const struct locate_work *work, struct source_frames *camera, FILE *lines,
                        struct locate_summary *s)
 {
     struct progress_bar bar;
@@ -233,21 +217,25 @@ int reenact_locate(int argc, char **argv)
     command_parse(&argp, argc, argv, &a);
     struct locate_work work = {.camera = NULL};
     struct source_frames frames = {0};
-    struct text_buffer lines = {0};
+    char *text = NULL;
+    size_t bytes = 0;
+    FILE *lines = open_memstream(&text, &bytes);
     struct locate_summary s = {0};
-    enum status status = file_check_output(a.out, a.force);
+    enum status status = lines ? file_check_output(a.out, a.force) : fail(ERR_MEMORY, "no memory for the trajectory");
     if (status == OK)
         status = open_inputs(&a, &work);
     if (status == OK) {
         command_catch_signals();
         frames.source = work.camera;
         frames.program = argv[0];
-        status = run(&work, &frames, &lines, &s);
+        status = run(&work, &frames, lines, &s);
     }
     if (status == OK)
         status = check_pictures(&work, &s);
+    if (lines && fclose(lines) && status == OK)
+        status = fail(ERR_MEMORY, "no memory for the trajectory");
     if (status == OK)
-        status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
+        status = file_write(a.out, text, bytes);
     if (status == OK) {
         s.focal_wrong = camera_tracker_focal_is_wrong(work.track, &s.focal_scale);
         s.tags_moved = camera_tracker_moved_tags(work.track, &s.first_moved);
@@ -262,7 +250,7 @@ int reenact_locate(int argc, char **argv)
     }
     if (status == OK)
         status = source_frames_end(&frames);
-    free(lines.bytes);
+    free(text);
     close_inputs(&work);
     return status == OK ? 0 : command_failed(argv[0]);
 }

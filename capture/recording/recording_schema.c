@@ -20,32 +20,6 @@ const char *const recording_tables =
 
 // ------------------------------------------------------------- checksums
 
-// Four bytes at a time ("slicing"): table[k][b] is byte b followed by k zero bytes.
-uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count)
-{
-    static _Thread_local uint32_t table[4][256];
-    if (!table[0][1])
-        for (uint32_t b = 0; b < 256; b++) {
-            uint32_t value = b;
-            for (int bit = 0; bit < 8; bit++)
-                value = value >> 1 ^ (value & 1 ? 0xedb88320u : 0);
-            table[0][b] = value;
-        }
-    if (!table[1][1])
-        for (int k = 1; k < 4; k++)
-            for (uint32_t b = 0; b < 256; b++)
-                table[k][b] = table[k - 1][b] >> 8 ^ table[0][table[k - 1][b] & 255];
-    const uint8_t *at = bytes;
-    crc = ~crc;
-    for (; count >= 4; count -= 4) {
-        crc ^= get_u32(&at);
-        crc = table[3][crc & 255] ^ table[2][crc >> 8 & 255] ^ table[1][crc >> 16 & 255] ^ table[0][crc >> 24];
-    }
-    while (count--)
-        crc = crc >> 8 ^ table[0][(crc ^ *at++) & 255];
-    return ~crc;
-}
-
 uint32_t crc32_of_number(uint32_t crc, int64_t value)
 {
     uint8_t bytes[8];

@@ -2,6 +2,7 @@
 // to this folder. docs/format.md specifies the same. Pure but for the last three functions.
 #pragma once
 #include "capture/recording/recording.h"
+#include "platform/checksum.h"
 #include "platform/database.h"
 
 enum {
@@ -133,9 +134,7 @@ void take_bind(struct statement *row, const struct take_row *t, uint8_t calibrat
 // ERR_INPUT: a take cannot have that name.
 MUST_CHECK enum status take_name_check(const char *name);
 
-// CRC-32 as in PNG and zip, continued from `crc`; begin with 0.
-uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
-// The same of the number's 8 bytes, little-endian.
+// The CRC-32 continued with the number's 8 bytes, little-endian.
 uint32_t crc32_of_number(uint32_t crc, int64_t value);
 
 // The crc column of a row, over the columns between key and crc, in order.
