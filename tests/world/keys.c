@@ -190,6 +190,35 @@ static const struct key raise_hand[] = {
     {.t = 5.1, ARMS(DOWN, DOWN)},
 };
 
+// Postures in which legs are hidden by the trunk or by themselves, arms moving: on both knees, in a deep crouch, and on a
+// seat of 0.45 m, which is not there.
+#define KNEELING .sink = 0.44, .left_foot = {0, 0.42, 0.06}, .right_foot = {0, 0.42, 0.06}, \
+    .left_toes = 60, .right_toes = 60
+#define CROUCHED .sink = 0.56, .apart = 0.08, .hips = {0, 0.18, 0}, \
+    .pelvis_pitch = 30, .chest_pitch = 40, .head_pitch = 10
+#define SEATED   .sink = 0.43, .apart = 0.05, .hips = {0, 0.42, 0}
+
+static const struct key kneel[] = {
+    {.t = 0.0, KNEELING, ARMS(DOWN, DOWN)},
+    {.t = 0.7, KNEELING, ARMS(WIDE, DOWN)},
+    {.t = 1.4, KNEELING, ARMS(WIDE, WIDE)},
+    {.t = 2.4, KNEELING, .chest_yaw = 15, ARMS(DOWN, DOWN)},
+};
+
+static const struct key crouch[] = {
+    {.t = 0.0, ARMS(DOWN, DOWN)},
+    {.t = 0.4, ARMS(DOWN, DOWN)},
+    {.t = 1.0, CROUCHED, ARMS(REACH, REACH)},
+    {.t = 2.4, CROUCHED, .chest_yaw = 15, ARMS(REACH, REACH)},
+};
+
+static const struct key sit[] = {
+    {.t = 0.0, SEATED, ARMS(DOWN, DOWN)},
+    {.t = 0.7, SEATED, ARMS(DOWN, WIDE)},
+    {.t = 1.4, SEATED, ARMS(WIDE, WIDE)},
+    {.t = 2.4, SEATED, .chest_yaw = -15, ARMS(DOWN, DOWN)},
+};
+
 const struct named_motion named_motions[] = {
     {"pirouette", 0.40, pirouette, COUNT_OF(pirouette)},
     {"kata", 0.45, kata, COUNT_OF(kata)},
@@ -200,6 +229,9 @@ const struct named_motion named_motions[] = {
     {"visit", 0.5, visit, COUNT_OF(visit)},
     {"exercise", 0.5, exercise, COUNT_OF(exercise)},
     {"exercise-wrong", 0.5, exercise_wrong, COUNT_OF(exercise_wrong)},
-    {"raise-hand", 0.5, raise_hand, COUNT_OF(raise_hand)}, // not in world_motion_names: random films stay as they are
+    {"raise-hand", 0.5, raise_hand, COUNT_OF(raise_hand)}, // from here on not in world_motion_names: random films stay
+    {"kneel", 0.5, kneel, COUNT_OF(kneel)},
+    {"crouch", 0.5, crouch, COUNT_OF(crouch)},
+    {"sit", 0.5, sit, COUNT_OF(sit)},
 };
 const size_t named_motion_count = COUNT_OF(named_motions);
