@@ -2,6 +2,8 @@
 
 #include "compare/findings.h"
 
+#include "base/parallel.h"
+
 #include <stdlib.h>
 
 // Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
@@ -82,17 +84,31 @@ static uint16_t telling_parts(const struct movement *a, const struct movement *b
 
 // Once with all parts at their full size, for the score; once with an equal say for each part that moves, for the
 // times.
+// One alignment for the score, one, in which each part has an equal say, for the timeline.
+struct both_alignments {
+    struct comparison *c;
+    uint16_t parts;
+    double scale[PART_COUNT];
+    struct alignment equal;
+    struct failure failure[2];
+};
+
+static void align_one(void *context, int which)
+{
+    struct both_alignments *both = context;
+    struct comparison *c = both->c;
+    failure_keep(&both->failure[which],
+                 which == 0 ? align_movements(&c->a, &c->judged, both->parts, NULL, &c->alignment, NULL)
+                            : align_movements(&c->a, &c->judged, both->parts, both->scale, &both->equal, &c->timeline));
+}
+
 static enum status align_both(struct comparison *c)
 {
-    double scale[PART_COUNT];
-    struct alignment equal = {0};
-    movement_equal_say(&c->a, scale);
-    const uint16_t parts = telling_parts(&c->a, &c->judged, c->parts);
-    enum status status = align_movements(&c->a, &c->judged, parts, NULL, &c->alignment, NULL);
-    if (status == OK)
-        status = align_movements(&c->a, &c->judged, parts, scale, &equal, &c->timeline);
-    alignment_free(&equal);
-    return status;
+    struct both_alignments both = {.c = c, .parts = telling_parts(&c->a, &c->judged, c->parts)};
+    movement_equal_say(&c->a, both.scale);
+    parallel_for(2, 2, align_one, &both);
+    alignment_free(&both.equal);
+    return failure_restore(&both.failure[both.failure[0].status == OK]);
 }
 
 enum { COARSE = 4 }; // every so manieth frame decides about mirroring

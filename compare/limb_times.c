@@ -1,5 +1,7 @@
 #include "compare/limb_times.h"
 
+#include "base/parallel.h"
+
 #include <stdlib.h>
 
 const struct body_joint body_joints[BODY_JOINTS] = {
@@ -124,6 +126,9 @@ bool joint_difference(const struct movement_frame *a, const struct movement_fram
 // ------------------------------------------------------------- the limb's own time
 
 enum { SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30, RING = 64 };
+// Instants whose costs are made at once, by how many threads at most, and so few that a thread costs more than it
+// gains.
+enum { BLOCK = 1024, SHARES = 4, LEAST_FOR_THREAD = 256 };
 // Of attempts above ten minutes fewer frames are looked at, down to five a second: a window of two seconds holds ten.
 enum { MANY_FRAMES = 18000, MOST_STRIDE = 6 };
 // Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
@@ -188,20 +193,47 @@ static int8_t choose(const struct sums *s, int32_t first, int32_t end, int limb,
     return (int8_t)(*late ? large : small);
 }
 
+// Costs of the next instants, made ahead by several threads.
+struct cost_block {
+    const struct movement *a, *b;
+    const struct timeline *timeline;
+    int32_t stride, first, end; // instants
+    float cost[BLOCK][SHIFTS][LIMBS];
+};
+
+static void cost_share(void *context, int share)
+{
+    struct cost_block *k = context;
+    const int32_t end = k->first + (share + 1) * (BLOCK / SHARES);
+    for (int32_t n = k->first + share * (BLOCK / SHARES); n < end && n < k->end; n++)
+        add_costs(k->a, k->b, k->timeline, n * k->stride, k->cost[n - k->first]);
+}
+
 enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
                         struct limb_shift *out[LIMBS])
 {
     const int32_t stride = t->count / MANY_FRAMES < MOST_STRIDE ? 1 + t->count / MANY_FRAMES : MOST_STRIDE,
                   count = (t->count + stride - 1) / stride, half = WINDOW_HALF / stride;
     struct sums *sums = calloc(1, sizeof *sums);
-    if (!sums)
+    struct cost_block *block = calloc(1, sizeof *block);
+    if (!sums || !block) {
+        free(sums);
+        free(block);
         return fail(ERR_MEMORY, "no memory for the limbs' times");
+    }
+    block->a = a;
+    block->b = b;
+    block->timeline = t;
+    block->stride = stride;
     for (int32_t n = 0, ahead = 0; n < count; n++) {
         const int32_t first = n > half ? n - half : 0, end = n + half + 1 < count ? n + half + 1 : count;
         for (; ahead < end; ahead++) {
-            float cost[SHIFTS][LIMBS];
-            add_costs(a, b, t, ahead * stride, cost);
-            push(sums, ahead, cost);
+            if (ahead == block->end) {
+                block->first = ahead;
+                block->end = ahead + BLOCK < count ? ahead + BLOCK : count;
+                parallel_for((block->end - ahead) / LEAST_FOR_THREAD, SHARES, cost_share, block);
+            }
+            push(sums, ahead, block->cost[ahead - block->first]);
         }
         for (int limb = 0; limb < LIMBS; limb++) {
             struct limb_shift chosen;
@@ -211,5 +243,6 @@ enum status limb_shifts(const struct movement *a, const struct movement *b, cons
         }
     }
     free(sums);
+    free(block);
     return OK;
 }
