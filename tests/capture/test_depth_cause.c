@@ -30,14 +30,14 @@ static struct seen {
     struct skeleton joints[FRAMES];
     struct lens lens;
 } films_seen[SEEN] = {
-    [TALL] = {"tall", "exercise"},
-    [SKIRT] = {"skirt", "walk", {{-1.0, -3.0, 1.4}, {0, 0, 0.9}, 0}},
-    [CHILD] = {"child", "bend", {{0.5, -2.6, 0.8}, {0, 0, 0.7}, 0}},
-    [COAT] = {"coat", "pirouette", {{0.1, -2.8, 1.7}, {0, 0.2, 0.9}, 0}},
-    [HEAVY] = {"heavy", "hide"},
-    [EMPTY] = {"man", "still", {{1.8, -2.2, 1.5}, {-1, 2, 0.8}, 0}, .empty = true},
-    [ABOVE] = {"woman", "exercise", {{0.3, 0.1, 2.5}, {0.25, 0.3, 0}, 0}},
-    [ROLLED] = {"woman", "kata", {{0.1, -3.1, 1.15}, {0.02, 0, 1}, 0.7}},
+    [TALL] = {.figure = "tall", .motion = "exercise"},
+    [SKIRT] = {.figure = "skirt", .motion = "walk", .stand = {{-1.0, -3.0, 1.4}, {0, 0, 0.9}, 0}},
+    [CHILD] = {.figure = "child", .motion = "bend", .stand = {{0.5, -2.6, 0.8}, {0, 0, 0.7}, 0}},
+    [COAT] = {.figure = "coat", .motion = "pirouette", .stand = {{0.1, -2.8, 1.7}, {0, 0.2, 0.9}, 0}},
+    [HEAVY] = {.figure = "heavy", .motion = "hide"},
+    [EMPTY] = {.figure = "man", .motion = "still", .stand = {{1.8, -2.2, 1.5}, {-1, 2, 0.8}, 0}, .empty = true},
+    [ABOVE] = {.figure = "woman", .motion = "exercise", .stand = {{0.3, 0.1, 2.5}, {0.25, 0.3, 0}, 0}},
+    [ROLLED] = {.figure = "woman", .motion = "kata", .stand = {{0.1, -3.1, 1.15}, {0.02, 0, 1}, 0.7}},
 };
 
 static void render(struct seen *s)
