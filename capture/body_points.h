@@ -1,7 +1,7 @@
 // Body points of a colour image, as the tracker takes them (tracker_set_body_points), found by a pre-trained network.
 #pragma once
 #include "capture/body/point_evidence.h"
-#include "platform/pose_network.h"
+#include "neural/pose_network.h"
 
 // Looks for a person's points in the next image of a film (else call pose_network_restart before); rgb: width x height,
 // 3 bytes a pixel. OK: *out says where they are, or that there is no person. NOTHING: the image is too dark to tell,

@@ -4,7 +4,7 @@
 
 #include "base/depth_noise.h"
 #include "capture/median.h"
-#include "capture/recording/pose_score.h"
+#include "recording/pose_score.h"
 
 #include <string.h>
 

@@ -6,7 +6,7 @@
 // take and thread. Joints in the colour camera's axes; the depth image is either
 // registered or has its own lens and color_from_depth.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 #include "base/lens.h"
 
 struct body_radii {

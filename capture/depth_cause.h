@@ -5,7 +5,7 @@
 // from depth alone. A person of a human size, who moves as people do, then appears under the likely cause and under no
 // other. Where a person was found, his or her stature is judged by the lengths of the bones, whatever the posture.
 #pragma once
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 #include "locate/stream_turn.h"
 
 enum depth_cause {

@@ -1,13 +1,13 @@
 // Export of a take, and of a place, for other programs: joints as CSV, motion as BVH (Biovision hierarchy), points as
 // PLY (Stanford polygon format, binary, little-endian, metres), the sensor's film as MP4, everything as a TUM folder.
 //
-// What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/output.h) and
-// finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
+// What goes to one file is written to `out`, an open stream; the caller opens and closes it (platform/files/output.h)
+// and finds what could not be written in ferror. ERR_IO, ERR_CORRUPT: the take cannot be read. ERR_MEMORY.
 //
 // *damaged: frames of which an image is damaged; it is left out, and the rest written. ERR_CORRUPT, where all are.
 #pragma once
 #include "base/progress.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 #include <stdio.h>
 
@@ -42,11 +42,11 @@ MUST_CHECK enum status export_place_ply(const struct place *place, FILE *out);
 MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekable, const struct progress_watch *watch,
                                        int64_t *damaged);
 
-// A TUM RGB-D folder that platform/folder.c reads: rgb/, depth/ and mask/ with their lists, associations.txt (time and
-// file of colour, time and file of depth), calibration.json, trajectory.txt (world_from_camera of frames whose sensor
-// was located) and joints.csv. Colour images are the sensor's own, coded pixels byte for byte, without what a file
-// holds beside them (platform/jpeg_metadata.h): an orientation would turn them beside their depth. Written as
-// `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop; nothing remains then, nor
-// after an error.
+// A TUM RGB-D folder that platform/sensors/folder.c reads: rgb/, depth/ and mask/ with their lists, associations.txt
+// (time and file of colour, time and file of depth), calibration.json, trajectory.txt (world_from_camera of frames
+// whose sensor was located) and joints.csv. Colour images are the sensor's own, coded pixels byte for byte, without
+// what a file holds beside them (platform/files/jpeg_metadata.h): an orientation would turn them beside their depth.
+// Written as `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop; nothing remains
+// then, nor after an error.
 MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch,
                                      int64_t *damaged);

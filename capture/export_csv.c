@@ -1,7 +1,7 @@
 // Joints as CSV.
 #include "capture/export.h"
 
-#include "capture/recording/joints_csv.h"
+#include "formats/joints_csv.h"
 
 enum status export_joints_csv(const struct take *take, enum export_axes axes, FILE *out)
 {

@@ -1,7 +1,7 @@
 // The sensor's film as MP4.
 #include "capture/export.h"
 
-#include "platform/video.h"
+#include "platform/files/video.h"
 
 // One image of the take, if it has colour.
 static enum status add_frame(struct video_writer *video, struct take *take, int64_t frame)

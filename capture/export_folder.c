@@ -2,11 +2,11 @@
 #include "capture/export.h"
 
 #include "base/text.h"
-#include "platform/file.h"
-#include "platform/jpeg_metadata.h"
-#include "platform/output.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg_metadata.h"
+#include "platform/files/output.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 
 #include <limits.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 // Points of a frame and of a place, as PLY.
 #include "capture/export.h"
 
-#include "platform/jpeg.h"
-#include "platform/ply.h"
+#include "platform/files/jpeg.h"
+#include "formats/ply.h"
 
 #include <stdlib.h>
 

@@ -11,8 +11,8 @@
 #include "capture/tracking/skeleton_smoother.h"
 #include "capture/tracking/tracker.h"
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
 #include "base/queue.h"
 #include "base/thread_priority.h"
 

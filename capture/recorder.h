@@ -20,9 +20,9 @@
 // Memory: 1.9 MB for each of up to 85 waiting frames at 640 x 480, and for smoothing 2.5 KiB a frame: 335 MB for an
 // hour at 30 Hz, because the array doubles. Where that cannot be had, recording goes on without smoothing.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "capture/sensor_pose.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #define RECORDER_PAUSE_NS 1000000000
 
@@ -62,7 +62,7 @@ struct recorder_options {
     void (*on_read)(void *context, const struct frame *frame);
     void (*on_state)(void *context, const struct recorder_state *state); // with on_frame; may be NULL
     void *context;
-    bool body_points;          // look for them in colour images, where the networks are there (platform/pose_network.h)
+    bool body_points;          // look for them in colour images, where the networks are there (neural/pose_network.h)
     size_t smoother_bytes_max; // for the frames to be smoothed; a longer take is not smoothed. 0 = no limit
 };
 

@@ -1,7 +1,7 @@
 // One frame on its way through the recorder's threads.
 #pragma once
 #include "capture/body_points.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 // Owns copies of the sensor's images. NULL: it gave none.
 struct recorder_item {

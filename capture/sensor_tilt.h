@@ -1,7 +1,7 @@
 // How far a sensor without a place was tilted or rolled from level: by the floor in its depth images. Who compares
 // takes the person's standing for it (compare/joint_samples.h), and without that, takes the sensor as held level.
 #pragma once
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 struct sensor_tilt {
     bool matters; // it has no place, and nobody stands upright for a second in sight of a sensor that is nearly level

@@ -1,6 +1,6 @@
 #include "capture/take_facts.h"
 
-#include "capture/recording/recording_reader.h"
+#include "recording/recording_reader.h"
 
 #include <stdlib.h>
 

@@ -1,6 +1,6 @@
 // What a take's index says of its worth without a look at its images: times, gaps, frames without a person, damage.
 #pragma once
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 struct take_facts {
     int64_t frames, with_skeleton, with_color, with_depth, dropped, lost;

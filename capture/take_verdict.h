@@ -6,7 +6,7 @@
 // such looks more often, of one longer than VERDICT_LOOKS_MOST less.
 #pragma once
 #include "capture/coaching/coach.h"
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 // Chosen by hand. MOST: 30 s of film; what a longer one adds was mostly seen before.
 enum { VERDICT_LOOKS_LEAST = 60, VERDICT_LOOKS_MOST = 300 };

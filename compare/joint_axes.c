@@ -1,7 +1,7 @@
 #include "compare/joint_axes.h"
 
 #include "base/portable_math.h"
-#include "capture/recording/joints_csv.h"
+#include "formats/joints_csv.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -4,7 +4,7 @@
 // place is rotated so from the place's z; of another take the camera counts as held level unless the person says
 // otherwise: samples_level() below. A joints-csv file says its axes, or they are found out (joint_axes.h).
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 struct joint_sample {
     int64_t time_ns;
@@ -43,7 +43,7 @@ float sample_sigma_m(const struct skeleton *s, enum joint j);
 MUST_CHECK enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample);
 void joint_samples_start_at_zero(struct joint_samples *s); // times count from the first sample
 
-// Reads a joints-csv file (capture/recording/joints_csv.h), any line ends. Rows of one time are one sample; rows that
+// Reads a joints-csv file (formats/joints_csv.h), any line ends. Rows of one time are one sample; rows that
 // hold no finite number or an unknown joint's name are left out; a joint that is missing, empty or at 0, 0, 0 is
 // unknown, and an empty sigma_m is default_sigma_m(). Axes are the file's word or, without it, found out by the body
 // (joint_axes.h); units that are none of the format's, and rows in another order, are found out, too (joint_rows.h).

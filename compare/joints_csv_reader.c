@@ -3,8 +3,8 @@
 #include "compare/joint_rows.h"
 
 #include "base/text.h"
-#include "capture/recording/joints_csv.h"
-#include "platform/text_file.h"
+#include "formats/joints_csv.h"
+#include "platform/files/text_file.h"
 
 #include <ctype.h>
 #include <stdio.h>

@@ -3,9 +3,9 @@
 // distance within a radius is taken if it is clearly the best (ratio test). Pure, deterministic; the functions that
 // match or refine keep about 200 KiB on the stack.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 #include "locate/pose_solver.h"
-#include "platform/image_features.h"
+#include "platform/vision/image_features.h"
 
 enum {
     FEATURES_MAX = 1000,

@@ -1,8 +1,8 @@
-// Whether a given lens is that of the pictures, from a lens fitted to them (platform/bundle_adjustment.h): what is off,
-// by how much, in words. Pure.
+// Whether a given lens is that of the pictures, from a lens fitted to them (platform/vision/bundle_adjustment.h): what
+// is off, by how much, in words. Pure.
 #pragma once
 #include "base/lens.h"
-#include "platform/bundle_adjustment.h"
+#include "platform/vision/bundle_adjustment.h"
 
 enum lens_fault {
     LENS_FITS,

@@ -14,7 +14,7 @@
 // Deterministic; one thread at a time, any thread. A locator holds the place's points twice, 10 bytes a pixel of the
 // image and about 1.5 MiB, besides what the tag detector holds.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 struct locator;
 

@@ -3,7 +3,7 @@
 //
 // Landmarks are recognised without regard to the lens; then the lens is found by which most of them agree, from the
 // given one or one several times as long or short, with the poses free and the place held
-// (platform/bundle_adjustment.h).
+// (platform/vision/bundle_adjustment.h).
 //
 //     struct picture_check *check;
 //     if (picture_check_open(&check, &place, &lens) == OK)
@@ -13,7 +13,7 @@
 //
 // Deterministic; one thread at a time. Looks at ever fewer pictures of a long film: some 40 ms for each of those.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 #include "locate/lens_verdict.h"
 
 struct picture_check;

@@ -11,7 +11,7 @@
 //
 // Pure; no allocation, but large arrays on the stack (about 40 KiB). Safe from any thread.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 #include "locate/planar_pose.h"
 #include "locate/rolling_shutter.h"
 #include "locate/tag_corners.h"

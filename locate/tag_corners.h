@@ -7,7 +7,7 @@
 //
 // Deterministic; one handle belongs to one thread. It holds 8 bytes a pixel of the image and about 320 KiB.
 #pragma once
-#include "platform/tag_detector.h"
+#include "platform/vision/tag_detector.h"
 
 struct tag_refiner;
 

@@ -2,7 +2,7 @@
 // cells, through the pixel's square and a Gaussian blur, and its derivatives by all parameters. Coordinates (u, v) are
 // the tag's own: -1 .. 1 over the black square, v up; its white rim is one cell wide. Pure.
 #pragma once
-#include "platform/tag_detector.h"
+#include "platform/vision/tag_detector.h"
 
 enum {
     TAG_RIM = TAG_CELLS + 2, // cells along a side with the white rim

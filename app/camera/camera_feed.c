@@ -6,7 +6,7 @@
 #include "app/state/frame_skip.h"
 #include "base/clock.h"
 #include "base/condition.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <pthread.h>
 #include <stdlib.h>

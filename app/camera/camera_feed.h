@@ -10,8 +10,8 @@
 // camera_feed_query and _suspend may be called from any thread. Memory: at most eight images, and two in the
 // relocalizer.
 #pragma once
-#include "capture/recording/place.h"
-#include "platform/dmabuf_image.h"
+#include "recording/place.h"
+#include "platform/sensors/dmabuf_image.h"
 
 struct camera_feed;
 

@@ -1,6 +1,6 @@
 #include "app/camera/camera_texture.h"
 
-#include "platform/gpu_import.h"
+#include "platform/screen/gpu_import.h"
 #include "reenact/render/yuv_to_rgb.h"
 
 #include <stdio.h>

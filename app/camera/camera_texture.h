@@ -5,7 +5,7 @@
 // One thread, the GPU's.
 #pragma once
 #include "app/camera/camera_feed.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 
 struct camera_texture;
 MUST_CHECK enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu); // ERR_DEVICE, ERR_MEMORY

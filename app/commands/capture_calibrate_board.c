@@ -3,7 +3,7 @@
 
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/printed_board.h"
-#include "platform/output.h"
+#include "platform/files/output.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -9,9 +9,9 @@
 #include "capture/calibration/readout.h"
 #include "locate/mirrored_tags.h"
 #include "locate/tag_corners.h"
-#include "platform/file.h"
-#include "platform/json.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,8 +2,8 @@
 #include "app/commands/commands.h"
 
 #include "capture/calibration/stereo_rig.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <stdlib.h>

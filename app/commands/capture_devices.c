@@ -1,9 +1,9 @@
 // reenact-capture devices: lists the sensors and cameras that can be opened.
 #include "app/commands/commands.h"
 
-#include "platform/installed.h"
-#include "platform/json.h"
-#include "platform/source.h"
+#include "platform/files/installed.h"
+#include "platform/files/json.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 

@@ -2,7 +2,7 @@
 #include "app/commands/capture_export.h"
 
 #include "app/commands/commands.h"
-#include "platform/output.h"
+#include "platform/files/output.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 // reenact-capture export: the actor's avatar as a model.
 #include "app/commands/capture_export.h"
 
-#include "platform/output.h"
+#include "platform/files/output.h"
 #include "reenact/avatar/avatar_store.h"
 #include "reenact/export/actor_export.h"
 

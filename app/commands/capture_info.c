@@ -4,8 +4,8 @@
 #include "app/commands/take_summary.h"
 #include "capture/take_verdict.h"
 #include "base/text.h"
-#include "capture/recording/recorded_things.h"
-#include "platform/json.h"
+#include "recording/recorded_things.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <sys/stat.h>

@@ -5,8 +5,8 @@
 #include "capture/take_verdict.h"
 #include "base/html.h"
 #include "base/text.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <ftw.h>
 #include <stdio.h>

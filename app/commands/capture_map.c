@@ -7,9 +7,9 @@
 #include "base/clock.h"
 #include "base/text.h"
 #include "capture/mapping/map_advice.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <stdlib.h>

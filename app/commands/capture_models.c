@@ -1,7 +1,7 @@
 // reenact-capture models: the pre-trained networks for body points, which no package of ours holds.
 #include "app/commands/commands.h"
 
-#include "platform/installed.h"
+#include "platform/files/installed.h"
 
 #include <errno.h>
 #include <spawn.h>

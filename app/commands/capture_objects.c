@@ -3,8 +3,8 @@
 
 #include "app/commands/objects_search.h"
 #include "base/text.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -6,8 +6,8 @@
 #include "app/commands/take_summary.h"
 #include "capture/recorder.h"
 #include "capture/take_verdict.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 

@@ -4,7 +4,7 @@
 #include "app/commands/recording_report.h"
 #include "base/text.h"
 #include "capture/take_verdict.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -3,9 +3,9 @@
 
 #include "app/studio/studio.h"
 #include "base/clock.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/window.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/screen/window.h"
 
 #include <stdio.h>
 

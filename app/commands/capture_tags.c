@@ -2,8 +2,8 @@
 #include "app/commands/commands.h"
 
 #include "capture/calibration/printed_tags.h"
-#include "platform/file.h"
-#include "platform/tag_detector.h"
+#include "platform/files/file.h"
+#include "platform/vision/tag_detector.h"
 
 #include <ctype.h>
 #include <errno.h>

@@ -2,9 +2,9 @@
 #include "app/commands/commands.h"
 
 #include "base/text.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "capture/take_verdict.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <stdio.h>
 #include <string.h>

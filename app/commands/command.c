@@ -3,8 +3,8 @@
 
 #include "base/clock.h"
 #include "base/text.h"
-#include "platform/json.h"
-#include "platform/source.h"
+#include "platform/files/json.h"
+#include "platform/sensors/source.h"
 
 #include <ctype.h>
 #include <errno.h>

@@ -1,7 +1,7 @@
 #include "app/commands/compare_pictures.h"
 
 #include "compare/joint_samples.h"
-#include "platform/png.h"
+#include "platform/files/png.h"
 #include "reenact/render/actor_renderer.h"
 
 #include <stdlib.h>

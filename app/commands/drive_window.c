@@ -4,8 +4,8 @@
 #include "app/commands/command.h"
 #include "app/drive/drive_screen.h"
 #include "base/clock.h"
-#include "platform/window.h"
-#include "reenact/surround/drive/head_tracker.h"
+#include "platform/screen/window.h"
+#include "surround/drive/head_tracker.h"
 
 #define RADIANS_PER_DP 0.006    // chosen by hand
 #define STEP_NS        50000000 // what drives is sent 20 times a second

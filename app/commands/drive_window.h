@@ -5,8 +5,8 @@
 // the picture's viewpoint, and C centres that. Main thread: while it does not run, nothing is sent, and a robot with a
 // watchdog stops.
 #pragma once
-#include "capture/recording/place.h"
-#include "reenact/surround/drive/drive_session.h"
+#include "recording/place.h"
+#include "surround/drive/drive_session.h"
 
 struct drive_window_options {
     double seconds;            // leave after this time; 0: when the window is closed

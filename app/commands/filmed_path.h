@@ -1,7 +1,7 @@
 // A camera's way through a filmed place without a camera: poses from a file, and what each would see of the place,
 // drawn from its recorded views (the ones that hold both colour and depth).
 #pragma once
-#include "reenact/surround/filmed/filmed_room.h"
+#include "surround/filmed/filmed_room.h"
 
 struct filmed_path {
     struct timed_pose *poses; // world_from_camera

@@ -1,7 +1,7 @@
 // Keeping things in a recording, with what a knowledge base says of them.
 #include "app/commands/objects_run.h"
 
-#include "capture/objects/thing_update.h"
+#include "objects/thing_update.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,10 +2,10 @@
 #include "app/commands/objects_run.h"
 
 #include "base/text.h"
-#include "capture/objects/thing_knowledge.h"
-#include "capture/recording/recorded_things.h"
+#include "objects/thing_knowledge.h"
+#include "recording/recorded_things.h"
 #include "app/commands/command.h"
-#include "platform/json.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <stdlib.h>

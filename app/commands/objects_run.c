@@ -3,10 +3,10 @@
 #include "app/commands/command.h"
 #include "base/clock.h"
 #include "capture/calibration/stereo_rig.h"
-#include "capture/objects/stereo_pairs.h"
-#include "capture/objects/thing_recognition.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "objects/stereo_pairs.h"
+#include "objects/thing_recognition.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <stdlib.h>

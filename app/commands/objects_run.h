@@ -1,6 +1,6 @@
 // The work of reenact-capture objects. Main thread.
 #pragma once
-#include "capture/objects/thing_map.h"
+#include "objects/thing_map.h"
 
 struct objects_arguments {
     const char *pairs, *rig, *objects;

@@ -3,12 +3,12 @@
 #include "app/commands/command.h"
 #include "app/commands/place_input.h"
 #include "app/commands/source_frames.h"
-#include "capture/objects/thing_search.h"
-#include "capture/recording/recorded_things.h"
+#include "objects/thing_search.h"
+#include "recording/recorded_things.h"
 #include "locate/camera_tracker.h"
-#include "platform/jpeg.h"
-#include "platform/json.h"
-#include "platform/source.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/json.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 #pragma once
 #include "app/commands/objects_run.h"
 #include "capture/mapping/mapper.h"
-#include "capture/objects/sweep_pictures.h"
+#include "objects/sweep_pictures.h"
 
 // A sweep just mapped into a->into: its pictures, their poses, and the place as it was before (all 0: none).
 struct objects_sweep {

@@ -2,11 +2,11 @@
 #include "app/commands/objects_run.h"
 
 #include "base/text.h"
-#include "capture/objects/thing.h"
-#include "capture/objects/thing_knowledge.h"
-#include "platform/file.h"
-#include "platform/png.h"
-#include "platform/text_file.h"
+#include "objects/thing.h"
+#include "objects/thing_knowledge.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
+#include "platform/files/text_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "app/commands/picture_count.h"
 
-#include "platform/json.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 // The place of a recording, as the input of a command.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 // Reads the place of the file. NOTHING: it holds none. The caller owns *out: place_free. Errors as recording_open and
 // recording_read_place.

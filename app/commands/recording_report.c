@@ -2,7 +2,7 @@
 #include "app/commands/recording_report.h"
 
 #include "app/commands/command.h"
-#include "platform/json.h"
+#include "platform/files/json.h"
 
 #include <stdio.h>
 

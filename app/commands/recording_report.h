@@ -1,6 +1,6 @@
 // The report that verify and repair print.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 // On stdout, as the end of a list of what is lost: covariances of joints; the place, or its views; and things.
 void recording_report_print_rest(const struct recording_report *r);

@@ -5,7 +5,7 @@
 #include "base/text.h"
 #include "compare/findings.h"
 #include "compare/report.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -5,12 +5,12 @@
 #include "app/commands/place_input.h"
 #include "base/clock.h"
 #include "app/place/robot_place.h"
-#include "capture/recording/recorded_drive.h"
-#include "capture/recording/recording.h"
-#include "reenact/surround/drive/drive_trial.h"
-#include "platform/file.h"
-#include "platform/json.h"
-#include "platform/png.h"
+#include "recording/recorded_drive.h"
+#include "recording/recording.h"
+#include "surround/drive/drive_trial.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -7,9 +7,9 @@
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
 #include "base/text.h"
-#include "platform/file.h"
-#include "platform/json.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -8,12 +8,12 @@
 #include "locate/picture_check.h"
 #include "base/clock.h"
 #include "base/text.h"
-#include "platform/file.h"
-#include "platform/json.h"
-#include "platform/output.h"
-#include "platform/png.h"
-#include "platform/source.h"
-#include "platform/video.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
+#include "platform/files/output.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
+#include "platform/files/video.h"
 #include "reenact/render/actor_renderer_live.h"
 
 #include <inttypes.h>

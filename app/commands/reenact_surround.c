@@ -1,11 +1,11 @@
 // reenact surround: pictures of surroundings from a free viewpoint.
 #include "app/commands/commands.h"
 
-#include "reenact/surround/surroundings.h"
+#include "surround/surroundings.h"
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/json.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
 
 #include <inttypes.h>
 #include <stdio.h>

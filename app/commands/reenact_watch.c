@@ -1,10 +1,10 @@
 // reenact FILE: the viewer. A take in its place, seen through a camera or from an orbit.
 #include "app/commands/commands.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
-#include "platform/window.h"
-#include "platform/source.h"
+#include "platform/screen/window.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // A source's frames one by one, for commands that go through all of them. Main thread.
 #pragma once
 #include "app/commands/command.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 struct source_frames {
     struct source *source; // borrowed

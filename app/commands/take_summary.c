@@ -1,8 +1,8 @@
 #include "app/commands/take_summary.h"
 
 #include "base/image_shrink.h"
-#include "platform/jpeg.h"
-#include "platform/json.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/json.h"
 
 #include <stdlib.h>
 

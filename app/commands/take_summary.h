@@ -1,6 +1,6 @@
 // What the commands say of a take in numbers.
 #pragma once
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 struct json;
 

@@ -6,9 +6,9 @@
 // else while it is held, and a finger that went down on it never drives, nor does one that went down elsewhere than on
 // the stick. Pure: no clock, no window. Lengths in dp, as events are given them.
 #pragma once
-#include "platform/ui.h"
-#include "platform/window.h"
-#include "reenact/surround/drive/drive_session.h"
+#include "platform/screen/ui.h"
+#include "platform/screen/window.h"
+#include "surround/drive/drive_session.h"
 
 // Chosen by hand. The stick and a pad go up to the fastest, a key at a walking robot's pace: it knows no less.
 #define DRIVE_FASTEST_M_S   0.5

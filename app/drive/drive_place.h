@@ -4,8 +4,8 @@
 // what is known is seen through walls, too. One thread, the GPU's.
 #pragma once
 #include "app/place/robot_place_finder.h"
-#include "app/room_things.h"
-#include "reenact/surround/surroundings.h"
+#include "app/viewer/room_things.h"
+#include "surround/surroundings.h"
 
 struct drive_place {
     const struct place *place;

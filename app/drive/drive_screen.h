@@ -5,8 +5,8 @@
 #pragma once
 #include "app/drive/drive_controls.h"
 #include "app/drive/drive_place.h"
-#include "app/viewer.h"
-#include "reenact/surround/gpu/operator_picture.h"
+#include "app/viewer/viewer.h"
+#include "surround/gpu/operator_picture.h"
 
 enum { DRIVE_PICTURE, DRIVE_MAP, DRIVE_PANES };
 

@@ -3,8 +3,8 @@
 #include "base/queue.h"
 #include "base/thread_priority.h"
 #include "capture/body_radii.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -6,7 +6,7 @@
 // Threads: begin, add and end are for the sensor's thread, keep and query for the screen's. Memory: at most
 // KEEPER_WAITING frames. Disk: what KEEPER_MOST_S seconds of a take need; later frames are left out.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 enum { KEEPER_WAITING = 20, KEEPER_MOST_S = 600 };
 

@@ -4,7 +4,7 @@
 // The actor's depth is that of the limbs' axes; the actor counts as covering COVER_M more than the limbs' radii.
 #pragma once
 #include "base/lens.h"
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 struct live_occlusion {
     const struct calibration *calibration; // of the sensor

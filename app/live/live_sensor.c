@@ -4,8 +4,8 @@
 #include "app/camera/mailbox.h"
 #include "base/clock.h"
 #include "base/condition.h"
-#include "capture/recording/depth_picture.h"
-#include "platform/source.h"
+#include "recording/depth_picture.h"
+#include "platform/sensors/source.h"
 
 #include <pthread.h>
 #include <stdio.h>

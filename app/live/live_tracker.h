@@ -11,7 +11,7 @@
 // bytes a frame).
 #pragma once
 #include "base/lens.h"
-#include "capture/recording/place.h"
+#include "recording/place.h"
 #include "compare/joint_samples.h"
 #include "compare/live_judge.h"
 

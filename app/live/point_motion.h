@@ -2,7 +2,7 @@
 // in the image since, as tracked, and as it goes on at constant velocity from the last tracked frame to the next. Pure.
 #pragma once
 #include "capture/body/point_evidence.h"
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 enum { POINT_MOTION_FRAMES = 12 };
 #define POINT_MOTION_MOST_NS INT64_C(300000000) // older points are of no use

@@ -1,7 +1,7 @@
 // Asking a thing's own address for what is newer, on a thread, and keeping it in the recording.
 #include "app/place/place_things.h"
 
-#include "capture/objects/thing_update.h"
+#include "objects/thing_update.h"
 
 #include <pthread.h>
 #include <stdlib.h>

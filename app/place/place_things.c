@@ -1,7 +1,7 @@
 #include "app/place/place_things.h"
 
 #include "base/linear_algebra.h"
-#include "capture/recording/recorded_things.h"
+#include "recording/recorded_things.h"
 
 #include <math.h>
 #include <stdlib.h>

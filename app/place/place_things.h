@@ -2,10 +2,10 @@
 // thread asks the address that the file gives for what is newer, and writes it into the file; nothing waits for it, and
 // what fails says why.
 #pragma once
-#include "app/place/glb_reader.h"
+#include "formats/glb_reader.h"
 #include "base/covariance.h"
-#include "capture/objects/thing_knowledge.h"
-#include "capture/recording/recording.h"
+#include "objects/thing_knowledge.h"
+#include "recording/recording.h"
 
 struct place_thing {
     char name[64], note[1024], url[512], etag[128];

@@ -4,8 +4,8 @@
 // agree are averaged. Both worlds have z up from the floor: it is a turn about the vertical and a shift along the
 // floor. The pictures have a pose in the robot's world. One thread at a time, any thread.
 #pragma once
-#include "capture/recording/place.h"
-#include "reenact/surround/picture/surround_picture.h"
+#include "recording/place.h"
+#include "surround/picture/surround_picture.h"
 
 struct robot_place;
 

@@ -1,7 +1,7 @@
 #include "app/place/room_views.h"
 
-#include "reenact/surround/gpu/surround_renderer.h"
-#include "reenact/surround/surroundings.h"
+#include "surround/gpu/surround_renderer.h"
+#include "surround/surroundings.h"
 
 #include <stdlib.h>
 #include <string.h>

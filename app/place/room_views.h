@@ -2,7 +2,7 @@
 // handed over: nothing is bent and no slits open, however fast it moves. The GPU's thread.
 #pragma once
 #include "app/place/room_worker.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 
 struct room_views;
 // ERR_DEVICE: this driver cannot; ERR_MEMORY.

@@ -2,9 +2,9 @@
 
 #include "base/thread_priority.h"
 #include "base/worker_thread.h"
-#include "capture/recording/recording.h"
-#include "reenact/surround/filmed/filmed_room.h"
-#include "reenact/surround/picture/surround_mesh.h"
+#include "recording/recording.h"
+#include "surround/filmed/filmed_room.h"
+#include "surround/picture/surround_mesh.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -9,7 +9,7 @@
 // apart, and three pictures as drawn. 40 views of 640 x 480: below 150 MB.
 #pragma once
 #include "reenact/scene/place_mesh.h"
-#include "reenact/surround/picture/surround_picture.h"
+#include "surround/picture/surround_picture.h"
 
 enum { ROOM_DEPTHS = 20 };
 

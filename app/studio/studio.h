@@ -2,8 +2,8 @@
 // the GPU's; the session has threads of its own.
 #pragma once
 #include "app/studio/studio_screen.h"
-#include "app/viewer.h"
-#include "platform/sound.h"
+#include "app/viewer/viewer.h"
+#include "platform/screen/sound.h"
 
 enum { STUDIO_DEVICES = 16 };
 

@@ -1,7 +1,7 @@
 #include "app/studio/studio_rate.h"
 
-#include "capture/recording/depth_codec.h"
-#include "platform/jpeg.h"
+#include "recording/depth_codec.h"
+#include "platform/files/jpeg.h"
 
 #include <stdlib.h>
 

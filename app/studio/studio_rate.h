@@ -1,6 +1,6 @@
 // How much a take will take, before there is one: every two seconds one frame is coded as the recorder would code it.
 #pragma once
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 struct studio_rate {
     struct depth_coder *coder;

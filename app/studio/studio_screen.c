@@ -4,7 +4,7 @@
 #include "app/studio/room_screen.h"
 #include "app/studio/studio_picture.h"
 #include "app/studio/studio_verdict.h"
-#include "platform/installed.h"
+#include "platform/files/installed.h"
 
 #include <math.h>
 #include <stdio.h>

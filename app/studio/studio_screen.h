@@ -3,7 +3,7 @@
 #include "app/studio/studio_session.h"
 #include "app/studio/studio_state.h"
 #include "app/ui/widgets.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 struct studio_view {
     const char *file;

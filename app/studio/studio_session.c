@@ -8,7 +8,7 @@
 #include "app/studio/studio_wish.h"
 #include "capture/recorder.h"
 #include "capture/tracking/tracker.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <pthread.h>
 #include <stdatomic.h>

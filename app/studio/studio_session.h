@@ -6,7 +6,7 @@
 // the studio can be tried and tested without a sensor.
 #pragma once
 #include "app/studio/studio_snapshot.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 struct studio_session;
 

@@ -1,6 +1,6 @@
 #include "app/studio/studio_snapshot.h"
 
-#include "capture/recording/depth_picture.h"
+#include "recording/depth_picture.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 // The app's icons, drawn as strokes on a grid of 24 by 24.
 #pragma once
-#include "platform/ui.h"
+#include "platform/screen/ui.h"
 
 enum icon {
     ICON_PLAY,

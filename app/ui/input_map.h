@@ -2,7 +2,7 @@
 // for the controls and gestures for the image. Pure.
 #pragma once
 #include "app/state/view_state.h"
-#include "platform/window.h"
+#include "platform/screen/window.h"
 
 struct input_map {
     double pointer_x, pointer_y; // dp

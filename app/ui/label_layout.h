@@ -2,7 +2,7 @@
 // room; the first in the list choose first. A label stays on its side as long as it can, so that it does not jump from
 // frame to frame. Pure.
 #pragma once
-#include "platform/ui.h"
+#include "platform/screen/ui.h"
 
 enum { LABEL_NO_SIDE = -1 };
 

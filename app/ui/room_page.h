@@ -5,8 +5,8 @@
 #include "app/state/view_state.h"
 #include "app/ui/label_layout.h"
 #include "app/ui/layout.h"
-#include "capture/recording/place.h"
-#include "capture/recording/recorded_drive.h"
+#include "recording/place.h"
+#include "recording/recorded_drive.h"
 
 enum { ROOM_LABELS_MOST = 64 }; // things with a label; all are in the sheet
 

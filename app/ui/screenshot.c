@@ -1,7 +1,7 @@
 #include "app/ui/screenshot.h"
 
-#include "platform/file.h"
-#include "platform/jpeg.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
 
 #include <stdio.h>
 #include <stdlib.h>

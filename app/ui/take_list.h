@@ -1,7 +1,7 @@
 // The takes of a recording as cards: name, length, and an image of the actor.
 #pragma once
 #include "app/ui/screens.h"
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 struct take_list {
     struct take_card *cards;

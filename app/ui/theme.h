@@ -1,7 +1,7 @@
 // The app's theme: type, spacing and colours (sRGB, 0xRRGGBBAA), light and dark. Lengths in dp; 9 mm, the smallest
 // reliable touch target, are 56.7 dp.
 #pragma once
-#include "platform/ui.h"
+#include "platform/screen/ui.h"
 
 // TINY: words under icons. CUE: what is read from three metres; ASCII and the degree sign alone.
 enum face { FACE_TINY, FACE_SMALL, FACE_BODY, FACE_STRONG, FACE_HEAD, FACE_TITLE, FACE_CUE, FACE_COUNT_IN, FACE_COUNT };

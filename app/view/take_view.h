@@ -10,9 +10,9 @@
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"
-#include "capture/recording/recording.h"
-#include "platform/gpu.h"
-#include "platform/ui.h"
+#include "recording/recording.h"
+#include "platform/screen/gpu.h"
+#include "platform/screen/ui.h"
 #include "reenact/render/depth_overlay.h"
 
 struct take_view;

@@ -11,7 +11,7 @@
 // people of many sizes (docs/notes/skeleton.md): the spine's joints lie behind the middle of the trunk, the hip joints
 // 3 cm ahead of the spine, and the knees 1 cm lower. The shape scales all of it to the person.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 enum segment {
     SEG_PELVIS,

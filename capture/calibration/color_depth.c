@@ -3,7 +3,7 @@
 #include "base/depth_noise.h"
 #include "base/linear_algebra.h"
 #include "capture/calibration/stereo_circles.h"
-#include "platform/image_file.h"
+#include "platform/files/image_file.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 #include "capture/calibration/lens_calibration.h"
 
-#include "platform/chequers.h"
-#include "platform/image_file.h"
+#include "platform/vision/chequers.h"
+#include "platform/files/image_file.h"
 
 #include <stdlib.h>
 #include <string.h>

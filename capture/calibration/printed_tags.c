@@ -1,7 +1,7 @@
 #include "capture/calibration/printed_tags.h"
 
-#include "platform/json.h"
-#include "platform/tag_detector.h"
+#include "platform/files/json.h"
+#include "platform/vision/tag_detector.h"
 
 #include <math.h>
 #include <stdio.h>

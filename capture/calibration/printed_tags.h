@@ -2,7 +2,7 @@
 // that shows whether the printer kept the scale. A tag that is larger than the page is spread over several, to be glued
 // edge to edge.
 #pragma once
-#include "platform/page.h"
+#include "platform/files/page.h"
 
 enum paper { PAPER_A4, PAPER_LETTER };
 extern const char *const paper_names[2];

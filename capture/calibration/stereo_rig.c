@@ -1,7 +1,7 @@
 #include "capture/calibration/stereo_rig.h"
 
-#include "platform/image_file.h"
-#include "platform/json.h"
+#include "platform/files/image_file.h"
+#include "platform/files/json.h"
 
 #include <dirent.h>
 #include <stdio.h>

@@ -5,7 +5,7 @@
 // Axes: the colour camera's, metres. The axial rotation of a limb, which joints do not show, is the trunk's carried
 // over by the shortest rotation.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 enum { SURFACE_LEFT_FOOT = PART_COUNT, SURFACE_RIGHT_FOOT, SURFACE_PARTS };
 enum { SURFACE_HEIGHTS = 6, SURFACE_ANGLES = 16 };

@@ -10,7 +10,7 @@
 #include "capture/coaching/framing.h"
 #include "capture/coaching/pose_advice.h"
 #include "capture/coaching/scene_watch.h"
-#include "capture/recording/recorded_verdict.h"
+#include "recording/recorded_verdict.h"
 
 enum coach_fault {
     FAULT_FROZEN,      // the sensor repeats its picture

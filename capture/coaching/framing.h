@@ -1,7 +1,7 @@
 // How the actor stands in the picture, from the mask: cut off at an edge, too near, too far. Pure.
 #pragma once
 #include "base/lens.h"
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 struct framing {
     bool feet_outside, head_outside, side_outside, too_near, too_far;

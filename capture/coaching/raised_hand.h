@@ -1,7 +1,7 @@
 // The gesture by which one person films alone: one hand held still above the head, the other one down, standing upright
 // and facing the sensor. Pure.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 struct raised_hand {
     int64_t since_ns; // when the hand went up; 0: it is down

@@ -10,7 +10,7 @@
 #pragma once
 #include "capture/mapping/mapper.h"
 #include "locate/landmark_matching.h"
-#include "platform/bundle_adjustment.h"
+#include "platform/vision/bundle_adjustment.h"
 
 // All chosen by hand, for the memory and time of a sweep of some minutes.
 enum {

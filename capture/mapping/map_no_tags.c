@@ -3,8 +3,8 @@
 
 #include "locate/mirrored_tags.h"
 #include "locate/tag_corners.h"
-#include "platform/jpeg.h"
-#include "platform/tag_families.h"
+#include "platform/files/jpeg.h"
+#include "platform/vision/tag_families.h"
 
 #include <stdlib.h>
 #include <string.h>

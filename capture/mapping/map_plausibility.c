@@ -5,7 +5,7 @@
 #include "capture/mapping/map_internal.h"
 
 #include "locate/stream_turn.h"
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <stdlib.h>
 

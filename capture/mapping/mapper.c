@@ -2,7 +2,7 @@
 #include "capture/mapping/map_frontend.h"
 #include "capture/mapping/sweep_tracker.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -15,7 +15,7 @@
 #pragma once
 #include "capture/mapping/sweep_plan.h"
 #include "locate/lens_verdict.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 struct mapper;
 

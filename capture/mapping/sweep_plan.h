@@ -4,7 +4,7 @@
 // World axes: z up from the floor, metres. While a sweep adds to no place, they are the sweep's own, not yet those that
 // mapper_finish chooses.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 enum { SWEEP_CELLS = 96, SWEEP_TAGS = 64, SWEEP_TRAIL = 256, SWEEP_BARE = 8 };
 #define SWEEP_CELL_M 0.125 // the plan is 12 m wide, about its middle

@@ -1,7 +1,7 @@
 // Reading of tags.json: which tags hang in the place and how large they are.
 #include "capture/mapping/mapper.h"
-#include "platform/json.h"
-#include "platform/tag_detector.h"
+#include "platform/files/json.h"
+#include "platform/vision/tag_detector.h"
 
 #include <errno.h>
 #include <stdlib.h>

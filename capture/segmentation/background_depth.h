@@ -4,7 +4,7 @@
 // Method: every view's depth pixels are splatted into the image; each pixel keeps the nearest surface, as the mean of
 // its samples (a z-buffer that averages within the noise).
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 // Fills depth[lens->width * lens->height], millimetres, 0 = unknown. `lens` and `world_from_depth` are the depth
 // camera's. ERR_MEMORY: depth is all 0.

@@ -1,7 +1,7 @@
 #include "reenact/avatar/avatar_store.h"
 
 #include "base/archive.h"
-#include "capture/recording/prepared.h"
+#include "recording/prepared.h"
 #include "reenact/avatar/avatar_check.h"
 #include "reenact/avatar/tsdf_store.h"
 

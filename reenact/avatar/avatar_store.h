@@ -1,4 +1,4 @@
-// Keeps an avatar in the recording (capture/recording/prepared.h), so that a take that was prepared once opens
+// Keeps an avatar in the recording (recording/prepared.h), so that a take that was prepared once opens
 // immediately. What is read back is the avatar that was written, bit for bit, but for the scratch memory of fusion: its
 // TSDF can be sampled and no longer be fused into. AVATAR_VERSION says by which method it was made: a change of what
 // avatar_make gives raises it, and older ones are then made again.

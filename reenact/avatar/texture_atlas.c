@@ -2,7 +2,7 @@
 
 #include "base/parallel.h"
 #include "base/portable_math.h"
-#include "platform/mesh_simplify.h"
+#include "platform/vision/mesh_simplify.h"
 
 #include <stdlib.h>
 #include <string.h>

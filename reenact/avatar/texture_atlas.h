@@ -1,7 +1,7 @@
 // The avatar as it is drawn: a coarse mesh with a texture. Shape changes slowly over a body and colours do not, so the
-// surface is simplified to 2500 triangles (platform/mesh_simplify.h: quadric error), refitted to the fine surface,
-// unwrapped (uv_unwrap.h), and its vertex colours are baked into one image, 4 mm a texel. Deterministic; the result
-// does not depend on the number of threads.
+// surface is simplified to 2500 triangles (platform/vision/mesh_simplify.h: quadric error), refitted to the fine
+// surface, unwrapped (uv_unwrap.h), and its vertex colours are baked into one image, 4 mm a texel. Deterministic; the
+// result does not depend on the number of threads.
 #pragma once
 #include "reenact/avatar/uv_unwrap.h"
 #include "reenact/avatar/vertex_color.h"

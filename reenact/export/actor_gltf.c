@@ -1,8 +1,8 @@
 // The actor as glTF 2.0.
 #include "reenact/export/actor_motion.h"
-#include "reenact/export/glb_builder.h"
+#include "formats/glb_builder.h"
 
-#include "platform/png.h"
+#include "platform/files/png.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 // The avatar's surface at one instant, as PLY.
 #include "reenact/export/actor_motion.h"
 
-#include "platform/ply.h"
+#include "formats/ply.h"
 
 // A linear colour (vertex_color.h) as a byte.
 static uint8_t byte_of(float linear)

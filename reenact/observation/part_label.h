@@ -2,7 +2,7 @@
 // hemispherical ends) it is nearest to. Also the rays of a take's depth pixels. Pure; deterministic.
 #pragma once
 #include "base/depth_noise.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 // Capsules of one skeleton's known parts. Metres, the skeleton's axes.
 struct part_capsules {

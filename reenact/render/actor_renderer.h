@@ -11,8 +11,8 @@
 // the take's images for the shown frame, 46 bytes a pixel of the viewer's (with all options),
 // and 16 MiB for meshes and the avatar's texture.
 #pragma once
-#include "capture/recording/recording.h"
-#include "platform/gpu.h"
+#include "recording/recording.h"
+#include "platform/screen/gpu.h"
 #include "reenact/frame/frame_layer.h"
 #include "reenact/render/depth_overlay.h"
 #include "reenact/scene/occluder_mesh.h"

@@ -4,7 +4,7 @@
 // changes (frame_layer_cache.h); the visible vertices and triangles with each image.
 // The avatar may be set after opening. One thread: that of the GPU context.
 #pragma once
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/frame/frame_layer.h"
 
 struct avatar_renderer;

@@ -2,8 +2,8 @@
 // [D14] 4.2): open cylinders with one source frame for all parts, as the paper has it, or
 // rounded ones with a source frame for each part. One thread: that of the GPU context.
 #pragma once
-#include "capture/recording/recording.h"
-#include "platform/gpu.h"
+#include "recording/recording.h"
+#include "platform/screen/gpu.h"
 #include "reenact/retrieval/frame_selection.h"
 
 struct cylinder_renderer;

@@ -1,9 +1,9 @@
 // What is drawn over the picture at a depth of its own: strokes, hidden by what the picture shows before them; and
 // points of which is asked whether they are seen. Both are compared with the depth that the picture itself is composed
-// with: the actor's, and the room's where the renderer has it. Threads, errors and memory as in platform/gpu.h.
+// with: the actor's, and the room's where the renderer has it. Threads, errors and memory as in platform/screen/gpu.h.
 #pragma once
 #include "base/lens.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 
 // A line with round ends; from == to: a disc. Metres.
 struct overlay_stroke {

@@ -2,7 +2,7 @@
 // are kept; of the others, the one with the nearest resident neighbours is evicted first, so
 // that residents spread over the take. One thread: that of the GPU context.
 #pragma once
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/frame/frame_layer.h"
 
 struct frame_layer_cache;

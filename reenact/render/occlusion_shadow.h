@@ -2,7 +2,7 @@
 // (z = 0 of the world): each body part and foot blocks light from above as a ball does
 // (occlusion_shadow.frag). One thread: that of the GPU context.
 #pragma once
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/scene/occlusion_frustum.h"
 
 struct occlusion_shadow;

@@ -1,6 +1,6 @@
 // Bounding box in pixels of what lies within a frustum, lens distortion included. Pure.
 #pragma once
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "base/lens.h"
 
 // low, high: bounds of x / z and y / z, camera axes; infinite: unbounded on that side. The box has a margin of 2 pixels

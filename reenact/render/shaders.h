@@ -1,8 +1,8 @@
 // The texts of shaders/, embedded at build time, and what several programs share: the depth range, the lens as a
-// uniform, the mesh for fullscreen.vert. Threads and errors as in platform/gpu.h.
+// uniform, the mesh for fullscreen.vert. Threads and errors as in platform/screen/gpu.h.
 #pragma once
 #include "base/lens.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 
 struct shader_text {
     const char *name; // file name: "actor.vert"

@@ -1,8 +1,8 @@
 // Draws coloured, textured surfaces from any viewpoint: models of things, the map of a place, a filmed picture bent
-// over its depth. Threads, errors and memory as in platform/gpu.h.
+// over its depth. Threads, errors and memory as in platform/screen/gpu.h.
 #pragma once
 #include "base/lens.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 
 struct solid_vertex {
     float at[3], u;

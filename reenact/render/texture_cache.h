@@ -2,7 +2,7 @@
 // the least recently used is evicted first. Results do not depend on the cache's state.
 // Besides, the last 12 decoded images are kept in memory. One thread: that of the GPU context.
 #pragma once
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/observation/source_texture.h"
 
 struct texture_cache;

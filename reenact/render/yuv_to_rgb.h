@@ -1,8 +1,8 @@
 // Converts a camera image from its own memory layout to RGB on the GPU, bit for bit as
-// base/pixels.h does on the CPU. Threads and errors as in platform/gpu.h.
+// base/pixels.h does on the CPU. Threads and errors as in platform/screen/gpu.h.
 #pragma once
-#include "platform/gpu.h"
-#include "platform/dmabuf_image.h"
+#include "platform/screen/gpu.h"
+#include "platform/sensors/dmabuf_image.h"
 
 // One texture per plane of the layout.
 struct yuv_plane {

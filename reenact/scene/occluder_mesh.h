@@ -7,7 +7,7 @@
 // their number. Memory while it works: at most 100 MB.
 #pragma once
 #include "base/progress.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "reenact/skeleton/body_cylinders.h"
 
 enum { OCCLUDER_MAX_POINTS = 65000 }; // 16-bit indices address these and the shadow's floor patch

@@ -1,6 +1,6 @@
 #include "reenact/scene/place_mesh.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 // clustering (Rossignac & Borrel 1993) so that walls that many views show are there once. Each triangle faces the
 // camera that saw it. Pure but for memory; deterministic.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 struct place_mesh_vertex {
     float at[3];     // metres, world

@@ -2,7 +2,7 @@
 // limbs touch. Bone transforms: where each bone of the bind pose is at an instant. Skin
 // weights and linear blend skinning (LBS) by them. Pure.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "reenact/skeleton/bone_frame.h"
 
 // What moves rigidly: the eleven parts, and end bones without joints of their own: hands and feet, which rotate about

@@ -7,7 +7,7 @@
 // seen by another (the projection that [D14] 4.2 gives each cylinder). *Body-aligned*:
 // x and y follow the body's axial rotation as far as joints determine it.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 struct bone_frame {
     struct vec3 origin;  // the joint the part begins at

@@ -3,7 +3,7 @@
 // the last frame before and the first after that know the bone; where only one side knows it, it is held. Method: our
 // own. Pure; deterministic. take_skeletons.h computes it once for a take.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 // No joint is inpainted farther than this from a frame that knows it. Chosen by hand.
 #define INPAINT_MAX_GAP_NS 2000000000

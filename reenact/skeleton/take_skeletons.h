@@ -4,7 +4,7 @@
 //
 // Memory: 8 bytes a frame and 640 bytes for each frame that has an inpainted joint; others use the take's own index.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 struct take_skeletons;
 

@@ -355,7 +355,7 @@ static void test_a_lost_link_and_an_old_picture_stop(void **state)
     EXPECT_INT(s.controls.halt, HALT_PICTURE);
 }
 
-// The robot's guard (platform/ros_guard.h) has stopped it, after less than what the clock here calls a gap.
+// The robot's guard (platform/network/ros_guard.h) has stopped it, after less than what the clock here calls a gap.
 static void test_an_interrupted_program_waits_for_a_new_press(void **state)
 {
     (void)state;

@@ -2,7 +2,7 @@
 // actor's body is whole; for good where none can be made. No picture shows parts of one.
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
 #include "tests/support/glass.h"
 #include "tests/support/rehearsal.h"

@@ -4,7 +4,7 @@
 
 #include "app/view/frame_prefetch.h"
 #include "base/clock.h"
-#include "platform/database.h"
+#include "platform/files/database.h"
 #include "tests/support/rehearsed.h"
 
 #include <string.h>

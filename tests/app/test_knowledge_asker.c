@@ -2,7 +2,7 @@
 // stays.
 #include "app/place/place_things.h"
 #include "base/clock.h"
-#include "capture/recording/recorded_things.h"
+#include "recording/recorded_things.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

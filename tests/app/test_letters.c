@@ -1,8 +1,8 @@
 // Letters beyond Latin: not in the atlas until a text holds them, and then from the next frame on; what the app's font
 // lacks comes from the computer's fonts. Debian's fontconfig brings DejaVu Sans, which has Georgian and Arabic.
 #include "app/ui/theme.h"
-#include "platform/gpu_internal.h"
-#include "platform/ui.h"
+#include "platform/screen/gpu_internal.h"
+#include "platform/screen/ui.h"
 #include "reenact/render/shaders.h"
 #include "tests/support/test.h"
 

@@ -2,7 +2,7 @@
 // recorded. A film and a folder of images stand in for the sensor and the camera.
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
 #include "tests/support/live_glass.h"
 #include "tests/support/live_rehearsal.h"

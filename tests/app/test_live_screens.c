@@ -5,10 +5,10 @@
 //     test_live_screens FILE SENSOR CAMERA FOLDER TAKE   images of the screens, for the documents (tests/live_screens)
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
 #include "tests/support/live_glass.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/live_rehearsal.h"

@@ -4,8 +4,8 @@
 #include "app/live/live_sensor.h"
 
 #include "base/clock.h"
-#include "capture/recording/depth_picture.h"
-#include "platform/source.h"
+#include "recording/depth_picture.h"
+#include "platform/sensors/source.h"
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/film.h"
 #include "tests/support/test.h"

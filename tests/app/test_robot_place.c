@@ -1,7 +1,7 @@
 // Where a robot's world is in a place: panoramas of the rendered room, whose poses in the robot's world are known, are
 // found by the room's tags; where they show nothing of it nothing is claimed.
 #include "app/place/robot_place_finder.h"
-#include "capture/recording/recorded_drive.h"
+#include "recording/recorded_drive.h"
 #include "base/clock.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"

@@ -5,9 +5,9 @@
 //     test_room_screens FOLDER   images of the screens
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
-#include "platform/png.h"
+#include "platform/files/png.h"
 #include "tests/support/glass.h"
 #include "tests/support/room_rehearsal.h"
 

@@ -2,7 +2,7 @@
 // once as it is in the end.
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
 #include "tests/support/glass.h"
 #include "tests/support/room_rehearsal.h"

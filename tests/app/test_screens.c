@@ -6,11 +6,11 @@
 #include "tests/support/test.h"
 
 #include "app/ui/view_compositor.h"
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "tests/support/glass.h"
 #include "tests/support/rehearsal.h"
 

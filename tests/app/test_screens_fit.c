@@ -8,8 +8,8 @@
 
 #include "app/studio/studio_screen.h"
 #include "app/ui/screen_live.h"
-#include "app/viewer.h"
-#include "platform/png.h"
+#include "app/viewer/viewer.h"
+#include "platform/files/png.h"
 #include "reenact/render/shaders.h"
 
 #include <math.h>

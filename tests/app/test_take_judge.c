@@ -1,6 +1,6 @@
 // The thread that judges takes: each answer is the verdict that is said everywhere, one at a time, and it ends when it
 // is told to.
-#include "app/take_judge.h"
+#include "app/viewer/take_judge.h"
 #include "base/clock.h"
 #include "capture/take_verdict.h"
 #include "tests/support/recording_sample.h"

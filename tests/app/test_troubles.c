@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/glass.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"

@@ -4,8 +4,8 @@
 #include "tests/support/test.h"
 
 #include "app/commands/commands.h"
-#include "platform/file.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/sensors/source.h"
 
 #include <signal.h>
 #include <string.h>

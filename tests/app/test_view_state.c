@@ -4,7 +4,7 @@
 #include "app/state/resolution_governor.h"
 #include "app/ui/input_map.h"
 #include "app/state/frame_times.h"
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 
 #include <string.h>
 

@@ -5,7 +5,7 @@
 
 #include "app/commands/command.h"
 #include "base/clock.h"
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <math.h>
 #include <stdlib.h>

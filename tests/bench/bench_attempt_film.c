@@ -2,9 +2,9 @@
 #include "tests/bench/bench_attempts.h"
 #include "tests/bench/bench.h"
 
-#include "capture/recording/joints_csv.h"
+#include "formats/joints_csv.h"
 #include "compare/findings.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/smoothed_film.h"
 
 #include <stdio.h>

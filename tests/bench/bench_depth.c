@@ -3,9 +3,9 @@
 #include "tests/bench/bench.h"
 #include "tests/support/random.h"
 
-#include "capture/recording/depth_codec.h"
-#include "platform/compress.h"
-#include "platform/png.h"
+#include "recording/depth_codec.h"
+#include "platform/files/compress.h"
+#include "platform/files/png.h"
 
 #include <dirent.h>
 #include <math.h>

@@ -1,8 +1,8 @@
 // Strips of images of a random film with the true and the tracked skeleton.
 #include "tests/bench/bench_dice.h"
 
-#include "platform/file.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
 #include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>

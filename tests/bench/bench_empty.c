@@ -3,7 +3,7 @@
 
 #include "capture/body_points.h"
 #include "capture/tracking/tracker.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,10 +1,10 @@
 // Stages "color", "record" and "open": colour coding, writing frames, and opening a file up to the first picture.
 #include "tests/bench/bench.h"
 
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "reenact/render/actor_renderer.h"
 #include "reenact/render/actor_renderer_live.h"
 #include "tests/support/rehearsed.h"

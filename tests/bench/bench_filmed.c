@@ -5,8 +5,8 @@
 // truth/trajectory.txt in its place; else the small world's empty room is filmed.
 #include "tests/bench/bench.h"
 
-#include "platform/file.h"
-#include "reenact/surround/surroundings.h"
+#include "platform/files/file.h"
+#include "surround/surroundings.h"
 #include "tests/support/film.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 #include "tests/bench/bench_folder.h"
 
 #include "capture/mapping/mapper.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <stdlib.h>
 

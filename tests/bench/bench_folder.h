@@ -1,7 +1,7 @@
 // Reads folders with a place, images and their truth for the benches (TUM layout: place/, sensor/, viewer/, tags.json,
 // truth/).
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 #include "base/geometry.h"
 
 #include <stdio.h>

@@ -1,6 +1,6 @@
 #include "tests/bench/bench_growth_take.h"
 
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "reenact/render/actor_renderer.h"
 #include "reenact/skeleton/skeleton_track.h"
 #include "tests/bench/bench_look.h"

@@ -4,9 +4,9 @@
 // actor's mask, which is evaluated only where the sensor measured depth: elsewhere it is unknown.
 #include "tests/bench/bench.h"
 
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "reenact/skeleton/skeleton_track.h"
 #include "reenact/render/actor_renderer.h"
 #include "tests/bench/bench_record.h"

@@ -10,7 +10,7 @@
 #include "tests/support/live_rehearsal.h"
 
 #include "base/clock.h"
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <math.h>
 #include <stdio.h>

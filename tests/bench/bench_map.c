@@ -13,7 +13,7 @@
 #include "capture/mapping/mapper.h"
 #include "locate/tag_corners.h"
 #include "locate/camera_tracker.h"
-#include "platform/json.h"
+#include "platform/files/json.h"
 #include "tests/bench/bench_tags_peers.h"
 #include "tests/support/align.h"
 #include "tests/world/world.h"

@@ -4,7 +4,7 @@
 // stereo needs it; only what they find in the left one is judged.
 #include "tests/bench/bench.h"
 
-#include "capture/objects/thing_recognition.h"
+#include "objects/thing_recognition.h"
 #include "tests/bench/bench_objects_peers.h"
 #include "tests/support/desk.h"
 #include "tests/support/random.h"

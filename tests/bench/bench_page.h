@@ -1,6 +1,6 @@
 // The page: all stages' results in one self-contained HTML file, and the same as JSON. Used by bench*.c only.
 #pragma once
-#include "platform/json.h"
+#include "platform/files/json.h"
 #include "tests/bench/bench_result.h"
 
 #include <stdio.h>

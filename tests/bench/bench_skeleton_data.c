@@ -1,7 +1,7 @@
 #include "tests/bench/bench_skeleton_data.h"
 
-#include "platform/file.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/sensors/source.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

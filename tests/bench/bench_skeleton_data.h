@@ -1,6 +1,6 @@
 // Input of the stage "skeleton": depth, grey and some colour images with true joints.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 #include "base/lens.h"
 
 enum { SKELETON_LOOK_EVERY = 3 }; // body points are looked for in every third image, as recorder.c does

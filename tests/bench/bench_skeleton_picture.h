@@ -4,7 +4,7 @@
 #include "tests/bench/bench.h"
 
 #include "base/lens.h"
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 struct skeleton_instant {
     const struct calibration *calibration;

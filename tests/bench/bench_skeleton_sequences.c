@@ -2,7 +2,7 @@
 #include "tests/support/smoothed_film.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <glob.h>
 #include <stdio.h>

@@ -8,7 +8,7 @@
 #include "tests/bench/bench.h"
 
 #include "base/clock.h"
-#include "reenact/surround/gpu/surround_renderer.h"
+#include "surround/gpu/surround_renderer.h"
 #include "tests/bench/point_splats.h"
 #include "tests/support/road_scene.h"
 

@@ -1,7 +1,7 @@
 // The usual alternatives for tags: libapriltag as it comes, and OpenCV's ArUco with the same family. Grey images, one
 // tag of known number and side.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,9 +3,9 @@
 #include "capture/recorder.h"
 #include "locate/tag_corners.h"
 #include "locate/camera_tracker.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "tests/bench/bench_folder.h"
 #include "tests/support/film.h"
 

@@ -1,7 +1,7 @@
 // Input of the stage "views": a take with estimated joints and the same take with the true ones, and images of the room
 // with and without the person, from known poses.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "tests/bench/bench.h"
 #include "tests/support/scratch.h"
 

@@ -1,7 +1,7 @@
 // The usual alternative: one recorded frame's depth image as a mesh, each pixel of the person with its own colour, seen
 // from the viewer. No fusion with other frames.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 // Draws frame `frame` of the take over rgb (of `lens`); alpha gets 255 where it drew, else 0. ERR_MEMORY, as take_read.
 MUST_CHECK enum status views_mesh_draw(struct take *take, int64_t frame, const struct lens *lens,

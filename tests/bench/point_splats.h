@@ -1,8 +1,8 @@
 // What a user would take instead of view-dependent geometry and texture on a graphics card: every known pixel of every
 // picture as a coloured point, uploaded once, drawn 2 x 2 pixels large, the nearest winning.
 #pragma once
-#include "platform/gpu.h"
-#include "reenact/surround/view/surround_view.h"
+#include "platform/screen/gpu.h"
+#include "surround/view/surround_view.h"
 
 struct point_splats;
 // ERR_MEMORY, ERR_DEVICE.

@@ -7,7 +7,7 @@
 #include "capture/depth_cause.h"
 #include "capture/sensor_tilt.h"
 #include "capture/tracking/tracker.h"
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 #include "tests/world/world.h"

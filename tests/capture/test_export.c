@@ -2,9 +2,9 @@
 #include "tests/support/test.h"
 
 #include "capture/export.h"
-#include "platform/file.h"
-#include "platform/source.h"
-#include "platform/video.h"
+#include "platform/files/file.h"
+#include "platform/sensors/source.h"
+#include "platform/files/video.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/sql.h"

@@ -1,7 +1,7 @@
 // Adding a second sweep to a place: the first one shows one half of a furnished room, the
 // second one the other half and a little of the first.
 #include "capture/mapping/mapper.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "locate/locator.h"
 #include "tests/support/align.h"
 #include "tests/support/scratch.h"

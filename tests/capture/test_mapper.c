@@ -2,7 +2,7 @@
 // invalid input.
 #include "capture/mapping/mapper.h"
 #include "locate/camera_tracker.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/covariance_check.h"
 #include "tests/support/align.h"
 #include "tests/support/tag_picture.h"

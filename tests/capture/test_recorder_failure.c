@@ -3,8 +3,8 @@
 #include "tests/support/test.h"
 
 #include "capture/recorder.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "tests/support/scratch.h"
 
 #include <signal.h>

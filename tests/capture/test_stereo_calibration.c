@@ -1,7 +1,7 @@
 // Stereo calibration on drawn boards of circles: lenses and baseline against the truth, boards cut off by the edge, and
 // what is said when it cannot work.
 #include "capture/calibration/stereo_rig.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

@@ -3,7 +3,7 @@
 // bytes: where (two bytes), how many (one), and the new ones.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 #include "reenact/avatar/avatar_store.h"
 #include "reenact/avatar/tsdf_internal.h"
 #include "reenact/export/actor_export.h"

@@ -3,8 +3,8 @@
 #pragma once
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/database.h"
-#include "platform/file.h"
+#include "platform/files/database.h"
+#include "platform/files/file.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 // Any bytes as a calibration.json.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

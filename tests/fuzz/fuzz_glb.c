@@ -1,7 +1,7 @@
 // Any bytes as the model that a knowledge base sends.
 #include "tests/fuzz/fuzz.h"
 
-#include "app/place/glb_reader.h"
+#include "formats/glb_reader.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

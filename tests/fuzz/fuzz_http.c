@@ -2,7 +2,7 @@
 // follow one another, as after a redirect. The server is a thread of this process, on a loopback address.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/http_client.h"
+#include "platform/network/http_client.h"
 
 #include <arpa/inet.h>
 #include <poll.h>

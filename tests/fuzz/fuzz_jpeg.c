@@ -1,8 +1,8 @@
 // Any bytes as a JPEG.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/jpeg.h"
-#include "platform/jpeg_metadata.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/jpeg_metadata.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -1,7 +1,7 @@
 // Any bytes as JSON; what is read is printed and read again.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/json.h"
+#include "platform/files/json.h"
 
 #include <string.h>
 

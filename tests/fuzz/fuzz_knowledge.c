@@ -2,7 +2,7 @@
 #include "tests/fuzz/fuzz.h"
 
 #include "base/text.h"
-#include "capture/objects/thing_knowledge.h"
+#include "objects/thing_knowledge.h"
 
 #include <stdio.h>
 #include <string.h>

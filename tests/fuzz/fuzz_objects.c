@@ -1,8 +1,8 @@
 // Any bytes as an objects.json, beside a picture p.png.
 #include "tests/fuzz/fuzz.h"
 
-#include "capture/objects/thing.h"
-#include "platform/png.h"
+#include "objects/thing.h"
+#include "platform/files/png.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

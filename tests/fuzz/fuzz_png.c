@@ -2,7 +2,7 @@
 #include "tests/fuzz/fuzz.h"
 
 #include "base/pixels.h"
-#include "platform/png.h"
+#include "platform/files/png.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -1,7 +1,7 @@
 // Any bytes as a recording: opened, everything read, verified, repaired; what repair makes is sound.
 #include "tests/fuzz/fuzz.h"
 
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 static void read_all(const char *path)
 {

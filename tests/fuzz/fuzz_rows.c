@@ -2,7 +2,7 @@
 // verified and repaired; what repair makes is sound. The input is a sequence of rows: a byte for the kind, then fields.
 #include "tests/fuzz/fuzz.h"
 
-#include "capture/recording/recording_schema.h"
+#include "recording/recording_schema.h"
 
 #include <string.h>
 

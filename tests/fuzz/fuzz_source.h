@@ -2,7 +2,7 @@
 #pragma once
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/source.h"
+#include "platform/sensors/source.h"
 
 #include <string.h>
 #include <sys/stat.h>

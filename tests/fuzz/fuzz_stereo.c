@@ -2,7 +2,7 @@
 #include "tests/fuzz/fuzz.h"
 
 #include "capture/calibration/stereo_rig.h"
-#include "capture/objects/stereo_pairs.h"
+#include "objects/stereo_pairs.h"
 
 #include <string.h>
 

@@ -2,7 +2,8 @@
 // are read from.
 #include "tests/fuzz/fuzz.h"
 
-#include "reenact/surround/reading/surround_set.h"
+#include "formats/ply.h"
+#include "surround/reading/surround_set.h"
 
 #include <math.h>
 #include <stdio.h>

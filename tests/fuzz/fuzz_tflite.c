@@ -1,7 +1,7 @@
 // Any bytes as a network.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/tflite.h"
+#include "neural/tflite.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -1,7 +1,7 @@
 // Runs a target over files, and over the files of folders: fuzz_X PATH…
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <dirent.h>
 #include <stdio.h>

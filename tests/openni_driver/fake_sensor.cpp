@@ -1,5 +1,5 @@
 // A simulated depth sensor: a driver for the real OpenNI2 that presents the
-// images of a folder (TUM layout, see platform/folder.c) as a device with a depth
+// images of a folder (TUM layout, see platform/sensors/folder.c) as a device with a depth
 // and a colour stream, so that everything above the driver is what runs with a
 // real sensor. OpenNI2 loads it as lib*.so.0 from the folder OpenNI2/Drivers
 // beside its own library; see CMakeLists.txt here.
@@ -20,7 +20,7 @@
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // a C header: compound literals
-#include "platform/source_internal.h"
+#include "platform/sensors/source_internal.h"
 #pragma GCC diagnostic pop
 
 #include <atomic>

@@ -7,8 +7,8 @@
 // so that up to 31 pixels at the end of the bottom row may hold a neighbour's
 // depth. Everything else equals the folder's, bit for bit.
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/sensors/source.h"
 #include "tests/openni_driver/keep_player.h"
 
 #include <argp.h>

@@ -1,6 +1,6 @@
 #include "tests/platform/handler_of_new.h"
 
-#include "platform/memory_reserve.hpp"
+#include "platform/vision/memory_reserve.hpp"
 
 #include <new>
 

@@ -2,10 +2,10 @@
 // it, the lenses against the sensor's own formula, and a sentence for each kind of fault.
 #include "tests/support/test.h"
 
-#include "platform/azure_lens.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/source.h"
+#include "platform/sensors/azure_lens.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/sensors/source.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"

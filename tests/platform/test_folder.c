@@ -3,11 +3,11 @@
 // images are made here.
 #include "tests/support/test.h"
 
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
-#include "platform/source.h"
-#include "platform/source_internal.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
+#include "platform/sensors/source_internal.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -2,13 +2,13 @@
 // library's own words. And what a file is that is not what it was taken for.
 #include "tests/support/test.h"
 
-#include "platform/database.h"
-#include "platform/file.h"
-#include "platform/file_kind.h"
-#include "platform/image_file.h"
-#include "platform/png.h"
-#include "platform/source.h"
-#include "platform/video.h"
+#include "platform/files/database.h"
+#include "platform/files/file.h"
+#include "platform/files/file_kind.h"
+#include "platform/files/image_file.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
+#include "platform/files/video.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -1,8 +1,8 @@
 // JPEG files without what they hold beside their picture. The segments are written here by the standard's tables.
 #include "tests/support/test.h"
 
-#include "platform/jpeg.h"
-#include "platform/jpeg_metadata.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/jpeg_metadata.h"
 #include "tests/support/random.h"
 
 #include <stdlib.h>

@@ -5,11 +5,11 @@
 #include "base/pixels.h"
 #include "base/text.h"
 #include "capture/mapping/mapper.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/json.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -1,7 +1,7 @@
 // A PNG picture that says how it is to be turned (its chunk eXIf, as cameras' software writes) is read as it is stored.
-#include "platform/file.h"
-#include "platform/image_file.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/image_file.h"
+#include "platform/files/png.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

@@ -1,6 +1,6 @@
 // Colour and depth of one sensor by different clocks are named with the offset or rate; streams of one clock are not
 // blamed, whatever their rates, gaps, late starts and early ends.
-#include "platform/stream_clocks.h"
+#include "platform/sensors/stream_clocks.h"
 #include "tests/support/random.h"
 #include "tests/support/test.h"
 

@@ -1,7 +1,7 @@
 // Text files as editors of all systems leave them.
-#include "platform/text_file.h"
+#include "platform/files/text_file.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

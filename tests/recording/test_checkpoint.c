@@ -4,7 +4,7 @@
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 
-#include "platform/database.h"
+#include "platform/files/database.h"
 
 #include <sqlite3.h>
 #include <stdio.h>

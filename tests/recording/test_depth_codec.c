@@ -1,7 +1,7 @@
 // The depth and mask codecs: lossless for every image, safe on any bytes.
 #include "tests/support/test.h"
 
-#include "capture/recording/depth_codec.h"
+#include "recording/depth_codec.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -3,7 +3,7 @@
 #include "tests/support/random.h"
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/depth_picture.h"
+#include "recording/depth_picture.h"
 
 enum { W = 160, H = 120, PIXELS = W * H, BRIGHTEST = 226, DARKEST = 68 };
 

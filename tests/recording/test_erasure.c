@@ -4,9 +4,9 @@
 #include "tests/support/random.h"
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/erasure.h"
-#include "capture/recording/prepared.h"
-#include "capture/recording/recording_reader.h"
+#include "recording/erasure.h"
+#include "recording/prepared.h"
+#include "recording/recording_reader.h"
 
 static struct recording *recording;
 static struct take *take;

@@ -3,7 +3,7 @@
 // written to.
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recorded_drive.h"
+#include "recording/recorded_drive.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/sql.h"

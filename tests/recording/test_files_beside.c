@@ -3,8 +3,8 @@
 // new one's.
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_reader.h"
-#include "platform/file.h"
+#include "recording/recording_reader.h"
+#include "platform/files/file.h"
 
 #include <sys/stat.h>
 #include <sys/wait.h>

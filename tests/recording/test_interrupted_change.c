@@ -2,7 +2,7 @@
 // reads the file reads that from there, and changes nothing; who writes to it puts it back first.
 #include "tests/support/recording_sample.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/recording_hash.h"
 #include "tests/support/sql.h"
 

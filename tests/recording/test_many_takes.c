@@ -2,7 +2,7 @@
 // of them would take minutes.
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_reader.h"
+#include "recording/recording_reader.h"
 
 #include <time.h>
 

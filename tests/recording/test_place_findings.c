@@ -2,7 +2,7 @@
 // damaged, and what repair saves: each view, thing or covariance costs itself alone.
 #include "tests/support/expect_repair.h"
 
-#include "capture/recording/recorded_things.h"
+#include "recording/recorded_things.h"
 #include "tests/support/sql.h"
 
 enum { SAMPLE_VIEWS = 3, THINGS = 3 };

@@ -4,8 +4,8 @@
 // test_power_cut_changes [COUNT]: that many cuts of each kind of change, evenly over its operations; default 18.
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_schema.h"
-#include "platform/file.h"
+#include "recording/recording_schema.h"
+#include "platform/files/file.h"
 #include "tests/support/power_cut.h"
 #include "tests/support/recording_hash.h"
 

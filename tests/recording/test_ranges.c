@@ -3,7 +3,7 @@
 #include "tests/support/recording_sample.h"
 #include "tests/support/sql.h"
 
-#include "capture/recording/recording_reader.h"
+#include "recording/recording_reader.h"
 
 enum { FRAME = 7 };
 

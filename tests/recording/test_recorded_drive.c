@@ -1,8 +1,8 @@
 // Where a robot was driven, in a recording: written, read, replaced, carried over by repair; older files have none;
 // damage is noticed.
-#include "capture/recording/recorded_drive.h"
-#include "capture/recording/recorded_things.h"
-#include "platform/database.h"
+#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
+#include "platform/files/database.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

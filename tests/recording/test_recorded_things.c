@@ -1,6 +1,6 @@
 // Things in a recording: written, read, replaced; older files have none; damage is noticed.
-#include "capture/recording/recorded_things.h"
-#include "platform/database.h"
+#include "recording/recorded_things.h"
+#include "platform/files/database.h"
 #include "tests/support/scratch.h"
 #include "tests/support/test.h"
 

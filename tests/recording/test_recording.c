@@ -3,8 +3,8 @@
 #include "tests/support/recording_sample.h"
 
 #include "base/clock.h"
-#include "capture/recording/recording_schema.h"
-#include "platform/database.h"
+#include "recording/recording_schema.h"
+#include "platform/files/database.h"
 
 #include <pthread.h>
 #include <sys/wait.h>

@@ -2,9 +2,9 @@
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_schema.h"
+#include "recording/recording_schema.h"
 #include "base/clock.h"
-#include "platform/database.h"
+#include "platform/files/database.h"
 
 #include <signal.h>
 #include <sys/mman.h>

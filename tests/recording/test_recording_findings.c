@@ -3,7 +3,7 @@
 #include "tests/support/expect_repair.h"
 #include "tests/support/recording_hash.h"
 
-#include "capture/recording/recording_schema.h"
+#include "recording/recording_schema.h"
 #include "base/clock.h"
 #include "tests/support/sql.h"
 

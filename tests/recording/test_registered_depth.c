@@ -2,8 +2,8 @@
 // when an older file is read or repaired.
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_schema.h"
-#include "platform/database.h"
+#include "recording/recording_schema.h"
+#include "platform/files/database.h"
 
 // Where depth is registered to colour, color_from_depth is the identity: the writer refuses another, and reading files
 // that have one replaces it, since capture would use it and reenact would not.

@@ -1,7 +1,7 @@
 // Skeletons: covariances turn with the joints, and say what is seen, inferred and unknown.
 #include "tests/support/test.h"
 
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 static void test_transform_turns_covariances(void **state)
 {

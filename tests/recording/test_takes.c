@@ -2,11 +2,11 @@
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/pose_score.h"
-#include "capture/recording/prepared.h"
-#include "capture/recording/recorded_drive.h"
-#include "capture/recording/recorded_things.h"
-#include "capture/recording/recording_reader.h"
+#include "recording/pose_score.h"
+#include "recording/prepared.h"
+#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
+#include "recording/recording_reader.h"
 #include "tests/support/random.h"
 #include "tests/support/sql.h"
 

@@ -4,8 +4,8 @@
 #include "tests/support/rehearsed.h"
 #include "tests/support/test.h"
 
-#include "platform/file.h"
-#include "platform/json.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 #include "reenact/export/actor_export.h"
 
 #include <stdio.h>

@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/render/cylinder_renderer.h"
 #include "tests/support/rehearsed.h"
 

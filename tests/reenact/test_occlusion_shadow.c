@@ -3,7 +3,7 @@
 // the feet. What is drawn at a depth of its own is hidden by table and actor where it is behind them.
 #include "tests/support/test.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 #include "reenact/render/actor_renderer_live.h"
 #include "reenact/render/shaders.h"
 #include "reenact/scene/occlusion_frustum.h"

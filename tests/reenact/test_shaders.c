@@ -2,7 +2,7 @@
 // one is refused with the driver's message.
 #include "tests/support/test.h"
 
-#include "platform/gpu.h"
+#include "platform/screen/gpu.h"
 #include "reenact/render/shaders.h"
 
 #include <stdio.h>

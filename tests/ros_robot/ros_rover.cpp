@@ -8,7 +8,7 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
 extern "C" {
-#include "reenact/surround/drive/simulated_rover.h"
+#include "surround/drive/simulated_rover.h"
 }
 #pragma GCC diagnostic pop
 

@@ -1,8 +1,8 @@
 // contact-sheet OUT COLUMNS CELL_WIDTH IMAGE...: images side by side in one, for the demo and the documentation. PNG
 // (.png) and JPEG (.jpg) in and out, all of one aspect ratio.
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,8 +2,8 @@
 // shows COUNT instants between two of its frames side by side, depth as brightness, cropped to the person. Limbs of the
 // person's left are orange, of their right blue; joints of low confidence are drawn thin, unknown ones not at all.
 #include "capture/tracking/tracker.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 #include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>

@@ -2,7 +2,7 @@
 #include "base/depth_noise.h"
 #include "capture/body/depth_evidence.h"
 #include "capture/median.h"
-#include "capture/recording/depth_codec.h"
+#include "recording/depth_codec.h"
 #include "capture/segmentation/background_depth.h"
 #include "capture/segmentation/segment.h"
 #include "locate/tag_depth.h"

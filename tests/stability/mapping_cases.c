@@ -3,7 +3,7 @@
 #include "capture/gravity_align.h"
 #include "capture/mapping/mapper.h"
 #include "locate/locator.h"
-#include "platform/bundle_adjustment.h"
+#include "platform/vision/bundle_adjustment.h"
 #include "tests/stability/stability.h"
 
 #include <stdlib.h>

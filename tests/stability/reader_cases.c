@@ -2,9 +2,9 @@
 // a folder of images, joints-csv.
 #include "capture/mapping/mapper.h"
 #include "compare/joint_samples.h"
-#include "platform/json.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 #include "tests/stability/stability.h"
 #include "tests/support/scratch.h"
 

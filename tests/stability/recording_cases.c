@@ -1,6 +1,6 @@
 // Numbers in a recording that are none: refused when written, and when read from a file that another program wrote.
-#include "capture/recording/little_endian.h"
-#include "capture/recording/recording_schema.h"
+#include "recording/little_endian.h"
+#include "recording/recording_schema.h"
 #include "tests/stability/stability.h"
 #include "tests/support/scratch.h"
 

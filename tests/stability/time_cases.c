@@ -2,7 +2,7 @@
 #include "app/state/frame_times.h"
 #include "app/state/playback_clock.h"
 #include "app/state/playback_predictor.h"
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 #include "compare/movement.h"
 #include "reenact/skeleton/joint_inpainting.h"
 #include "tests/stability/stability.h"

@@ -1,7 +1,7 @@
 // Rigid alignment of two sets of corresponding points, to compare estimates with truth in one frame. Pure functions; no
 // memory, no errors.
 #pragma once
-#include "capture/recording/place.h"
+#include "recording/place.h"
 
 // The rigid motion b_from_a that maps points a to points b with the least squared error (Horn 1987: power iteration on
 // the 4 x 4 matrix). Requires n > 2 points that are not collinear.

@@ -1,6 +1,6 @@
 // Replaces one file by a copy of another.
 #pragma once
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/test.h"
 
 #include <unistd.h>

@@ -2,7 +2,7 @@
 // films them through bent lenses. For tests and benchmarks of recognition; ray-traced, 2 x 2 rays a pixel, no shadows.
 #pragma once
 #include "capture/calibration/stereo_calibration.h"
-#include "capture/objects/thing.h"
+#include "objects/thing.h"
 
 enum { DESK_THINGS = 8 }; // the first half stands there, the second half looks like it and is absent
 

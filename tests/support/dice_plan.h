@@ -57,7 +57,7 @@ struct dice_wish {
     uint64_t seed;
     double seconds; // a film is as long, or as its motion where that is shorter
     const struct dice_motions *motions;
-    bool color; // also track with body points of the colour images; needs the networks (platform/pose_network.h)
+    bool color; // also track with body points of the colour images; needs the networks (neural/pose_network.h)
     bool plain; // as world_options.plain: films that cost less, for tests
 };
 

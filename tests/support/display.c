@@ -1,7 +1,7 @@
 #include "tests/support/display.h"
 
 #include "base/clock.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/process.h"
 #include "tests/support/test.h"
 

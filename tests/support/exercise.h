@@ -2,7 +2,7 @@
 // bend, and the right hand does more than the left, so that left and right can be distinguished. One repetition takes 3
 // s.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 #include "compare/joint_samples.h"
 #include "tests/support/random.h"
 

@@ -2,7 +2,7 @@
 #pragma once
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_schema.h"
+#include "recording/recording_schema.h"
 
 // Verify finds it and says `words`; repair makes sample_path("repaired"), which verify finds sound. The report is
 // repair's.

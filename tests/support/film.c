@@ -3,9 +3,9 @@
 #include "capture/mapping/mapper.h"
 #include "tests/support/align.h"
 
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 // A tablet without a window: the app drawn into memory, for tests of its screens. Errors fail the test.
 #pragma once
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 
 enum { GLASS_LONG = 1280, GLASS_SHORT = 800 }; // px, of a 10-inch tablet
 

@@ -1,7 +1,7 @@
 // A synthetic skeleton in continual motion: every bone swings on its own in sums of slow waves, and the whole body
 // turns. No pose recurs, which makes it the hardest motion for pose retrieval.
 #pragma once
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 #include "tests/support/random.h"
 
 enum { LIMB_WAVES = 4 };

@@ -2,7 +2,7 @@
 
 #include "tests/support/test.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <stdio.h>
 #include <string.h>

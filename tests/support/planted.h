@@ -3,7 +3,7 @@
 #pragma once
 #include "tests/support/recording_sample.h"
 
-#include "capture/recording/recording_reader.h"
+#include "recording/recording_reader.h"
 
 #include <sys/wait.h>
 

@@ -2,7 +2,7 @@
 #pragma once
 #include "tests/support/test.h"
 
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 #include <string.h>
 

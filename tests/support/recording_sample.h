@@ -3,9 +3,9 @@
 #pragma once
 #include "tests/support/test.h"
 
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 #include "tests/support/rehearsal.h"
 
 #include "capture/recorder.h"
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "tests/support/retake.h"
 
-#include "platform/jpeg.h"
+#include "platform/files/jpeg.h"
 #include "tests/support/test.h"
 
 #include <stdlib.h>

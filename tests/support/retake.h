@@ -1,6 +1,6 @@
 // Copies a take within its recording with its frames changed.
 #pragma once
-#include "capture/recording/recording.h"
+#include "recording/recording.h"
 
 struct retaken {
     int64_t number, time_ns;

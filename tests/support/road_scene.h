@@ -2,9 +2,9 @@
 // panoramas from a vehicle, the points of its line scanners, virtual cameras with their true pictures and depth, and a
 // plain detector of white lines. World: x along the road, y left, z up; the lane's middle is y = 0.
 #pragma once
-#include "reenact/surround/depth/point_colors.h"
-#include "reenact/surround/drive/box_world.h"
-#include "reenact/surround/view/surround_view.h"
+#include "surround/depth/point_colors.h"
+#include "surround/drive/box_world.h"
+#include "surround/view/surround_view.h"
 
 enum { ROAD_PANORAMAS = 6, ROAD_HEIGHT = 384 /* of a panorama */ };
 #define ROAD_LINE_Y 1.75 // the lines' middles are at +- this

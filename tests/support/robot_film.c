@@ -1,6 +1,6 @@
 #include "tests/support/robot_film.h"
 
-#include "platform/png.h"
+#include "platform/files/png.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 // A robot's captures in the small world: panoramas, and on wish depth pictures, whose poses are known. Errors abort.
 #pragma once
-#include "reenact/surround/picture/surround_picture.h"
+#include "surround/picture/surround_picture.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"
 

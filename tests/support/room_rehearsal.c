@@ -1,11 +1,11 @@
 #include "tests/support/room_rehearsal.h"
 
-#include "capture/recording/recorded_drive.h"
-#include "capture/recording/recorded_things.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
-#include "reenact/export/glb_builder.h"
+#include "recording/recorded_drive.h"
+#include "recording/recorded_things.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
+#include "formats/glb_builder.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 #include "tests/support/ros_stage.h"
 
 #include "base/clock.h"
-#include "platform/ros_robot.h"
+#include "platform/network/ros_robot.h"
 #include "tests/support/process.h"
 #include "tests/support/test.h"
 

@@ -1,6 +1,6 @@
 #include "tests/support/scratch.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <ftw.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 // unknown ones not at all; the truth as thin white lines. For pictures that people look at.
 #pragma once
 #include "base/lens.h"
-#include "capture/recording/skeleton.h"
+#include "recording/skeleton.h"
 
 // A rectangle of an RGB image that is drawn on; what lies outside of it is left alone.
 struct drawing {

@@ -1,6 +1,6 @@
 // Changes a recording behind the reader's back.
 #pragma once
-#include "platform/database.h"
+#include "platform/files/database.h"
 #include "tests/support/test.h"
 
 static inline void run_sql(const char *path, const char *sql)

@@ -1,9 +1,9 @@
 #include "tests/support/studio_stage.h"
 
 #include "base/clock.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/png.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
 #include "tests/support/test.h"
 
 #include <stdio.h>

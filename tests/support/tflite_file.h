@@ -1,6 +1,6 @@
 // Writes small TensorFlow Lite files for tests: FlatBuffers laid out forwards, parents before what they point to.
 #pragma once
-#include "platform/tflite.h"
+#include "neural/tflite.h"
 
 enum tflite_file_type { FILE_FLOAT32 = 0, FILE_FLOAT16 = 1, FILE_INT32 = 2 };
 

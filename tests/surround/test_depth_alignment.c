@@ -2,9 +2,9 @@
 // where they were, also when the odometry jumps, where one flat wall leaves a shift open, and where a person walks by.
 #include "tests/support/test.h"
 
-#include "reenact/surround/alignment/depth_alignment.h"
-#include "reenact/surround/drive/simulated_rover.h"
-#include "reenact/surround/photo_refinement.h"
+#include "surround/alignment/depth_alignment.h"
+#include "surround/drive/simulated_rover.h"
+#include "surround/photo_refinement.h"
 #include "base/portable_math.h"
 
 #include <stdio.h>

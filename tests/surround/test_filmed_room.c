@@ -2,8 +2,8 @@
 #include "tests/support/test.h"
 
 #include "capture/export.h"
-#include "platform/jpeg.h"
-#include "reenact/surround/filmed/filmed_room.h"
+#include "platform/files/jpeg.h"
+#include "surround/filmed/filmed_room.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,9 +2,9 @@
 // window's format.
 #include "tests/support/test.h"
 
-#include "platform/gpu_draw2d.h"
+#include "platform/screen/gpu_draw2d.h"
 #include "reenact/render/shaders.h"
-#include "reenact/surround/gpu/operator_picture.h"
+#include "surround/gpu/operator_picture.h"
 
 #include <stdlib.h>
 

@@ -2,7 +2,7 @@
 // colour is what Catmull and Rom's weights make of the pixels around, also at edges.
 #include "tests/support/test.h"
 
-#include "reenact/surround/picture/picture_lanes.h"
+#include "surround/picture/picture_lanes.h"
 
 #include <stdlib.h>
 

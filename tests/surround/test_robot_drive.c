@@ -3,10 +3,10 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "reenact/surround/picture/surround_mesh.h"
-#include "reenact/surround/drive/drive_session.h"
-#include "reenact/surround/drive/drive_trial.h"
-#include "reenact/surround/drive/head_tracker.h"
+#include "surround/picture/surround_mesh.h"
+#include "surround/drive/drive_session.h"
+#include "surround/drive/drive_trial.h"
+#include "surround/drive/head_tracker.h"
 
 #include <stdio.h>
 

@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "reenact/surround/drive/drive_session.h"
+#include "surround/drive/drive_session.h"
 #include "tests/support/ros_stage.h"
 
 #include <signal.h>

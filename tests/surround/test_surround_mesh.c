@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "tests/support/box_room.h"
-#include "reenact/surround/picture/surround_mesh.h"
+#include "surround/picture/surround_mesh.h"
 
 static const struct lens small = {.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 7.5, .cy = 7.5};
 

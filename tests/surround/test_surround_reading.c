@@ -2,9 +2,10 @@
 // may not.
 #include "tests/support/test.h"
 
-#include "platform/file.h"
-#include "reenact/surround/reading/pose_list.h"
-#include "reenact/surround/reading/surround_set.h"
+#include "formats/ply.h"
+#include "platform/files/file.h"
+#include "surround/reading/pose_list.h"
+#include "surround/reading/surround_set.h"
 #include "tests/support/scratch.h"
 
 #include <stdio.h>

@@ -4,7 +4,7 @@
 #include "tests/support/test.h"
 
 #include "tests/support/box_room.h"
-#include "reenact/surround/gpu/surround_renderer.h"
+#include "surround/gpu/surround_renderer.h"
 
 static const struct lens view_lens = {.width = 320, .height = 240, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
 enum { PIXELS = 320 * 240 };

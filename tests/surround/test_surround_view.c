@@ -4,9 +4,9 @@
 #include "tests/support/test.h"
 
 #include "tests/support/box_room.h"
-#include "reenact/surround/depth/depth_seeds.h"
-#include "reenact/surround/drive/simulated_rover.h"
-#include "reenact/surround/view/exposure.h"
+#include "surround/depth/depth_seeds.h"
+#include "surround/drive/simulated_rover.h"
+#include "surround/view/exposure.h"
 
 #include <stdio.h>
 

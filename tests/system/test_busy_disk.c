@@ -6,9 +6,9 @@
 //     ms
 #include "tests/support/test.h"
 
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"
 

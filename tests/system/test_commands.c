@@ -2,10 +2,10 @@
 // each kind of bad input.
 #include "tests/support/test.h"
 
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/png.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/png.h"
 #include "tests/support/answer.h"
 #include "tests/support/scratch.h"
 #include "tests/support/tag_picture.h"

@@ -99,7 +99,7 @@ static void expect_stops(const char *what)
     }
 }
 
-// The process that guards (platform/ros_guard.h), a child of the driver; 0: none.
+// The process that guards (platform/network/ros_guard.h), a child of the driver; 0: none.
 static pid_t guard_of(pid_t parent)
 {
     char path[64], name[64] = "";

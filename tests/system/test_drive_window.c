@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "capture/recording/recorded_things.h"
+#include "recording/recorded_things.h"
 #include "tests/support/display.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"

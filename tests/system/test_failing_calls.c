@@ -9,9 +9,9 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/json.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/json.h"
 #include "tests/support/copy_file.h"
 #include "tests/support/process.h"
 #include "tests/support/recording_hash.h"

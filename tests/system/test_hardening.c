@@ -2,7 +2,7 @@
 // protectors and checked library calls. Read from their ELF files.
 #include "tests/support/test.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 
 #include <elf.h>
 #include <string.h>

@@ -15,71 +15,80 @@ struct rule {
     const char *may_use[MOST_USED]; // rooms beside its own, each further up in this table
 };
 
-#define RECORDING "capture/recording/", "platform/", "base/"
-#define SKELETON  "reenact/skeleton/", RECORDING
-#define AVATAR    "reenact/avatar/", "reenact/observation/", SKELETON
-#define RENDER    "reenact/render/", "reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR
-#define SURROUND                                                                                                       \
-    "reenact/surround/view/", "reenact/surround/depth/", "reenact/surround/alignment/", "reenact/surround/reading/",   \
-        "reenact/surround/picture/", "platform/", "base/"
-
 static const struct rule rules[] = {
     {"base/", {0}},
-    {"platform/", {"base/"}},
-    {"capture/recording/", {"platform/", "base/"}},
-    {"locate/", {RECORDING}},
-    {"capture/segmentation/", {RECORDING}},
-    {"capture/body/", {"capture/segmentation/", RECORDING}},
-    {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
-    {"capture/mapping/", {"locate/", RECORDING}},
-    {"capture/calibration/", {"locate/", RECORDING}},
-    {"capture/objects/", {"capture/calibration/", RECORDING}},
-    {"capture/coaching/", {RECORDING}},
+    {"platform/files/", {"base/"}},
+    {"platform/sensors/", {"platform/files/", "base/"}},
+    {"platform/screen/", {"platform/files/", "base/"}},
+    {"platform/vision/", {"base/"}},
+    {"platform/network/", {"platform/files/", "base/"}},
+    {"recording/", {"platform/network/", "platform/files/", "base/"}},
+    {"neural/", {"platform/files/", "base/"}},
+    {"formats/", {"recording/", "platform/files/", "base/"}},
+    {"locate/", {"recording/", "platform/vision/", "base/"}},
+    {"objects/",
+     {"recording/", "platform/network/", "platform/vision/", "platform/sensors/", "platform/files/", "base/"}},
+    {"capture/segmentation/", {"recording/", "base/"}},
+    {"capture/body/", {"capture/segmentation/", "recording/", "base/"}},
+    {"capture/tracking/", {"capture/body/", "capture/segmentation/", "base/"}},
+    {"capture/mapping/",
+     {"locate/", "recording/", "platform/vision/", "platform/sensors/", "platform/files/", "base/"}},
+    {"capture/calibration/", {"platform/vision/", "platform/files/", "base/"}},
+    {"capture/coaching/", {"recording/", "base/"}},
     {"capture/",
-     {"capture/coaching/", "capture/objects/", "capture/calibration/", "capture/mapping/", "capture/tracking/",
-      "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
-    {"reenact/skeleton/", {RECORDING}},
-    {"reenact/observation/", {SKELETON}},
-    {"reenact/retrieval/", {SKELETON}},
-    {"reenact/avatar/", {"reenact/observation/", SKELETON}},
-    {"reenact/export/", {AVATAR}},
-    {"reenact/frame/", {AVATAR}},
-    {"reenact/scene/", {SKELETON}},
-    {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
-    {"reenact/surround/picture/", {"base/"}},
-    {"reenact/surround/reading/", {"reenact/surround/picture/", "platform/", "base/"}},
-    {"reenact/surround/alignment/", {"base/"}},
-    {"reenact/surround/depth/", {"reenact/surround/picture/", "base/"}},
-    {"reenact/surround/view/", {"reenact/surround/picture/", "base/"}},
-    {"reenact/surround/", {SURROUND}},
-    {"reenact/surround/drive/", {"reenact/surround/", SURROUND}},
-    {"reenact/surround/gpu/", {"reenact/surround/drive/", "reenact/surround/", "reenact/render/", SURROUND}},
-    {"reenact/surround/filmed/", {"reenact/surround/", "capture/recording/", SURROUND}},
-    {"compare/", {RECORDING}},
+     {"capture/coaching/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", "formats/",
+      "neural/", "recording/", "platform/sensors/", "platform/files/", "base/"}},
+    {"compare/", {"formats/", "recording/", "platform/files/", "base/"}},
+    {"reenact/skeleton/", {"recording/", "base/"}},
+    {"reenact/observation/", {"reenact/skeleton/", "recording/", "base/"}},
+    {"reenact/retrieval/", {"reenact/skeleton/", "base/"}},
+    {"reenact/avatar/", {"reenact/observation/", "reenact/skeleton/", "recording/", "platform/vision/", "base/"}},
+    {"reenact/export/", {"reenact/avatar/", "reenact/skeleton/", "formats/", "platform/files/", "base/"}},
+    {"reenact/frame/", {"reenact/avatar/", "reenact/observation/", "base/"}},
+    {"reenact/scene/", {"reenact/skeleton/", "recording/", "platform/files/", "base/"}},
+    {"reenact/render/",
+     {"reenact/scene/", "reenact/frame/", "reenact/avatar/", "reenact/retrieval/", "reenact/observation/",
+      "reenact/skeleton/", "recording/", "platform/screen/", "platform/sensors/", "base/"}},
+    {"surround/picture/", {"base/"}},
+    {"surround/reading/", {"surround/picture/", "formats/", "platform/files/", "base/"}},
+    {"surround/alignment/", {"base/"}},
+    {"surround/depth/", {"surround/picture/", "base/"}},
+    {"surround/view/", {"surround/picture/", "base/"}},
+    {"surround/",
+     {"surround/view/", "surround/depth/", "surround/alignment/", "surround/reading/", "surround/picture/",
+      "platform/files/", "base/"}},
+    {"surround/drive/", {"surround/", "surround/view/", "platform/network/", "base/"}},
+    {"surround/gpu/",
+     {"surround/drive/", "surround/view/", "surround/picture/", "reenact/render/", "platform/screen/", "base/"}},
+    {"surround/filmed/", {"surround/", "surround/picture/", "recording/", "platform/files/", "base/"}},
     {"app/state/", {"base/"}},
-    {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
-    {"app/view/", {"app/state/", RENDER}},
+    {"app/camera/",
+     {"app/state/", "reenact/render/", "locate/", "recording/", "platform/screen/", "platform/sensors/", "base/"}},
+    {"app/view/",
+     {"app/state/", "reenact/render/", "reenact/scene/", "reenact/frame/", "reenact/avatar/", "reenact/skeleton/",
+      "recording/", "platform/screen/", "base/"}},
     {"app/place/",
-     {"app/state/", "capture/objects/", "locate/", "reenact/surround/filmed/", "reenact/surround/gpu/",
-      "reenact/surround/", "reenact/surround/view/", "reenact/surround/picture/", "reenact/render/", "reenact/scene/",
-      RECORDING}},
+     {"surround/filmed/", "surround/gpu/", "surround/", "surround/picture/", "reenact/render/", "reenact/scene/",
+      "objects/", "locate/", "formats/", "recording/", "platform/screen/", "base/"}},
     {"app/live/",
-     {"app/camera/", "app/state/", "compare/", "capture/", "capture/tracking/", "capture/body/",
-      "capture/segmentation/", "locate/", RECORDING}},
-    {"app/ui/", {"app/view/", "app/state/", "compare/", RECORDING}},
-    {"app/",
-     {"app/ui/", "app/live/", "app/place/", "app/camera/", "app/view/", "app/state/", "capture/", "compare/", "locate/",
-      RENDER}},
+     {"app/camera/", "compare/", "capture/", "capture/tracking/", "capture/body/", "capture/segmentation/",
+      "recording/", "platform/sensors/", "platform/files/", "base/"}},
+    {"app/ui/", {"app/view/", "app/state/", "compare/", "recording/", "platform/screen/", "platform/files/", "base/"}},
+    {"app/viewer/",
+     {"app/ui/", "app/live/", "app/place/", "app/view/", "app/camera/", "app/state/", "reenact/render/", "compare/",
+      "capture/", "recording/", "platform/files/", "base/"}},
     {"app/drive/",
-     {"app/", "app/ui/", "app/place/", "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/",
-      RENDER}},
+     {"app/viewer/", "app/ui/", "app/place/", "surround/gpu/", "surround/drive/", "surround/", "reenact/render/",
+      "platform/screen/", "base/"}},
     {"app/studio/",
-     {"app/", "app/ui/", "app/view/", "app/state/", "capture/", "capture/coaching/", "capture/mapping/",
-      "capture/tracking/", "locate/", RENDER}},
-    {"app/commands/",
-     {"app/studio/", "app/drive/", "app/", "app/place/", "app/camera/", "compare/", "capture/", "capture/coaching/",
-      "capture/objects/", "capture/calibration/", "capture/mapping/", "locate/", "reenact/export/", RENDER,
-      "reenact/surround/filmed/", "reenact/surround/gpu/", "reenact/surround/drive/", "reenact/surround/", SURROUND}},
+     {"app/viewer/", "app/ui/", "reenact/render/", "capture/", "capture/coaching/", "capture/mapping/",
+      "capture/tracking/", "recording/", "platform/screen/", "platform/sensors/", "platform/files/", "base/"}},
+    {"app/commands/", {"app/studio/",      "app/drive/",        "app/viewer/",          "app/place/",
+                       "app/camera/",      "surround/filmed/",  "surround/drive/",      "surround/",
+                       "reenact/render/",  "reenact/export/",   "reenact/avatar/",      "compare/",
+                       "capture/",         "capture/coaching/", "capture/calibration/", "capture/mapping/",
+                       "objects/",         "locate/",           "recording/",           "platform/vision/",
+                       "platform/screen/", "platform/sensors/", "platform/files/",      "base/"}},
     {"tests/", {0}}, // all of them
 };
 
@@ -243,11 +252,11 @@ static void test_cpp_lives_in_platform_and_tests_only(void **state)
 
 // ---------------------------------------------------------------- who writes files
 
-// What makes or changes a file. platform/file.h and output.h write over no recording; all else goes through them.
+// What makes or changes a file. platform/files/file.h and output.h write over no recording; all else goes through them.
 static const char *const writing[] = {
     "O_CREAT",  "O_WRONLY", "O_RDWR",  "creat(",  "freopen(",  "ofstream", "rename(",      "renameat",
     "truncate", "link(",    "mkstemp", "tmpfile", "avio_open", "imwrite",  "write_to_png", "cairo_pdf_surface_create("};
-static const char *const writers[] = {"platform/file.c", "platform/output.c", "platform/database.c"};
+static const char *const writers[] = {"platform/files/file.c", "platform/files/output.c", "platform/files/database.c"};
 
 // The word stands in the line by itself, not at the end of another.
 static bool has_word(const char *line, const char *word)
@@ -333,20 +342,21 @@ static void test_the_table_has_floors(void **state)
 static void test_the_rule_can_fail(void **state)
 {
     (void)state;
-    EXPECT_TRUE(!allowed("base/lens.c", "platform/png.h"));
-    EXPECT_TRUE(!allowed("platform/png.c", "capture/recording/place.h"));
+    EXPECT_TRUE(!allowed("base/lens.c", "platform/files/png.h"));
+    EXPECT_TRUE(!allowed("platform/files/png.c", "recording/place.h"));
     EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "capture/tracking/tracker.h"));
-    EXPECT_TRUE(!allowed("capture/recording/place.c", "capture/tracking/tracker.h"));
+    EXPECT_TRUE(!allowed("recording/place.c", "capture/tracking/tracker.h"));
     EXPECT_TRUE(!allowed("capture/tracking/tracker.c", "reenact/retrieval/frame_selection.h"));
     EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "app/commands/command.h"));
     EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "locate/locator.h"));
     EXPECT_TRUE(!allowed("reenact/skeleton/bind_pose.c", "reenact/avatar/avatar.h"));
-    EXPECT_TRUE(allowed("reenact/retrieval/frame_selection.c", "capture/recording/skeleton.h"));
+    EXPECT_TRUE(allowed("reenact/retrieval/frame_selection.c", "recording/skeleton.h"));
 }
 
 int main(void)
 {
-    const char *const rooms[] = {"base/", "platform/", "capture/", "locate/", "reenact/", "compare/", "app/", "tests/"};
+    const char *const rooms[] = {"base/",    "platform/", "recording/", "neural/",   "formats/", "locate/", "objects/",
+                                 "capture/", "compare/",  "reenact/",   "surround/", "app/",     "tests/"};
     for (size_t i = 0; i < COUNT_OF(rooms); i++)
         list(rooms[i]);
     const struct CMUnitTest tests[] = {

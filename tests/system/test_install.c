@@ -2,9 +2,9 @@
 // man pages and completion, which are made from the same help), and the package.
 #include "tests/support/test.h"
 
-#include "capture/recording/recording.h"
-#include "platform/database.h"
-#include "platform/file.h"
+#include "recording/recording.h"
+#include "platform/files/database.h"
+#include "platform/files/file.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

@@ -1,7 +1,7 @@
 // reenact-capture map --objects and objects --camera, as a user runs them: a poster of the rendered room is the known
 // thing, found while mapping by depth, and again by a tablet's camera in the mapped place.
-#include "capture/recording/recorded_things.h"
-#include "platform/png.h"
+#include "recording/recorded_things.h"
+#include "platform/files/png.h"
 #include "tests/support/process.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/test.h"

@@ -8,9 +8,9 @@
 #include "tests/support/scratch.h"
 
 #include "base/clock.h"
-#include "platform/file.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 
 #include <dirent.h>
 #include <signal.h>

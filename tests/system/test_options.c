@@ -3,7 +3,7 @@
 // options.
 #include "tests/support/test.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
 

@@ -5,7 +5,7 @@
 // The solvers of other libraries differ in the ninth digit, which sensor_pose rounds away.
 #include "tests/support/test.h"
 
-#include "capture/recording/depth_codec.h"
+#include "recording/depth_codec.h"
 #include "capture/sensor_pose.h"
 #include "reenact/retrieval/frame_selection.h"
 #include "tests/support/film.h"

@@ -5,7 +5,7 @@
 //     test_soak SECONDS FILE CAMERA     as long as given, with figures
 #include "tests/support/test.h"
 
-#include "app/viewer.h"
+#include "app/viewer/viewer.h"
 #include "base/clock.h"
 #include "tests/support/rehearsal.h"
 #include "tests/support/work.h"

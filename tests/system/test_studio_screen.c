@@ -7,9 +7,9 @@
 
 #include "base/clock.h"
 #include "capture/recorder.h"
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/png.h"
+#include "recording/recording.h"
+#include "platform/files/file.h"
+#include "platform/files/png.h"
 #include "tests/support/display.h"
 #include "tests/support/film.h"
 #include "tests/support/process.h"

@@ -2,7 +2,7 @@
 // say the same, also where it is not kept and the frames are judged again; it never outlives the frames that it was
 // made from; and it knows what the take is for.
 #include "capture/take_verdict.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/answer.h"
 #include "tests/support/film.h"
 #include "tests/support/sql.h"

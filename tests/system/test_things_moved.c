@@ -7,9 +7,9 @@
 #include "tests/support/process.h"
 #include "tests/support/test.h"
 
-#include "capture/recording/recorded_things.h"
-#include "platform/json.h"
-#include "platform/png.h"
+#include "recording/recorded_things.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
 
 #include <stdio.h>
 #include <stdlib.h>

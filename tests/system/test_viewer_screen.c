@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/support/answer.h"
 #include "tests/support/display.h"
 #include "tests/support/rehearsal.h"

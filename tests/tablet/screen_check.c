@@ -3,8 +3,8 @@
 // render --layers` for it. Finds the image that the screen shows, and compares the pixels of
 // the actor with what `render` draws and with the camera's image without the actor.
 #include "app/ui/view_compositor.h"
-#include "platform/png.h"
-#include "platform/source.h"
+#include "platform/files/png.h"
+#include "platform/sensors/source.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -2,8 +2,8 @@
 // kernel that this runs on (vhci-hcd, uvcvideo). Needs root.
 #include "app/commands/command.h"
 #include "base/clock.h"
-#include "platform/jpeg.h"
-#include "platform/source.h"
+#include "platform/files/jpeg.h"
+#include "platform/sensors/source.h"
 #include "tests/usb_camera/uvc.h"
 
 #include <signal.h>

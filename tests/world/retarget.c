@@ -1,6 +1,6 @@
 #include "tests/world/retarget.h"
 
-#include "platform/file.h"
+#include "platform/files/file.h"
 #include "tests/world/bvh.h"
 #include "tests/world/numbers.h"
 

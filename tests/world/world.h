@@ -19,8 +19,8 @@
 //
 // An open world never changes: many threads may use it concurrently.
 #pragma once
-#include "capture/recording/place.h"
-#include "capture/recording/skeleton.h"
+#include "recording/place.h"
+#include "recording/skeleton.h"
 
 struct world;
 struct world_edit;

@@ -3,10 +3,10 @@
 #include "tests/world/film/film_options.h"
 
 #include "app/commands/command.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
-#include "platform/json.h"
-#include "platform/png.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/json.h"
+#include "platform/files/png.h"
 
 #include <stdarg.h>
 #include <stdio.h>

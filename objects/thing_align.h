@@ -1,0 +1,37 @@
+// The pose of a thing from the pixels themselves: its texture, drawn where the pose has it, must look like all views at
+// once. Levenberg-Marquardt over turn, shift and the logarithm of its size, with a gain and an offset for each view and
+// channel and Huber weights (Lucas & Kanade 1981; Baker & Matthews 2004, forward additive). Pure.
+#pragma once
+#include "objects/thing_view.h"
+
+enum { ALIGN_UNKNOWNS = 7 }; // turn (radians), shift (metres), both in the left camera's axes; log of size
+
+struct alignment {
+    struct pose left_from_thing;
+    double log_scale;
+    double score[VIEWS_MOST];   // correlation with each view, at most 1; -1: too little of it is in the view
+    double visible[VIEWS_MOST]; // share of the points that are in the view
+    double tint[VIEWS_MOST]; // of its light against the picture's: largest over smallest channel's share of brightness
+    double noise;            // of the residuals, grey levels
+    double
+        information[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS]; // with the size's prior, for independent residuals of that noise
+};
+
+struct size_prior {
+    double log_scale, sigma;
+};
+
+struct align_input {
+    const struct thing_samples *samples;
+    enum thing_shape shape;
+    const struct thing_view *views;
+    int view_count, level; // of the views' pyramids
+    struct size_prior size;
+    double variance_factor; // by which neighbouring residuals count less than if they were independent
+};
+
+// Improves *a in at most `steps` steps and fills the rest of it. False: it is not in sight of the views.
+bool thing_align(const struct align_input *in, int steps, struct alignment *a);
+
+// Score in one view only, as the pose stands; visible and tint of that view are written into *a.
+double thing_score(const struct align_input *in, int view, struct alignment *a);

@@ -1,0 +1,251 @@
+#include "objects/thing_search.h"
+
+#include "objects/thing_recognition.h"
+#include "objects/thing_visibility.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Standard deviation of a picture's position in its place, metres; chosen by hand, above what keyframes of a mapped
+// place have.
+#define POSE_SIGMA_M 0.002
+// How far away a thing may be: the length of a room.
+#define FARTHEST_M 8
+
+// Viewpoints so far apart, or that look another way by so much, are two: errors of one are not those of the other.
+// Chosen by hand.
+#define APART_M   0.1
+#define APART_RAD 0.12
+// Of a miss where depth shows that the place is empty, and where something stands there that was not recognised.
+#define EMPTY_VOTE    1.0
+#define OCCUPIED_VOTE 0.5
+#define ABSENT        3.0
+enum { MISSES_MOST = 12 };
+#define SAME_PLACE 0.5 // of its larger side: it stands there still
+
+// What is expected of a thing, and where it was in clear sight and not recognised.
+struct expectation {
+    bool any;
+    struct pose world_from_thing;
+    struct covariance3 covariance;
+    struct pose missed_from[MISSES_MOST]; // world_from_camera
+    int misses;
+    double absent;
+    bool there; // it was recognised at its place
+};
+
+struct searched {
+    struct lens lens;
+    struct pose world_from_camera;
+    uint8_t *rgb;
+    uint16_t *depth; // NULL: none
+    struct depth_view depth_view;
+    struct detection *detections;
+    int count;
+};
+
+struct thing_search {
+    const struct thing_list *things;
+    struct recognizer *recognizer;
+    struct thing_traits traits[THINGS_MOST];
+    struct expectation expected[THINGS_MOST];
+    struct pose kept_from[THINGS_MOST]; // the viewpoint from which a thing was kept last
+    bool kept[THINGS_MOST];
+    struct searched *pictures;
+    int count;
+};
+
+enum status thing_search_open(struct thing_search **out, const struct thing_list *things)
+{
+    struct thing_search *s = *out = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "no memory to look for things");
+    s->things = things;
+    struct recognition_options how = recognition_default_options();
+    how.farthest_m = FARTHEST_M;
+    const enum status status = recognizer_open(&s->recognizer, things, &how);
+    if (status != OK)
+        thing_search_close(out);
+    return status;
+}
+
+static void free_picture(struct searched *p)
+{
+    free(p->rgb);
+    free(p->depth);
+    free(p->detections);
+}
+
+void thing_search_close(struct thing_search **s)
+{
+    if (!*s)
+        return;
+    for (int i = 0; i < (*s)->count; i++)
+        free_picture(&(*s)->pictures[i]);
+    free((*s)->pictures);
+    recognizer_close(&(*s)->recognizer);
+    free(*s);
+    *s = NULL;
+}
+
+static bool is_apart(struct pose a, struct pose b)
+{
+    return v3_distance(a.translation, b.translation) >= APART_M || pose_angle(a, b) >= APART_RAD;
+}
+
+// Leaves out what is seen from about where it was seen before: it says nothing new, and its picture costs memory.
+static void leave_out_repeated(struct thing_search *s, struct searched *p)
+{
+    int count = 0;
+    for (int i = 0; i < p->count; i++) {
+        const int thing = p->detections[i].thing;
+        if (s->kept[thing] && !is_apart(s->kept_from[thing], p->world_from_camera))
+            continue;
+        s->kept[thing] = true;
+        s->kept_from[thing] = p->world_from_camera;
+        p->detections[count++] = p->detections[i];
+    }
+    p->count = count;
+}
+
+// Copies what the second look needs.
+static enum status keep(struct thing_search *s, struct searched *p, const uint8_t *rgb, const struct depth_view *depth)
+{
+    const size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    struct searched *grown = realloc(s->pictures, sizeof *grown * ((size_t)s->count + 1));
+    if (grown)
+        s->pictures = grown;
+    p->rgb = malloc(3 * pixels);
+    bool good = grown && p->rgb;
+    if (good)
+        memcpy(p->rgb, rgb, 3 * pixels);
+    if (good && depth) {
+        const size_t samples = (size_t)depth->lens.width * (size_t)depth->lens.height;
+        p->depth = malloc(sizeof *p->depth * samples);
+        good = p->depth != NULL;
+        if (good)
+            memcpy(p->depth, depth->depth, sizeof *p->depth * samples);
+        p->depth_view = *depth;
+        p->depth_view.depth = p->depth;
+    }
+    if (!good)
+        return fail(ERR_MEMORY, "no memory for a picture with things");
+    s->pictures[s->count++] = *p;
+    return OK;
+}
+
+void thing_search_expect(struct thing_search *s, int thing, const struct pose *world_from_thing,
+                         const struct covariance3 *covariance)
+{
+    s->expected[thing] =
+        (struct expectation){.any = true, .world_from_thing = *world_from_thing, .covariance = *covariance};
+}
+
+// The picture shows the thing where it was known.
+static bool is_there(const struct thing_search *s, const struct searched *p, int thing)
+{
+    const struct thing *t = &s->things->things[thing];
+    const struct vec3 at = s->expected[thing].world_from_thing.translation;
+    for (int i = 0; i < p->count; i++)
+        for (int shape = 0; shape < THING_SHAPES && p->detections[i].thing == thing; shape++) {
+            const struct vec3 found =
+                pose_apply(p->world_from_camera, p->detections[i].by[shape].left_from_thing.translation);
+            if (p->detections[i].found[shape] && v3_distance(found, at) < SAME_PLACE * fmax(t->width_m, t->height_m))
+                return true;
+        }
+    return false;
+}
+
+static void note_misses(struct thing_search *s, const struct searched *p, const struct depth_view *depth)
+{
+    for (int i = 0; i < s->things->count; i++) {
+        struct expectation *e = &s->expected[i];
+        e->there |= e->any && is_there(s, p, i);
+        if (!e->any || e->there || e->misses == MISSES_MOST)
+            continue;
+        const enum thing_sight sight =
+            thing_sight_of(&s->things->things[i],
+                           pose_multiply(pose_inverse(p->world_from_camera), e->world_from_thing), &p->lens, depth);
+        bool counts = sight != SIGHT_NONE;
+        for (int k = 0; k < e->misses; k++)
+            counts &= is_apart(e->missed_from[k], p->world_from_camera);
+        if (!counts)
+            continue;
+        e->missed_from[e->misses++] = p->world_from_camera;
+        e->absent += sight == SIGHT_EMPTY ? EMPTY_VOTE : OCCUPIED_VOTE;
+    }
+}
+
+enum status thing_search_add(struct thing_search *s, const struct lens *lens, struct pose world_from_camera,
+                             const uint8_t *rgb, const struct depth_view *depth)
+{
+    struct searched p = {.lens = *lens,
+                         .world_from_camera = world_from_camera,
+                         .detections = calloc((size_t)s->things->count + 1, sizeof *p.detections)};
+    const struct pose here = POSE_IDENTITY;
+    struct thing_view view;
+    if (!p.detections)
+        return fail(ERR_MEMORY, "no memory to look for things");
+    enum status status = thing_view_make(lens, &here, rgb, true, &view);
+    if (status == OK) {
+        status = recognizer_find(s->recognizer, &view, 1, p.detections, &p.count);
+        thing_view_free(&view);
+    }
+    if (status == OK) {
+        note_misses(s, &p, depth);
+        leave_out_repeated(s, &p);
+    }
+    for (int i = 0; i < p.count && status == OK; i++)
+        thing_traits_add(&s->traits[p.detections[i].thing], s->recognizer, &p.detections[i]);
+    if (status == OK && p.count)
+        status = keep(s, &p, rgb, depth);
+    if (status != OK || !p.count)
+        free_picture(&p);
+    return status;
+}
+
+static enum status refine(struct thing_search *s, const struct searched *p, struct thing_map *out, int *sightings,
+                          int *contradicted)
+{
+    const struct pose here = POSE_IDENTITY;
+    struct thing_view view;
+    enum status status = thing_view_make(&p->lens, &here, p->rgb, false, &view);
+    if (status != OK)
+        return status;
+    for (int i = 0; i < p->count && status >= OK; i++) {
+        struct sighting found;
+        const int thing = p->detections[i].thing;
+        status = recognizer_refine(s->recognizer, &p->detections[i], &s->traits[thing], &view, 1, &found);
+        if (status != OK)
+            continue;
+        if (p->depth && sighting_by_depth(&found, &s->things->things[thing], &p->depth_view) == AMBIGUOUS) {
+            ++*contradicted;
+            continue;
+        }
+        const struct covariance3 pose = covariance3_isotropic(POSE_SIGMA_M * POSE_SIGMA_M);
+        found.covariance = covariance3_add(&found.covariance, &pose);
+        thing_map_add(out, &found, &p->world_from_camera);
+        ++*sightings;
+    }
+    thing_view_free(&view);
+    return status < OK ? status : OK;
+}
+
+enum status thing_search_finish(struct thing_search *s, struct thing_map *out, int *sightings, int *contradicted)
+{
+    enum status status = OK;
+    *out = (struct thing_map){0};
+    *sightings = *contradicted = 0;
+    for (int i = 0; i < s->things->count; i++)
+        if (s->expected[i].any)
+            thing_map_know(out, i, &s->expected[i].world_from_thing, &s->expected[i].covariance);
+    for (int i = 0; i < s->count && status == OK; i++)
+        status = refine(s, &s->pictures[i], out, sightings, contradicted);
+    for (int i = 0; i < s->things->count && status == OK; i++) {
+        const struct mapped_thing *t = thing_map_find(out, i);
+        if (t && !t->moves && !s->expected[i].there && s->expected[i].absent >= ABSENT)
+            thing_map_absent(out, i);
+    }
+    return status;
+}

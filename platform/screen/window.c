@@ -1,0 +1,424 @@
+#include "platform/screen/window.h"
+
+#include <SDL.h>
+#include <SDL_syswm.h>
+#include <glob.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_PADS = 4 };
+
+struct window {
+    SDL_Window *window;
+    SDL_GLContext context;
+    SDL_GameController *pads[MAX_PADS];
+    Uint32 wake_event;
+    SDL_atomic_t woken; // 1: a wake event is in the queue
+    int quarter_turns;
+    double requested_dpi;
+    bool types;      // text is typed (window_type)
+    bool other_text; // what comes next as text is of a key that was pressed before it was
+};
+
+static enum status fail_open(struct window **s, const char *what, const char *why)
+{
+    enum status status = *why ? fail(ERR_DEVICE, "%s (SDL: %s)", what, why) : fail(ERR_DEVICE, "%s", what);
+    window_close(s);
+    return status;
+}
+
+static const char NO_DISPLAY[] =
+    "there is no display to show a window on: start it in a desktop, or on a console of its own without one";
+
+static bool make_window(struct window *s, const struct window_options *o)
+{
+    SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0"); // no mouse events for touches, nor the reverse
+    SDL_SetHint(SDL_HINT_MOUSE_TOUCH_EVENTS, "0");
+    SDL_GL_SetAttribute(SDL_GL_CONTEXT_PROFILE_MASK, SDL_GL_CONTEXT_PROFILE_ES);
+    SDL_GL_SetAttribute(SDL_GL_CONTEXT_MAJOR_VERSION, 3);
+    SDL_GL_SetAttribute(SDL_GL_CONTEXT_MINOR_VERSION, 0);
+    SDL_GL_SetAttribute(SDL_GL_DEPTH_SIZE, 0);
+    Uint32 flags = SDL_WINDOW_OPENGL | SDL_WINDOW_RESIZABLE | SDL_WINDOW_ALLOW_HIGHDPI;
+    if (o->fullscreen || !strcmp(SDL_GetCurrentVideoDriver(), "KMSDRM"))
+        flags |= SDL_WINDOW_FULLSCREEN_DESKTOP;
+    SDL_Rect room; // what is larger than the screen would have its edges, and what is to be touched there, beside it
+    const bool known = !SDL_GetDisplayUsableBounds(0, &room) && room.w > 0 && room.h > 0;
+    s->window = SDL_CreateWindow(o->title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
+                                 known ? SDL_min(o->width, room.w) : o->width,
+                                 known ? SDL_min(o->height, room.h) : o->height, flags);
+    s->context = s->window ? SDL_GL_CreateContext(s->window) : NULL;
+    return s->context;
+}
+
+// Wayland's library writes a line of its own to stderr where the folder of its sockets has no name.
+static bool start_video(void)
+{
+    const bool nameless = !getenv("XDG_RUNTIME_DIR");
+    if (nameless)
+        setenv("XDG_RUNTIME_DIR", "/nonexistent", 0);
+    const bool good = !SDL_Init(SDL_INIT_VIDEO);
+    if (nameless)
+        unsetenv("XDG_RUNTIME_DIR");
+    return good;
+}
+
+enum status window_open(struct window **out, const struct window_options *options)
+{
+    *out = NULL;
+    struct window *s = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "no memory for a window");
+    s->quarter_turns = options->quarter_turns & 3;
+    s->requested_dpi = options->dpi;
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // the program handles SIGINT itself
+    SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
+    if (!start_video())
+        return fail_open(&s, NO_DISPLAY, getenv("SDL_VIDEODRIVER") ? SDL_GetError() : "");
+    // SDL falls back to drawing where nothing is seen; only who asks for that gets it.
+    if (!getenv("SDL_VIDEODRIVER") &&
+        (!strcmp(SDL_GetCurrentVideoDriver(), "offscreen") || !strcmp(SDL_GetCurrentVideoDriver(), "dummy") ||
+         !strcmp(SDL_GetCurrentVideoDriver(), "evdev")))
+        return fail_open(&s, NO_DISPLAY, "");
+    if (!make_window(s, options))
+        return fail_open(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?",
+                         SDL_GetError());
+    // Text always comes, so that what is typed fast is not lost, but where it would bring up a keyboard on the screen.
+    if (SDL_HasScreenKeyboardSupport())
+        SDL_StopTextInput();
+    else
+        SDL_StartTextInput();
+    SDL_GL_SetSwapInterval(1); // may fail: then the main loop's own pacing limits the rate
+    // Game pads are optional.
+    if (!SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER))
+        SDL_GameControllerEventState(SDL_ENABLE);
+    if (!strcmp(SDL_GetCurrentVideoDriver(), "x11"))
+        SDL_EventState(SDL_SYSWMEVENT, SDL_ENABLE);
+    s->wake_event = SDL_RegisterEvents(1);
+    *out = s;
+    return OK;
+}
+
+void window_close(struct window **out)
+{
+    struct window *s = *out;
+    if (!s)
+        return;
+    for (int i = 0; i < MAX_PADS; i++)
+        if (s->pads[i])
+            SDL_GameControllerClose(s->pads[i]);
+    if (s->context)
+        SDL_GL_DeleteContext(s->context);
+    if (s->window)
+        SDL_DestroyWindow(s->window);
+    SDL_Quit();
+    free(s);
+    *out = NULL;
+}
+
+void window_size(const struct window *s, int *width, int *height)
+{
+    int w, h;
+    SDL_GL_GetDrawableSize(s->window, &w, &h);
+    *width = s->quarter_turns & 1 ? h : w;
+    *height = s->quarter_turns & 1 ? w : h;
+}
+
+// From the panel's EDID (byte 21: width in centimetres), for KMS, where SDL does not read it. 0: unknown.
+static double panel_dpi(int width_px)
+{
+    glob_t found;
+    double dpi = 0;
+    if (glob("/sys/class/drm/card*-*/edid", 0, NULL, &found))
+        return 0;
+    for (size_t i = 0; i < found.gl_pathc && dpi <= 0; i++) {
+        unsigned char edid[128];
+        FILE *file = fopen(found.gl_pathv[i], "rb");
+        if (file && fread(edid, 1, sizeof edid, file) == sizeof edid && edid[21] > 0)
+            dpi = width_px / (edid[21] / 2.54);
+        if (file)
+            fclose(file);
+    }
+    globfree(&found);
+    return dpi;
+}
+
+double window_dpi(const struct window *s)
+{
+    if (s->requested_dpi > 0)
+        return s->requested_dpi;
+    float dpi = 0;
+    int display = SDL_GetWindowDisplayIndex(s->window), width, height;
+    SDL_GL_GetDrawableSize(s->window, &width, &height);
+    if (!strcmp(window_driver(s), "KMSDRM"))
+        dpi = (float)panel_dpi(width);
+    else if (SDL_GetDisplayDPI(display < 0 ? 0 : display, NULL, &dpi, NULL))
+        dpi = 0;
+    return dpi >= 60 && dpi <= 800 ? (double)dpi : 96; // values outside are placeholders
+}
+
+double window_refresh_hz(const struct window *s)
+{
+    SDL_DisplayMode mode;
+    int display = SDL_GetWindowDisplayIndex(s->window);
+    if (SDL_GetCurrentDisplayMode(display < 0 ? 0 : display, &mode) || mode.refresh_rate < 20)
+        return 60;
+    return mode.refresh_rate;
+}
+
+int window_quarter_turns(const struct window *s) { return s->quarter_turns; }
+
+const char *window_driver(const struct window *s)
+{
+    (void)s;
+    return SDL_GetCurrentVideoDriver();
+}
+
+void window_present(struct window *s) { SDL_GL_SwapWindow(s->window); }
+
+void window_fullscreen(struct window *s, bool on)
+{
+    SDL_SetWindowFullscreen(s->window, on ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
+}
+
+// ---------------------------------------------------------------- input
+
+// From a position on the display as mounted, 0..1 per axis, to upright pixels.
+static void to_upright(const struct window *s, double right, double down, struct window_event *out)
+{
+    int width, height;
+    window_size(s, &width, &height);
+    double x = right, y = down;
+    switch (s->quarter_turns) {
+    case 1: x = down, y = 1 - right; break;
+    case 2: x = 1 - right, y = 1 - down; break;
+    case 3: x = 1 - down, y = right; break;
+    default: break;
+    }
+    out->x = x * width;
+    out->y = y * height;
+}
+
+static void translate_mouse(const struct window *s, int x, int y, enum window_event_kind kind, struct window_event *out)
+{
+    int width, height; // in window units, which are not pixels everywhere
+    SDL_GetWindowSize(s->window, &width, &height);
+    out->kind = kind;
+    out->pointer = -1;
+    to_upright(s, (x + 0.5) / width, (y + 0.5) / height, out);
+}
+
+static void translate_finger(const struct window *s, const SDL_TouchFingerEvent *e, enum window_event_kind kind,
+                             struct window_event *out)
+{
+    out->kind = kind;
+    out->pointer = e->fingerId & 0x7fffffff;
+    to_upright(s, (double)e->x, (double)e->y, out);
+}
+
+static void translate_key(const SDL_KeyboardEvent *e, struct window_event *out)
+{
+    static const struct {
+        SDL_Keycode from;
+        int to;
+    } keys[] = {
+        {SDLK_LEFT, WINDOW_KEY_LEFT}, {SDLK_RIGHT, WINDOW_KEY_RIGHT},  {SDLK_UP, WINDOW_KEY_UP},
+        {SDLK_DOWN, WINDOW_KEY_DOWN}, {SDLK_HOME, WINDOW_KEY_HOME},    {SDLK_END, WINDOW_KEY_END},
+        {SDLK_F11, WINDOW_KEY_F11},   {SDLK_AC_BACK, WINDOW_KEY_BACK},
+    };
+    out->shift = e->keysym.mod & KMOD_SHIFT;
+    out->repeat = e->repeat;
+    out->key = e->keysym.sym > 0 && e->keysym.sym < 128 ? e->keysym.sym : 0;
+    for (size_t i = 0; i < COUNT_OF(keys); i++)
+        if (keys[i].from == e->keysym.sym)
+            out->key = keys[i].to;
+    out->kind = !out->key ? WINDOW_NO_EVENT : e->type == SDL_KEYUP ? WINDOW_KEY_RELEASED : WINDOW_KEY;
+}
+
+static void translate_window(const SDL_WindowEvent *e, struct window_event *out)
+{
+    switch (e->event) {
+    case SDL_WINDOWEVENT_SIZE_CHANGED:
+    case SDL_WINDOWEVENT_EXPOSED:
+    case SDL_WINDOWEVENT_DISPLAY_CHANGED: out->kind = WINDOW_RESIZED; break;
+    case SDL_WINDOWEVENT_HIDDEN:
+    case SDL_WINDOWEVENT_MINIMIZED: out->kind = WINDOW_HIDDEN; break;
+    case SDL_WINDOWEVENT_SHOWN:
+    case SDL_WINDOWEVENT_RESTORED: out->kind = WINDOW_SHOWN; break;
+    case SDL_WINDOWEVENT_FOCUS_LOST: out->kind = WINDOW_UNFOCUSED; break;
+    case SDL_WINDOWEVENT_FOCUS_GAINED: out->kind = WINDOW_FOCUSED; break;
+    default: break;
+    }
+}
+
+// SDL says a fifth of a second later that the focus was lost, and nothing where another program grabs the keyboard, as
+// one that locks the screen does; the X server says both.
+static void translate_system(const SDL_SysWMEvent *e, struct window_event *out)
+{
+#ifdef SDL_VIDEO_DRIVER_X11
+    if (!e->msg || e->msg->subsystem != SDL_SYSWM_X11 || e->msg->msg.x11.event.type != FocusOut)
+        return;
+    const XFocusChangeEvent *focus = &e->msg->msg.x11.event.xfocus;
+    if (focus->detail != NotifyInferior && focus->detail != NotifyPointer)
+        out->kind = WINDOW_UNFOCUSED;
+#else
+    (void)e;
+    (void)out;
+#endif
+}
+
+static void plug_pad(struct window *s, int device)
+{
+    for (int i = 0; i < MAX_PADS; i++)
+        if (!s->pads[i]) {
+            s->pads[i] = SDL_GameControllerOpen(device);
+            return;
+        }
+}
+
+static void unplug_pad(struct window *s, SDL_JoystickID which)
+{
+    for (int i = 0; i < MAX_PADS; i++)
+        if (s->pads[i] && SDL_JoystickInstanceID(SDL_GameControllerGetJoystick(s->pads[i])) == which) {
+            SDL_GameControllerClose(s->pads[i]);
+            s->pads[i] = NULL;
+        }
+}
+
+static void translate_pad(const SDL_Event *e, struct window_event *out)
+{
+    static const enum pad_button buttons[] = {
+        [SDL_CONTROLLER_BUTTON_A] = PAD_A,
+        [SDL_CONTROLLER_BUTTON_B] = PAD_B,
+        [SDL_CONTROLLER_BUTTON_X] = PAD_X,
+        [SDL_CONTROLLER_BUTTON_Y] = PAD_Y,
+        [SDL_CONTROLLER_BUTTON_BACK] = PAD_BACK,
+        [SDL_CONTROLLER_BUTTON_GUIDE] = PAD_BUTTONS,
+        [SDL_CONTROLLER_BUTTON_START] = PAD_START,
+        [SDL_CONTROLLER_BUTTON_LEFTSTICK] = PAD_BUTTONS,
+        [SDL_CONTROLLER_BUTTON_RIGHTSTICK] = PAD_BUTTONS,
+        [SDL_CONTROLLER_BUTTON_LEFTSHOULDER] = PAD_LEFT_SHOULDER,
+        [SDL_CONTROLLER_BUTTON_RIGHTSHOULDER] = PAD_RIGHT_SHOULDER,
+        [SDL_CONTROLLER_BUTTON_DPAD_UP] = PAD_UP,
+        [SDL_CONTROLLER_BUTTON_DPAD_DOWN] = PAD_DOWN,
+        [SDL_CONTROLLER_BUTTON_DPAD_LEFT] = PAD_LEFT,
+        [SDL_CONTROLLER_BUTTON_DPAD_RIGHT] = PAD_RIGHT,
+    };
+    if (e->type == SDL_CONTROLLERBUTTONDOWN) {
+        if (e->cbutton.button >= COUNT_OF(buttons) || buttons[e->cbutton.button] == PAD_BUTTONS)
+            return;
+        out->kind = WINDOW_PAD_BUTTON;
+        out->button = buttons[e->cbutton.button];
+    } else if (e->caxis.axis < PAD_AXES) { // in the order of enum pad_axis
+        const double dead_zone = 0.15, raw = e->caxis.value / 32767.0;
+        out->kind = WINDOW_PAD_AXIS;
+        out->axis = (enum pad_axis)e->caxis.axis;
+        out->amount = raw > dead_zone    ? (raw - dead_zone) / (1 - dead_zone)
+                      : raw < -dead_zone ? (raw + dead_zone) / (1 - dead_zone)
+                                         : 0;
+    }
+}
+
+static void translate_event(struct window *s, const SDL_Event *e, struct window_event *out)
+{
+    if (e->type == s->wake_event) {
+        SDL_AtomicSet(&s->woken, 0);
+        out->kind = WINDOW_WOKEN;
+        return;
+    }
+    switch (e->type) {
+    case SDL_QUIT: out->kind = WINDOW_QUIT; break;
+    case SDL_KEYDOWN:
+        s->other_text = !s->types;
+        translate_key(&e->key, out);
+        break;
+    case SDL_KEYUP:
+        s->other_text = false;
+        translate_key(&e->key, out);
+        break;
+    case SDL_TEXTINPUT:
+        out->kind = s->types && !s->other_text ? WINDOW_TEXT : WINDOW_NO_EVENT;
+        snprintf(out->text, sizeof out->text, "%s", e->text.text);
+        s->other_text = false;
+        break;
+    case SDL_WINDOWEVENT: translate_window(&e->window, out); break;
+    case SDL_SYSWMEVENT: translate_system(&e->syswm, out); break;
+    case SDL_APP_WILLENTERBACKGROUND: out->kind = WINDOW_HIDDEN; break;
+    case SDL_APP_DIDENTERFOREGROUND: out->kind = WINDOW_SHOWN; break;
+    case SDL_RENDER_TARGETS_RESET: out->kind = WINDOW_RESIZED; break;
+    case SDL_MOUSEBUTTONDOWN:
+    case SDL_MOUSEBUTTONUP:
+        if (e->button.button == SDL_BUTTON_LEFT)
+            translate_mouse(s, e->button.x, e->button.y,
+                            e->type == SDL_MOUSEBUTTONDOWN ? WINDOW_POINTER_DOWN : WINDOW_POINTER_UP, out);
+        break;
+    case SDL_MOUSEMOTION: translate_mouse(s, e->motion.x, e->motion.y, WINDOW_POINTER_MOVE, out); break;
+    case SDL_FINGERDOWN: translate_finger(s, &e->tfinger, WINDOW_POINTER_DOWN, out); break;
+    case SDL_FINGERMOTION: translate_finger(s, &e->tfinger, WINDOW_POINTER_MOVE, out); break;
+    case SDL_FINGERUP: translate_finger(s, &e->tfinger, WINDOW_POINTER_UP, out); break;
+    case SDL_MOUSEWHEEL:
+        out->kind = WINDOW_WHEEL;
+        out->amount = (double)e->wheel.preciseY;
+        break;
+    case SDL_CONTROLLERDEVICEADDED: plug_pad(s, e->cdevice.which); break;
+    case SDL_CONTROLLERDEVICEREMOVED:
+        unplug_pad(s, e->cdevice.which);
+        out->kind = WINDOW_PAD_GONE;
+        break;
+    case SDL_CONTROLLERBUTTONDOWN:
+    case SDL_CONTROLLERAXISMOTION: translate_pad(e, out); break;
+    default: break;
+    }
+}
+
+struct window_event window_wait(struct window *s, int wait_ms)
+{
+    struct window_event out = {.kind = WINDOW_NO_EVENT};
+    SDL_Event event;
+    if (wait_ms > 0 ? SDL_WaitEventTimeout(&event, wait_ms) : SDL_PollEvent(&event))
+        do
+            translate_event(s, &event, &out);
+        while (out.kind == WINDOW_NO_EVENT && SDL_PollEvent(&event)); // events that are not translated are skipped
+    return out;
+}
+
+void window_drop_input(struct window *s)
+{
+    static const struct {
+        Uint32 first, last;
+    } kinds[] = {{SDL_KEYDOWN, SDL_KEYDOWN},
+                 {SDL_TEXTEDITING, SDL_TEXTINPUT},
+                 {SDL_MOUSEBUTTONDOWN, SDL_MOUSEWHEEL},
+                 {SDL_CONTROLLERBUTTONDOWN, SDL_CONTROLLERBUTTONDOWN},
+                 {SDL_FINGERDOWN, SDL_FINGERUP}};
+    (void)s; // SDL has one queue
+    SDL_PumpEvents();
+    for (size_t i = 0; i < COUNT_OF(kinds); i++)
+        SDL_FlushEvents(kinds[i].first, kinds[i].last);
+}
+
+void window_say(const char *title, const char *sentence)
+{
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+    (void)SDL_ShowSimpleMessageBox(SDL_MESSAGEBOX_ERROR, title, sentence, NULL);
+}
+
+void window_type(struct window *s, bool on)
+{
+    if (on == s->types)
+        return;
+    s->types = on;
+    if (on && !SDL_IsTextInputActive())
+        SDL_StartTextInput();
+    else if (!on && SDL_HasScreenKeyboardSupport())
+        SDL_StopTextInput();
+}
+
+void window_wake(struct window *s)
+{
+    if (!SDL_AtomicCAS(&s->woken, 0, 1))
+        return; // one is queued already
+    SDL_Event event = {.type = s->wake_event};
+    if (SDL_PushEvent(&event) != 1) // the queue is full: what is in it wakes, and the next call tries again
+        SDL_AtomicSet(&s->woken, 0);
+}

@@ -1,0 +1,448 @@
+// bundle_adjustment.h with Ceres. In names, by_x is the derivative with respect to x.
+#include "platform/vision/bundle_lens.hpp"
+#include "platform/vision/bundle_parameters.hpp"
+#include "platform/vision/memory_reserve.hpp"
+
+#include <algorithm>
+#include <array>
+#include <ceres/ceres.h>
+#include <memory>
+#include <new>
+#include <vector>
+
+static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
+
+using namespace bundle;
+
+namespace
+{
+
+constexpr double ROBUST_SIGMAS = 3;  // scale of the Cauchy kernels, standard deviations; chosen by hand
+constexpr double MIN_DEPTH_M = 1e-3; // a point nearer to the camera's plane makes a step invalid
+
+// Writes a derivative in Ceres's layout (row-major). out NULL: not requested.
+template <int Rows> void write_jacobian(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
+{
+    for (int i = 0; out && i < 3 * Rows; i++)
+        out[i] = derivative(i / 3, i % 3);
+}
+
+// Reprojection error of a tag's corners. Blocks: the camera's rotation and translation, the square's.
+class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
+{
+  public:
+    corner_error(const ba_corners *c, const pose_block *of_camera, const pose_block *of_square, double side_m, double x,
+                 double y)
+        : seen(c), camera_start(of_camera), square_start(of_square), half(side_m / 2), fx(x), fy(y)
+    {
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
+    {
+        using Rows = Eigen::Matrix<double, 8, 3>;
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
+        Eigen::Matrix<double, 8, 1> e;
+        Rows by_block[4];
+        for (int k = 0; k < 4; k++) {
+            const Vector3 own(k == 1 || k == 2 ? half : -half, k >= 2 ? half : -half, 0);
+            const Vector3 world = square.rotation * own + square.shift, p = camera.rotation * world + camera.shift;
+            if (!(p[2] > MIN_DEPTH_M))
+                return false;
+            e[2 * k] = fx * p[0] / p[2] - seen->observed[2 * k];
+            e[2 * k + 1] = fy * p[1] / p[2] - seen->observed[2 * k + 1];
+            if (!jacobians)
+                continue;
+            Eigen::Matrix<double, 2, 3> by_p;
+            by_p << fx / p[2], 0, -fx * p[0] / (p[2] * p[2]), 0, fy / p[2], -fy * p[1] / (p[2] * p[2]);
+            const Eigen::Matrix<double, 2, 3> by_world = by_p * camera.rotation;
+            by_block[0].middleRows<2>(2 * k) = by_p * camera.rotated_by_gibbs(world);
+            by_block[1].middleRows<2>(2 * k) = by_p;
+            by_block[2].middleRows<2>(2 * k) = by_world * square.rotated_by_gibbs(own);
+            by_block[3].middleRows<2>(2 * k) = by_world;
+        }
+        const Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>> whiten(&seen->whiten[0][0]);
+        Eigen::Map<Eigen::Matrix<double, 8, 1>> out(residual);
+        out = whiten * e;
+        for (int b = 0; jacobians && b < 4; b++)
+            write_jacobian<8>(whiten * by_block[b], jacobians[b]);
+        return true;
+    }
+
+  private:
+    const ba_corners *seen;
+    const pose_block *camera_start, *square_start;
+    double half, fx, fy;
+};
+
+// Error of a depth sample on a tag. Blocks as above. The ray r meets the plane with normal n through c at z = n.c /
+// n.r.
+class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
+{
+  public:
+    plane_error(const ba_plane_depth *d, const pose_block *of_camera, const pose_block *of_square)
+        : seen(d), camera_start(of_camera), square_start(of_square)
+    {
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
+    {
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
+        const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
+        const Vector3 centre = camera.rotation * square.shift + camera.shift;
+        double slant = normal.dot(ray);
+        if (!(slant * slant > 1e-6))
+            return false;
+        double z = normal.dot(centre) / slant, scale = 1 / (slant * seen->sigma_m);
+        residual[0] = (z - seen->z) / seen->sigma_m;
+        if (!jacobians)
+            return true;
+        const Vector3 off = centre - z * ray;
+        write_jacobian<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.by_gibbs, jacobians[0]);
+        write_jacobian<1>(scale * normal.transpose(), jacobians[1]);
+        write_jacobian<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.by_gibbs,
+                          jacobians[2]);
+        write_jacobian<1>(scale * across.transpose(), jacobians[3]);
+        return true;
+    }
+
+  private:
+    const ba_plane_depth *seen;
+    const pose_block *camera_start, *square_start;
+};
+
+// Reprojection and depth error of a point. Blocks: the camera's rotation and translation, the point.
+class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
+{
+  public:
+    // [of_x 0; of_both of_y] whitens an error on the plane z = 1.
+    point_error(const ba_observation *s, const pose_block *of_camera, double fx, double fy)
+        : seen(s), camera_start(of_camera)
+    {
+        double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
+        of_x = fx / std::sqrt(xx);
+        of_y = fy / std::sqrt(yy - xy * xy / xx);
+        of_both = -of_y * xy / xx * fx / fy;
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
+    {
+        const evaluated_pose camera(camera_start->start, blocks[0], blocks[1]);
+        const Vector3 rotated = camera.rotation * Read3(blocks[2]), p = rotated + camera.shift;
+        if (!(p[2] > MIN_DEPTH_M))
+            return false;
+        double uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
+        double x = p[0] / p[2], y = p[1] / p[2];
+        residual[0] = of_x * (x - seen->x);
+        residual[1] = of_both * (x - seen->x) + of_y * (y - seen->y);
+        residual[2] = (p[2] - seen->z) * uz;
+        if (!jacobians)
+            return true;
+        Matrix3 by_p;
+        by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0,
+            uz;
+        write_jacobian<3>(by_p * (-cross(rotated) * camera.by_gibbs), jacobians[0]);
+        write_jacobian<3>(by_p, jacobians[1]);
+        write_jacobian<3>(by_p * camera.rotation, jacobians[2]);
+        return true;
+    }
+
+  private:
+    const ba_observation *seen;
+    const pose_block *camera_start;
+    double of_x, of_both, of_y;
+};
+
+// An error whose row Row is that of a measured depth, in units of its sigma, with one more block: the factor of
+// measured depths.
+template <class Error, int Row> class with_depth_scale : public ceres::CostFunction
+{
+  public:
+    with_depth_scale(std::unique_ptr<Error> e, double z, double sigma_m)
+        : error(std::move(e)), depth_over_sigma(z / sigma_m)
+    {
+        set_num_residuals(error->num_residuals());
+        *mutable_parameter_block_sizes() = error->parameter_block_sizes();
+        mutable_parameter_block_sizes()->push_back(1);
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
+    {
+        if (!error->Evaluate(blocks, residual, jacobians))
+            return false;
+        const size_t last = parameter_block_sizes().size() - 1;
+        residual[Row] += depth_over_sigma * (1 - blocks[last][0]);
+        for (int i = 0; jacobians && jacobians[last] && i < num_residuals(); i++)
+            jacobians[last][i] = i == Row ? -depth_over_sigma : 0;
+        return true;
+    }
+
+  private:
+    std::unique_ptr<Error> error;
+    double depth_over_sigma;
+};
+
+// The prior of that factor.
+class depth_scale_error : public ceres::SizedCostFunction<1, 1>
+{
+  public:
+    explicit depth_scale_error(double sigma) : scale(1 / sigma) {}
+
+    bool Evaluate(double const *const *blocks, double *residual, double **jacobians) const override
+    {
+        residual[0] = scale * (blocks[0][0] - 1);
+        if (jacobians && jacobians[0])
+            jacobians[0][0] = scale;
+        return true;
+    }
+
+  private:
+    double scale;
+};
+
+// What a problem's residuals are made of. They are owned here, not by ceres::Problem, which leaks what it is given
+// while it runs out of memory. Outlives the problem.
+struct terms {
+    ceres::CauchyLoss corner_loss{ROBUST_SIGMAS * std::sqrt(8.0)}; // of eight residuals
+    ceres::CauchyLoss depth_loss{ROBUST_SIGMAS}, point_loss{ROBUST_SIGMAS};
+    std::vector<std::unique_ptr<ceres::CostFunction>> errors;
+
+    template <class Error, class... Arguments> Error *add(Arguments &&...arguments)
+    {
+        auto error = std::make_unique<Error>(std::forward<Arguments>(arguments)...);
+        Error *const added = error.get();
+        errors.push_back(std::move(error));
+        return added;
+    }
+};
+
+ceres::Problem::Options terms_are_owned_elsewhere()
+{
+    ceres::Problem::Options options;
+    options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    return options;
+}
+
+// Without a depth scale, the additional block is left out: it would prevent Ceres's fixed-size code.
+void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
+{
+    for (int32_t i = 0; i < in.plane_depth_count; i++) {
+        const ba_plane_depth &seen = in.plane_depths[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        if (in.depth_scale)
+            problem.AddResidualBlock(t.add<with_depth_scale<plane_error, 0>>(
+                                         std::make_unique<plane_error>(&seen, &camera, &square), seen.z, seen.sigma_m),
+                                     &t.depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift,
+                                     &c.depth_scale);
+        else
+            problem.AddResidualBlock(t.add<plane_error>(&seen, &camera, &square), &t.depth_loss, camera.gibbs,
+                                     camera.shift, square.gibbs, square.shift);
+    }
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &seen = in.observations[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera];
+        double *point = &c.points[(size_t)seen.point].x;
+        if (in.depth_scale && seen.z > 0)
+            problem.AddResidualBlock(
+                t.add<with_depth_scale<point_error, 2>>(std::make_unique<point_error>(&seen, &camera, in.fx, in.fy),
+                                                        seen.z, seen.sigma_m),
+                &t.point_loss, camera.gibbs, camera.shift, point, &c.depth_scale);
+        else
+            problem.AddResidualBlock(t.add<point_error>(&seen, &camera, in.fx, in.fy), &t.point_loss, camera.gibbs,
+                                     camera.shift, point);
+    }
+    if (in.depth_scale)
+        problem.AddResidualBlock(t.add<depth_scale_error>(in.depth_scale_sigma), nullptr, &c.depth_scale);
+}
+
+// The same kinds of errors in the same order, with the lens as a block of each.
+void add_errors_of_lens(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
+{
+    for (int32_t i = 0; i < in.corner_count; i++) {
+        const ba_corners &seen = in.corners[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        const double half = in.squares[seen.square].side_m / 2;
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_corner_error, 8, 3, 3, 3, 3, 5>>(
+                                     new lens_corner_error{&seen, &camera, &square, half, in.fx, in.fy}),
+                                 &t.corner_loss, camera.gibbs, camera.shift, square.gibbs, square.shift, c.lens);
+    }
+    for (int32_t i = 0; i < in.plane_depth_count; i++) {
+        const ba_plane_depth &seen = in.plane_depths[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_plane_error, 1, 3, 3, 3, 3, 5, 1>>(
+                                     new lens_plane_error{&seen, &camera, &square}),
+                                 &t.depth_loss, camera.gibbs, camera.shift, square.gibbs, square.shift, c.lens,
+                                 &c.depth_scale);
+    }
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &seen = in.observations[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera];
+        problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_point_error, 3, 3, 3, 3, 5, 1>>(
+                                     new lens_point_error(&seen, &camera, in.fx, in.fy)),
+                                 &t.point_loss, camera.gibbs, camera.shift, &c.points[(size_t)seen.point].x, c.lens,
+                                 &c.depth_scale);
+    }
+    problem.AddResidualBlock(t.add<ceres::AutoDiffCostFunction<lens_prior, 5, 5>>(new lens_prior), nullptr, c.lens);
+    if (in.depth_scale)
+        problem.AddResidualBlock(t.add<depth_scale_error>(in.depth_scale_sigma), nullptr, &c.depth_scale);
+}
+
+void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, terms &t)
+{
+    if (in.lens) {
+        add_errors_of_lens(in, c, problem, t);
+        return;
+    }
+    for (int32_t i = 0; i < in.corner_count; i++) {
+        const ba_corners &seen = in.corners[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(
+            t.add<corner_error>(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), &t.corner_loss,
+            camera.gibbs, camera.shift, square.gibbs, square.shift);
+    }
+    add_depth_errors(in, c, problem, t);
+}
+
+// Sets held blocks constant, and orders points to be eliminated before poses (Schur complement). False: there is no
+// point to eliminate.
+bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
+{
+    bool any = false;
+    auto add_pose = [&](pose_block &m, bool held) {
+        for (double *block : {m.gibbs, m.shift}) {
+            if (!problem.HasParameterBlock(block))
+                continue;
+            order.AddElementToGroup(block, 1);
+            if (held)
+                problem.SetParameterBlockConstant(block);
+        }
+    };
+    for (int32_t i = 0; i < in.camera_count; i++)
+        add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
+    for (int32_t i = 0; i < in.square_count; i++)
+        add_pose(c.squares[(size_t)i], in.squares[i].held);
+    if (problem.HasParameterBlock(&c.depth_scale))
+        order.AddElementToGroup(&c.depth_scale, 1);
+    if (in.lens)
+        order.AddElementToGroup(c.lens, 1);
+    if (in.lens && !in.depth_scale && problem.HasParameterBlock(&c.depth_scale))
+        problem.SetParameterBlockConstant(&c.depth_scale);
+    for (int32_t i = 0; i < in.point_count; i++) {
+        double *block = &c.points[(size_t)i].x;
+        if (!problem.HasParameterBlock(block))
+            continue;
+        order.AddElementToGroup(block, 0);
+        if (i < in.held_points)
+            problem.SetParameterBlockConstant(block);
+        any = any || i >= in.held_points;
+    }
+    return any;
+}
+
+bool is_finite(const pose &p)
+{
+    const quat &q = p.rotation;
+    return v3_finite(p.translation) && std::isfinite(q.x + q.y + q.z + q.w);
+}
+
+bool is_finite(const ba_problem &in)
+{
+    bool finite = std::isfinite(in.fx) && std::isfinite(in.fy);
+    for (int32_t i = 0; i < in.camera_count; i++)
+        finite = finite && is_finite(in.cameras[i].camera_from_world);
+    for (int32_t i = 0; i < in.square_count; i++)
+        finite = finite && is_finite(in.squares[i].world_from_square) && std::isfinite(in.squares[i].side_m);
+    for (int32_t i = 0; i < in.point_count; i++)
+        finite = finite && v3_finite(in.points[i]);
+    for (int32_t i = 0; i < in.corner_count; i++)
+        for (int k = 0; k < 8; k++)
+            finite = finite && std::isfinite(in.corners[i].observed[k]);
+    for (int32_t i = 0; i < in.plane_depth_count; i++)
+        finite = finite && std::isfinite(in.plane_depths[i].z) && std::isfinite(in.plane_depths[i].sigma_m);
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &o = in.observations[i];
+        finite = finite && std::isfinite(o.x) && std::isfinite(o.y) && std::isfinite(o.z) && std::isfinite(o.sigma_m);
+    }
+    return finite;
+}
+
+// What Ceres needs for the problem, bytes: with the dense matrix of the poses and its factor 1.7 to 2.6 times the peak
+// that was measured on problems of the mapper's tests, 6 to 150 cameras and up to 8836 observations.
+size_t reserve_bytes(const ba_problem &in)
+{
+    const size_t poses = (size_t)in.camera_count + (size_t)in.square_count;
+    const size_t dense = in.point_count ? 2 * sizeof(double) * (6 * poses) * (6 * poses) : 0;
+    return 100000 + dense + 1000 * poses + 600 * (size_t)in.point_count + 5000 * (size_t)in.corner_count +
+           1500 * (size_t)in.plane_depth_count + 2000 * (size_t)in.observation_count;
+}
+
+// Ceres is built to end the program where operator new fails: parts of it may not throw. It goes on with the reserve
+// until it can be told to stop.
+class stop_without_memory : public ceres::IterationCallback
+{
+  public:
+    explicit stop_without_memory(const memory_reserve *r) : reserve(r) {}
+
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary &) override
+    {
+        return reserve->is_used() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+    }
+
+  private:
+    const memory_reserve *reserve;
+};
+
+enum status solve(const ba_problem &in)
+{
+    const memory_reserve reserve(reserve_bytes(in));
+    stop_without_memory stop(&reserve);
+    solver_state c(in);
+    terms t;
+    ceres::Problem problem(terms_are_owned_elsewhere());
+    auto order = std::make_shared<ceres::ParameterBlockOrdering>();
+    ceres::Solver::Options options;
+    ceres::Solver::Summary summary;
+    add_errors(in, c, problem, t);
+    if (order_blocks(in, c, problem, *order)) {
+        options.linear_solver_type = ceres::DENSE_SCHUR;
+        options.linear_solver_ordering = order;
+    } else { // sparse: a camera observes few squares
+        options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+        options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+    }
+    options.num_threads = 1;
+    options.max_num_iterations = in.max_iterations;
+    options.function_tolerance =
+        1e-5; // relative; the cost is tens of thousands, so this is less than one residual's share
+    options.logging_type = ceres::SILENT;
+    options.callbacks.push_back(&stop);
+    ceres::Solve(options, &problem, &summary);
+    if (reserve.is_used())
+        throw std::bad_alloc();
+    if (!summary.IsSolutionUsable())
+        return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
+    if (in.cost)
+        *in.cost = summary.final_cost;
+    if ((in.square_covariance && in.square_count) || in.lens)
+        find_covariance(in, c, problem);
+    c.write_back(in);
+    return OK;
+}
+
+} // namespace
+
+enum status bundle_adjust(const struct ba_problem *problem)
+{
+    if (!is_finite(*problem)) // Ceres would print a page about it first
+        return fail(ERR_SOLVER, "the joint adjustment was given a number that is not finite");
+    try {
+        return solve(*problem);
+    } catch (const std::bad_alloc &) {
+        return fail(ERR_MEMORY, "no memory to adjust %d cameras and %d points", (int)problem->camera_count,
+                    (int)problem->point_count);
+    } catch (const std::exception &e) {
+        return fail(ERR_SOLVER, "the joint adjustment failed (Ceres: %s)", e.what());
+    }
+}

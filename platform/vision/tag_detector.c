@@ -1,0 +1,97 @@
+#include "platform/vision/tag_detector.h"
+
+#include <apriltag/apriltag.h>
+#include <apriltag/tag36h11.h>
+#include <stdlib.h>
+
+struct tag_detector {
+    apriltag_detector_t *detector;
+    apriltag_family_t *family;
+};
+
+enum status tag_detector_open(struct tag_detector **out, double quad_decimate)
+{
+    *out = NULL;
+    if (!(quad_decimate >= 1 && quad_decimate <= TAG_MAX_DECIMATE))
+        return fail(ERR_INPUT, "the tag detector's decimation must lie between 1 and %d, not %g", TAG_MAX_DECIMATE,
+                    quad_decimate);
+    struct tag_detector *f = calloc(1, sizeof *f);
+    if (!f)
+        return fail(ERR_MEMORY, "no memory for the tag detector");
+    f->family = tag36h11_create();
+    f->detector = apriltag_detector_create();
+    if (!f->family || !f->detector) {
+        tag_detector_close(&f);
+        return fail(ERR_MEMORY, "no memory for the tag detector");
+    }
+    apriltag_detector_add_family(f->detector, f->family);
+    f->detector->quad_decimate = (float)quad_decimate;
+    f->detector->nthreads = 1;
+    *out = f;
+    return OK;
+}
+
+void tag_detector_close(struct tag_detector **f)
+{
+    if (!*f)
+        return;
+    if ((*f)->detector)
+        apriltag_detector_destroy((*f)->detector);
+    if ((*f)->family)
+        tag36h11_destroy((*f)->family);
+    free(*f);
+    *f = NULL;
+}
+
+// By id, then from left to right: independent of the library's order.
+static int compare_detections(const void *left, const void *right)
+{
+    const struct tag_detection *a = left, *b = right;
+    if (a->id != b->id)
+        return a->id < b->id ? -1 : 1;
+    return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
+}
+
+enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray, struct tag_detection *out,
+                                int capacity, int *count)
+{
+    const int width = gray->width, height = gray->height;
+    *count = 0;
+    if (width < 16 || height < 16) // smaller than any decodable tag and than the library's tiles
+        return OK;
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
+    zarray_t *found = apriltag_detector_detect(f->detector, &image);
+    if (!found)
+        return fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);
+    for (int i = 0; i < zarray_size(found) && *count < capacity; i++) {
+        apriltag_detection_t *detection;
+        zarray_get(found, i, &detection);
+        struct tag_detection seen = {.id = detection->id, .hamming_errors = detection->hamming};
+        bool finite = true;
+        for (int k = 0; k < 4; k++) {
+            // The library's (0, 0) is the corner of the first pixel, here it is its centre.
+            seen.corner[k] = (struct pixel){detection->p[k][0] - 0.5, detection->p[k][1] - 0.5};
+            finite = finite && isfinite(seen.corner[k].x) && isfinite(seen.corner[k].y);
+        }
+        if (finite)
+            out[(*count)++] = seen;
+    }
+    apriltag_detections_destroy(found);
+    qsort(out, (size_t)*count, sizeof *out, compare_detections);
+    return OK;
+}
+
+bool tag_pattern(int32_t id, struct tag_pattern *out)
+{
+    apriltag_family_t *family = tag36h11_create();
+    bool known = family && id >= 0 && (uint32_t)id < family->ncodes;
+    if (known) {
+        // The first bit is the code's most significant; bit_x, bit_y count cells from the black square's corner.
+        *out = (struct tag_pattern){0};
+        for (uint32_t i = 0; i < family->nbits; i++)
+            out->cell[family->bit_y[i]][family->bit_x[i]] = family->codes[id] >> (family->nbits - 1 - i) & 1;
+    }
+    if (family)
+        tag36h11_destroy(family);
+    return known;
+}

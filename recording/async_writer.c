@@ -1,0 +1,414 @@
+#include "recording/async_writer.h"
+
+#include "base/clock.h"
+#include "base/condition.h"
+#include "base/thread_priority.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor then blocks recording instead of filling memory
+
+struct pending {
+    struct pending *next;
+    struct frame_row row;
+    struct skeleton skeleton;
+    uint8_t bytes[]; // the encoded images
+};
+
+struct batch {
+    struct pending *first, **last; // last: where the next one is linked
+    struct take_row take;
+    bool has_take;
+    size_t bytes;
+    int64_t since_ns; // wall clock of the first addition; INT64_MAX: empty
+};
+
+struct async_writer {
+    struct database *db, *checkpoint_db, *guard_db;
+    struct statement *add_frame, *add_joint_error, *add_image, *put_take;
+
+    pthread_mutex_t lock; // guards all below
+    pthread_cond_t wake;  // there may be something to do
+    pthread_cond_t done;  // `writing` has ended
+    pthread_t writer, checkpointer;
+    bool has_writer, has_checkpointer, stop;
+    struct batch batch;
+    bool due;                   // the batch is full by the sensor's clock
+    bool writing;               // the writer thread uses the database, without the lock
+    bool unsynced;              // committed, not yet checkpointed
+    struct failure first_error; // from then on nothing is written
+    struct recording_counters counters;
+};
+
+// ------------------------------------------------------------- rows
+
+static enum status insert_joint_error(struct async_writer *s, const struct frame_row *f)
+{
+    uint8_t covariances[JOINT_ERROR_BYTES];
+    put_joint_error(covariances, f->skeleton);
+    const uint32_t crc = crc32_of(0, covariances, sizeof covariances);
+    statement_bind_number(s->add_joint_error, 1, f->key);
+    statement_bind_blob(s->add_joint_error, 2, covariances, sizeof covariances);
+    statement_bind_number(s->add_joint_error, 3, crc);
+    statement_bind_number(s->add_joint_error, JOINT_ERROR_SEAL + 1, row_seal(f->key, crc));
+    return statement_run(s->add_joint_error);
+}
+
+static enum status insert_images(struct async_writer *s, const struct frame_row *f)
+{
+    const struct {
+        const uint8_t *bytes;
+        size_t count;
+    } images[] = {{f->mask, f->mask_bytes}, {f->depth, f->depth_bytes}, {f->color, f->color_bytes}};
+    struct statement *row = s->add_image;
+    int64_t crcs[3] = {0};
+    statement_bind_number(row, 1, f->key);
+    for (int i = 0; i < 3; i++) {
+        if (images[i].bytes)
+            statement_bind_number(row, 2 + i, crcs[i] = crc32_of(0, images[i].bytes, images[i].count));
+        statement_bind_blob(row, 5 + i, images[i].bytes, images[i].count);
+    }
+    statement_bind_number(row, IMAGE_SEAL + 1, image_seal(f->key, crcs));
+    return statement_run(row);
+}
+
+static enum status insert_frame(struct async_writer *s, const struct frame_row *f)
+{
+    uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
+    size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
+    unsigned images = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
+    put_pose(pose, &f->world_from_camera);
+    if (f->skeleton)
+        put_skeleton(skeleton, f->skeleton);
+    const uint32_t crc = frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images);
+    struct statement *row = s->add_frame;
+    statement_bind_number(row, 1, f->key);
+    statement_bind_number(row, 2, f->time_ns);
+    statement_bind_number(row, 3, f->located);
+    statement_bind_blob(row, 4, pose, sizeof pose);
+    statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
+    statement_bind_number(row, 6, images);
+    statement_bind_number(row, 7, crc);
+    statement_bind_number(row, FRAME_SEAL + 1, row_seal(f->key, crc));
+    enum status status = statement_run(row);
+    if (status == OK && f->skeleton && skeleton_has_covariance(f->skeleton))
+        status = insert_joint_error(s, f);
+    return status == OK && images ? insert_images(s, f) : status;
+}
+
+static enum status insert_take(struct async_writer *s, const struct take_row *t)
+{
+    uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
+    take_bind(s->put_take, t, calibration, body);
+    return statement_run(s->put_take);
+}
+
+// ------------------------------------------------------------- batches
+
+static void empty(struct batch *b)
+{
+    while (b->first) {
+        struct pending *next = b->first->next;
+        free(b->first);
+        b->first = next;
+    }
+    b->has_take = false;
+    b->bytes = 0;
+    b->since_ns = INT64_MAX;
+}
+
+// One transaction: on any error the file remains as the last commit left it.
+static enum status write_batch(struct async_writer *s, const struct batch *b)
+{
+    enum status status = database_begin(s->db);
+    for (const struct pending *p = b->first; status == OK && p; p = p->next)
+        status = insert_frame(s, &p->row);
+    if (status == OK && b->has_take)
+        status = insert_take(s, &b->take);
+    if (status == OK)
+        status = database_run(s->db, "COMMIT");
+    return status;
+}
+
+// The functions from here to the threads are called with the lock held.
+
+// Keeps the first error, rolls back and drops the batch. Returns the first error with its sentence.
+static enum status set_error(struct async_writer *s, enum status status)
+{
+    if (s->first_error.status == OK) {
+        failure_keep(&s->first_error, status);
+        enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
+        (void)back;
+    }
+    empty(&s->batch);
+    pthread_cond_broadcast(&s->done); // wakes those who wait for this batch
+    return failure_restore(&s->first_error);
+}
+
+// Detaches the batch and writes it. unlocked: the lock is released meanwhile.
+static enum status write_pending(struct async_writer *s, bool unlocked)
+{
+    if (s->first_error.status != OK)
+        return failure_restore(&s->first_error);
+    if (s->batch.since_ns == INT64_MAX)
+        return OK;
+    struct batch b = s->batch;
+    const int64_t bytes = (int64_t)b.bytes;
+    int64_t frames = 0, last_ns = 0;
+    for (const struct pending *p = b.first; p; p = p->next, frames++)
+        last_ns = p->row.time_ns;
+    s->batch = (struct batch){.since_ns = INT64_MAX};
+    s->due = false;
+    s->writing = true;
+    if (unlocked)
+        pthread_mutex_unlock(&s->lock);
+    enum status status = write_batch(s, &b);
+    empty(&b);
+    if (unlocked)
+        pthread_mutex_lock(&s->lock);
+    s->writing = false;
+    pthread_cond_broadcast(&s->done);
+    if (status != OK)
+        return set_error(s, status);
+    s->counters.waiting_bytes -= bytes;
+    s->counters.written_bytes += bytes;
+    s->counters.waiting_frames -= frames;
+    s->counters.committed_frames += frames;
+    if (frames)
+        s->counters.committed_ns = last_ns;
+    s->unsynced = true;
+    pthread_cond_broadcast(&s->wake);
+    return OK;
+}
+
+// ------------------------------------------------------------- the two threads
+
+static void *run_writer(void *argument)
+{
+    struct async_writer *s = argument;
+    thread_wake_without_preempting();
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        int64_t since = s->batch.since_ns;
+        bool waiting = since != INT64_MAX && s->first_error.status == OK;
+        if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
+            enum status status = write_pending(s, true);
+            (void)status; // kept in s->first_error
+        } else if (waiting) {
+            condition_wait_until_ns(&s->wake, &s->lock, since + BATCH_NS);
+        } else {
+            pthread_cond_wait(&s->wake, &s->lock);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return NULL;
+}
+
+static void *run_checkpointer(void *argument)
+{
+    struct async_writer *s = argument;
+    thread_wake_without_preempting();
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        if (!s->unsynced || s->first_error.status != OK) {
+            pthread_cond_wait(&s->wake, &s->lock);
+            continue;
+        }
+        s->unsynced = false;
+        const struct recording_counters before = s->counters;
+        pthread_mutex_unlock(&s->lock);
+        int64_t left;
+        enum status status = database_checkpoint_beside_writer(s->checkpoint_db, s->guard_db, &left);
+        pthread_mutex_lock(&s->lock);
+        if (status != OK) {
+            while (s->writing) // the writer thread uses the connection that set_error() rolls back
+                pthread_cond_wait(&s->done, &s->lock);
+            set_error(s, status);
+        } else {
+            s->counters.synced_frames = before.committed_frames;
+            s->counters.synced_ns = before.committed_ns;
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return NULL;
+}
+
+// ------------------------------------------------------------- the interface
+
+static enum status start(struct async_writer *s)
+{
+    enum status status = insert_open(&s->add_frame, s->db, TABLE_FRAME, false);
+    if (status == OK)
+        status = insert_open(&s->add_joint_error, s->db, TABLE_JOINT_ERROR, true);
+    if (status == OK)
+        status = insert_open(&s->add_image, s->db, TABLE_IMAGE, false);
+    if (status == OK)
+        status = insert_open(&s->put_take, s->db, TABLE_TAKE, true);
+    if (status == OK)
+        status = database_open(&s->checkpoint_db, database_path(s->db), DATABASE_WRITE);
+    if (status == OK)
+        status = database_open(&s->guard_db, database_path(s->db), DATABASE_READ);
+    if (status == OK)
+        status = database_run(s->checkpoint_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
+    if (status != OK)
+        return status;
+    s->has_writer = !pthread_create(&s->writer, NULL, run_writer, s);
+    s->has_checkpointer = s->has_writer && !pthread_create(&s->checkpointer, NULL, run_checkpointer, s);
+    return s->has_checkpointer ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(s->db));
+}
+
+enum status async_writer_open(struct async_writer **out, struct database *db)
+{
+    struct async_writer *s = calloc(1, sizeof *s);
+    *out = NULL;
+    if (!s)
+        return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
+    s->db = db;
+    s->batch.since_ns = INT64_MAX;
+    s->counters.committed_ns = s->counters.synced_ns = INT64_MIN;
+    condition_open(&s->wake);
+    pthread_cond_init(&s->done, NULL);
+    pthread_mutex_init(&s->lock, NULL);
+    enum status status = start(s);
+    if (status == OK) {
+        *out = s;
+        return OK;
+    }
+    failure_keep(&s->first_error, status);
+    return async_writer_close(&s);
+}
+
+static struct pending *copy_row(const struct frame_row *row)
+{
+    struct pending *p = malloc(sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes);
+    if (!p)
+        return NULL;
+    p->next = NULL;
+    p->row = *row;
+    if (row->skeleton) {
+        p->skeleton = *row->skeleton;
+        p->row.skeleton = &p->skeleton;
+    }
+    uint8_t *at = p->bytes;
+    const uint8_t **images[] = {&p->row.color, &p->row.depth, &p->row.mask};
+    const size_t counts[] = {row->color_bytes, row->depth_bytes, row->mask_bytes};
+    for (size_t i = 0; i < COUNT_OF(images); i++)
+        if (*images[i]) {
+            memcpy(at, *images[i], counts[i]);
+            *images[i] = at;
+            at += counts[i];
+        }
+    return p;
+}
+
+// Called with the lock held, before the batch gets a new row.
+static void begin_batch(struct async_writer *s)
+{
+    if (s->batch.since_ns == INT64_MAX) {
+        s->batch.since_ns = clock_now_ns();
+        pthread_cond_broadcast(&s->wake); // starts the BATCH_NS timeout
+    }
+}
+
+enum status async_writer_add_frame(struct async_writer *s, const struct frame_row *row)
+{
+    struct pending *p = copy_row(row);
+    if (!p)
+        return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
+    pthread_mutex_lock(&s->lock);
+    while (s->first_error.status == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
+        pthread_cond_wait(&s->done, &s->lock);
+    enum status status = failure_restore(&s->first_error);
+    if (status == OK) {
+        begin_batch(s);
+        struct batch *b = &s->batch;
+        *(b->first ? b->last : &b->first) = p;
+        b->last = &p->next;
+        const size_t bytes = sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes;
+        b->bytes += bytes;
+        struct recording_counters *c = &s->counters;
+        c->waiting_bytes += (int64_t)bytes;
+        c->waiting_frames++;
+        c->waiting_frames_most =
+            c->waiting_frames > c->waiting_frames_most ? c->waiting_frames : c->waiting_frames_most;
+        if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
+            s->due = true;
+            pthread_cond_broadcast(&s->wake);
+        }
+    } else {
+        free(p);
+    }
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+void async_writer_count(struct async_writer *s, struct recording_counters *out)
+{
+    pthread_mutex_lock(&s->lock);
+    *out = s->counters;
+    out->failed = s->first_error.status != OK;
+    pthread_mutex_unlock(&s->lock);
+}
+
+enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
+{
+    pthread_mutex_lock(&s->lock);
+    enum status status = failure_restore(&s->first_error);
+    if (status == OK) {
+        begin_batch(s);
+        s->batch.take = *row;
+        s->batch.has_take = true;
+    }
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+enum status async_writer_pause(struct async_writer *s)
+{
+    pthread_mutex_lock(&s->lock);
+    while (s->writing)
+        pthread_cond_wait(&s->done, &s->lock);
+    return write_pending(s, false);
+}
+
+enum status async_writer_resume(struct async_writer *s, enum status status)
+{
+    if (status < 0)
+        status = set_error(s, status);
+    s->unsynced = true;
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+enum status async_writer_close(struct async_writer **async_writer)
+{
+    struct async_writer *s = *async_writer;
+    if (!s)
+        return OK;
+    *async_writer = NULL;
+    enum status written = async_writer_pause(s); // takes the lock; a failure is kept in s->first_error
+    (void)written;
+    s->stop = true;
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    if (s->has_writer)
+        pthread_join(s->writer, NULL);
+    if (s->has_checkpointer)
+        pthread_join(s->checkpointer, NULL);
+    empty(&s->batch);
+    database_close(&s->guard_db);
+    database_close(&s->checkpoint_db);
+    statement_close(&s->add_frame);
+    statement_close(&s->add_joint_error);
+    statement_close(&s->add_image);
+    statement_close(&s->put_take);
+    pthread_cond_destroy(&s->wake);
+    pthread_cond_destroy(&s->done);
+    pthread_mutex_destroy(&s->lock);
+    enum status status = failure_restore(&s->first_error);
+    free(s);
+    return status;
+}

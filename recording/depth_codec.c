@@ -1,0 +1,243 @@
+// A Kinect-like sensor gives a few hundred distinct depths, so each pixel is replaced by the rank of its depth among
+// those of the image (its level), predicted from the levels left, above and above left (the median predictor of
+// LOCO-I), and the residual is entropy-coded (rans_coder.h) with a context quantised from the slopes about the pixel.
+// Blocks of a row that are all holes or all as predicted are coded as one number.
+#include "recording/depth_codec.h"
+
+#include "recording/little_endian.h"
+#include "recording/depth_earlier.h"
+#include "recording/depth_pixels.h"
+#include "recording/rans_coder.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum status depth_coder_open(struct depth_coder **out)
+{
+    struct depth_coder *c = calloc(1, sizeof *c);
+    *out = NULL;
+    if (!c)
+        return fail(ERR_MEMORY, "no memory for the depth coder");
+    c->slopes_noise = -1;
+    enum status status = compressor_open(&c->compressor);
+    if (status == OK)
+        status = rans_open(&c->rans, DEPTH_CONTEXTS);
+    if (status == OK)
+        *out = c;
+    else
+        depth_coder_close(&c);
+    return status;
+}
+
+void depth_coder_close(struct depth_coder **c)
+{
+    if (!*c)
+        return;
+    compressor_close(&(*c)->compressor);
+    rans_close(&(*c)->rans);
+    free((*c)->out);
+    free((*c)->head);
+    free((*c)->rows);
+    free(*c);
+    *c = NULL;
+}
+
+// ------------------------------------------------------------- levels
+
+// Finds the distinct depths. Returns the number of levels (level 0 is always depth 0), or 0 if a level is the depth
+// itself, because the sensor uses nearly all values.
+static int find_levels(struct depth_coder *c, const uint16_t *depth, size_t n, int *largest)
+{
+    enum { AHEAD = 1024 }; // pixels that are fetched from memory before their turn; chosen by hand
+    int levels = 1;
+    size_t i = 0;
+    memset(c->seen, 0, sizeof c->seen);
+    for (uint64_t four; i + 4 <= n; i += 4) { // the image is seldom in a near cache, and this is its first use
+        memcpy(&four, depth + i, sizeof four);
+        __builtin_prefetch(depth + i + AHEAD);
+        c->seen[four & UINT16_MAX] = c->seen[four >> 16 & UINT16_MAX] = 1;
+        c->seen[four >> 32 & UINT16_MAX] = c->seen[four >> 48] = 1;
+    }
+    for (; i < n; i++)
+        c->seen[depth[i]] = 1;
+    c->level_of[0] = HOLE;
+    c->depth_of[0] = 0;
+    *largest = 0;
+    for (int eight = 0; eight < 65536; eight += 8) {
+        uint64_t any;
+        memcpy(&any, c->seen + eight, sizeof any);
+        for (int d = eight; any && d < eight + 8; d++)
+            if (c->seen[d] && d) {
+                c->level_of[d] = (uint16_t)levels;
+                c->depth_of[levels++] = (uint16_t)d;
+                *largest = d;
+            }
+    }
+    if (4 * levels <= *largest)
+        return levels;
+    for (int d = 0; d <= *largest; d++)
+        c->level_of[d] = c->depth_of[d] = (uint16_t)d;
+    return 0;
+}
+
+// The slope between neighbours, in levels, up to which it is taken for noise: half the mean step between neighbours.
+static int measure_noise(struct depth_coder *c, const uint16_t *depth, int width, int height)
+{
+    enum { EDGE = 64 }; // larger steps are edges; chosen by hand
+    int64_t sum = 0, count = 0;
+    for (int y = 0; y < height; y += 4) {
+        const uint16_t *row = depth + (size_t)y * (size_t)width;
+        for (int x = 1; x < width; x++) {
+            int step = abs(c->level_of[row[x]] - c->level_of[row[x - 1]]);
+            if (row[x] && row[x - 1] && step < EDGE) {
+                sum += step;
+                count++;
+            }
+        }
+    }
+    return count ? (int)(sum / (2 * count)) : 0;
+}
+
+// ------------------------------------------------------------- encoding
+
+static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int width, int height, const uint8_t **bytes,
+                             size_t *count)
+{
+    size_t n = (size_t)width * (size_t)height;
+    enum status status = depth_coder_grow(&c->out, &c->out_capacity, 5 + 2 * n);
+    if (status != OK)
+        return status;
+    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_RAW), (uint16_t)width), (uint16_t)height);
+    for (size_t i = 0; i < n; i++)
+        at = put_u16(at, depth[i]);
+    *bytes = c->out;
+    *count = 5 + 2 * n;
+    return OK;
+}
+
+// The header: palette (each depth as its difference from the one before) and symbol frequencies.
+static enum status make_head(struct depth_coder *c, int levels, size_t *head_bytes)
+{
+    size_t most = 3 * (size_t)levels + rans_frequencies_max(DEPTH_CONTEXTS);
+    enum status status = depth_coder_grow(&c->head, &c->head_capacity, most);
+    if (status != OK)
+        return status;
+    uint8_t *at = c->head;
+    for (int i = 1; i < levels; i++)
+        at = put_varint(at, (uint32_t)(c->depth_of[i] - c->depth_of[i - 1]));
+    at = rans_put_frequencies(c->rans, at);
+    *head_bytes = (size_t)(at - c->head);
+    return OK;
+}
+
+enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width, int height, const uint8_t **bytes,
+                         size_t *count)
+{
+    assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
+    size_t n = (size_t)width * (size_t)height, head_plain, head_packed, words[RANS_STREAMS];
+    int largest, levels = find_levels(c, depth, n, &largest);
+    int noise = levels ? 0 : measure_noise(c, depth, width, height);
+    const struct depth_layout layout = {width, height, noise, levels};
+    enum status status = rans_begin(c->rans, (size_t)(height + 1) / 2 * depth_row_numbers(width));
+    if (status == OK)
+        status = (levels ? levels : largest + 1) <= DEPTH_NARROW_LEVELS ? depth_encode_narrow(c, depth, &layout)
+                                                                        : depth_encode_wide(c, depth, &layout);
+    if (status == OK)
+        status = rans_finish(c->rans, words);
+    if (status == OK)
+        status = make_head(c, levels, &head_plain);
+    if (status != OK)
+        return status;
+    size_t bound = compress_bound(head_plain);
+    if (words[0] + words[1] + bound >= 2 * n)
+        return store_raw(c, depth, width, height, bytes, count);
+    status = depth_coder_grow(&c->out, &c->out_capacity, DEPTH_HEADER + bound + words[0] + words[1]);
+    if (status == OK)
+        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + DEPTH_HEADER, &head_packed);
+    if (status != OK)
+        return status;
+    uint8_t *at = put_u16(put_u16(put_u8(c->out, DEPTH_BLOCKS), (uint16_t)width), (uint16_t)height);
+    at = put_u32(put_u8(at, (uint8_t)noise), (uint32_t)levels);
+    at = put_u32(put_u32(put_u32(at, (uint32_t)head_plain), (uint32_t)head_packed), (uint32_t)words[0]);
+    rans_copy(c->rans, at + head_packed);
+    *bytes = c->out;
+    *count = DEPTH_HEADER + head_packed + words[0] + words[1];
+    return OK;
+}
+
+// ------------------------------------------------------------- decoding
+
+static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth image's code is damaged"); }
+
+static bool read_head(struct depth_coder *c, int contexts, const uint8_t *at, const uint8_t *end, uint32_t levels)
+{
+    for (int d = 0; !levels && d < 65536; d++)
+        c->depth_of[d] = (uint16_t)d;
+    c->depth_of[0] = 0;
+    for (uint32_t i = 1, depth = 0, step; i < levels; i++) {
+        if (!get_varint(&at, end, &step) || !step || step > 65535 - depth)
+            return false;
+        depth += step;
+        c->depth_of[i] = (uint16_t)depth;
+    }
+    return rans_get_frequencies(c->rans, contexts, at, end);
+}
+
+static enum status decode_pixels(struct depth_coder *c, int method, const struct depth_code *code,
+                                 const struct depth_layout *l, uint16_t *depth)
+{
+    if (method != DEPTH_BLOCKS)
+        return depth_decode_earlier(c, method == DEPTH_ONE_STATE ? 1 : 2, code, l, depth);
+    const size_t streams[RANS_STREAMS] = {code->first_count, code->count - code->first_count};
+    enum status status = rans_start(c->rans, code->bytes, streams, RANS_NUMBER_BYTES * depth_row_numbers(l->width));
+    if (status != OK)
+        return status;
+    return l->levels && l->levels <= DEPTH_NARROW_LEVELS ? depth_decode_narrow(c, l, depth)
+                                                         : depth_decode_wide(c, l, depth);
+}
+
+// Behind the method and the size.
+static enum status decode_coded(struct depth_coder *c, int method, const uint8_t *at, const uint8_t *end,
+                                const struct depth_size *size, uint16_t *depth)
+{
+    if (end - at < DEPTH_HEADER - 5)
+        return damaged();
+    const int noise = *at++, contexts = method == DEPTH_BLOCKS ? DEPTH_CONTEXTS : DEPTH_EARLIER_CONTEXTS;
+    uint32_t levels = get_u32(&at), head_plain = get_u32(&at), head_packed = get_u32(&at), first = get_u32(&at);
+    size_t left = (size_t)(end - at);
+    if (levels > 65536 || head_plain > 3 * (size_t)levels + rans_frequencies_max(contexts) || head_packed > left ||
+        first > left - head_packed)
+        return damaged();
+    enum status status = depth_coder_grow(&c->head, &c->head_capacity, head_plain + 1);
+    if (status == OK)
+        status = decompress_bytes(c->compressor, at, head_packed, c->head, head_plain);
+    if (status != OK)
+        return status;
+    if (!read_head(c, contexts, c->head, c->head + head_plain, levels))
+        return damaged();
+    const struct depth_code code = {at + head_packed, left - head_packed, first};
+    status =
+        decode_pixels(c, method, &code, &(struct depth_layout){size->width, size->height, noise, (int)levels}, depth);
+    return status == NOTHING ? damaged() : status;
+}
+
+enum status depth_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint16_t *depth, int width,
+                         int height)
+{
+    assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
+    if (count < 5)
+        return damaged();
+    size_t n = (size_t)width * (size_t)height;
+    const uint8_t *at = bytes + 1, *end = bytes + count;
+    int coded_width = get_u16(&at), coded_height = get_u16(&at);
+    if (coded_width != width || coded_height != height)
+        return fail(ERR_CORRUPT, "a depth image has %d x %d pixels where %d x %d were expected", coded_width,
+                    coded_height, width, height);
+    if (bytes[0] > DEPTH_RAW && bytes[0] <= DEPTH_BLOCKS)
+        return decode_coded(c, bytes[0], at, end, &(struct depth_size){width, height}, depth);
+    if (bytes[0] != DEPTH_RAW || count != 5 + 2 * n)
+        return damaged();
+    for (size_t i = 0; i < n; i++)
+        depth[i] = get_u16(&at);
+    return OK;
+}

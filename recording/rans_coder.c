@@ -1,0 +1,347 @@
+#include "recording/rans_coder.h"
+
+#include "recording/little_endian.h"
+
+#include <stdlib.h>
+
+__extension__ typedef unsigned __int128 uint128;
+
+// A symbol's frequency, and its division by a multiplication with a reciprocal, 2^64 over it rounded up: exact for
+// states of 32 bits (Giesen, ryg_rans, but with 32 bits more, which save the shift that each state would wait for).
+struct symbol_code {
+    uint64_t reciprocal;
+    uint32_t most;
+    uint16_t bias, complement;
+};
+
+enum status rans_open(struct rans_coder **out, int contexts)
+{
+    assert(contexts > 0 && contexts < 256);
+    struct rans_coder *r = calloc(1, sizeof *r);
+    *out = r;
+    if (r) {
+        r->contexts = contexts;
+        r->context = calloc((size_t)contexts, sizeof *r->context);
+        r->counts = calloc(2 * (size_t)contexts * RANS_SYMBOLS, sizeof *r->counts);
+        r->symbols = calloc((size_t)contexts * RANS_SYMBOLS, sizeof *r->symbols);
+        if (r->context && r->counts && r->symbols)
+            return OK;
+        rans_close(out);
+    }
+    return fail(ERR_MEMORY, "no memory for the depth coder");
+}
+
+void rans_close(struct rans_coder **r)
+{
+    if (!*r)
+        return;
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        free((*r)->numbers[i].codes);
+        free((*r)->numbers[i].large);
+    }
+    free((*r)->context);
+    free((*r)->counts);
+    free((*r)->symbols);
+    free((*r)->words);
+    free((*r)->padded);
+    free(*r);
+    *r = NULL;
+}
+
+// ------------------------------------------------------------- encoding
+
+enum status rans_begin(struct rans_coder *r, size_t numbers)
+{
+    const bool fits = numbers <= r->capacity;
+    if (!fits)
+        r->capacity = 0;
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        struct rans_numbers *n = &r->numbers[i];
+        n->count = n->large_count = 0;
+        if (fits)
+            continue;
+        free(n->codes);
+        free(n->large);
+        n->codes = malloc((numbers + RANS_SLACK) * sizeof *n->codes);
+        n->large = malloc((numbers + 1) * sizeof *n->large); // one more is written to, though not kept
+    }
+    for (int i = 0; i < RANS_STREAMS; i++)
+        if (!r->numbers[i].codes || !r->numbers[i].large)
+            return fail(ERR_MEMORY, "no memory to code an image");
+    r->capacity = fits ? r->capacity : numbers;
+    return OK;
+}
+
+// Scales the counts so that a context's frequencies sum to RANS_SUM and no symbol that occurs has 0.
+static void scale_frequencies(uint16_t frequencies[RANS_SYMBOLS], const uint32_t counts[RANS_SYMBOLS])
+{
+    uint64_t total = 0;
+    for (int s = 0; s < RANS_SYMBOLS; s++)
+        total += counts[s];
+    if (!total)
+        return;
+    int sum = 0;
+    for (int s = 0; s < RANS_SYMBOLS; s++)
+        if (counts[s]) {
+            uint64_t share = (counts[s] * (uint64_t)RANS_SUM + total / 2) / total;
+            frequencies[s] = (uint16_t)(share ? share : 1);
+            sum += frequencies[s];
+        }
+    // The rounding error goes to the largest frequency, where it costs least.
+    while (sum != RANS_SUM) {
+        int largest = 0;
+        for (int s = 1; s < RANS_SYMBOLS; s++)
+            if (frequencies[s] > frequencies[largest])
+                largest = s;
+        int step = RANS_SUM - sum;
+        if (step < 0 && -step > frequencies[largest] / 2)
+            step = -(frequencies[largest] / 2);
+        frequencies[largest] = (uint16_t)(frequencies[largest] + step);
+        sum += step;
+    }
+}
+
+static void set_shares(struct rans_share shares[RANS_SYMBOLS], const uint16_t frequencies[RANS_SYMBOLS])
+{
+    uint32_t sum = 0;
+    for (int s = 0; s < RANS_SYMBOLS; sum += frequencies[s++])
+        shares[s] = (struct rans_share){(uint16_t)sum, frequencies[s]};
+}
+
+static struct symbol_code make_symbol_code(uint32_t frequency, uint32_t start)
+{
+    struct symbol_code code = {.most = frequency << (31 - RANS_BITS), .complement = (uint16_t)(RANS_SUM - frequency)};
+    if (frequency < 2) {
+        code.reciprocal = UINT64_MAX;
+        code.bias = (uint16_t)(start + RANS_SUM - 1);
+        return code;
+    }
+    code.reciprocal = UINT64_MAX / frequency + 1;
+    code.bias = (uint16_t)start;
+    return code;
+}
+
+// Counts into two tables in turn: a code that follows itself would wait for its own count.
+static void count_codes(struct rans_coder *r)
+{
+    const size_t codes = (size_t)r->contexts * RANS_SYMBOLS;
+    uint32_t *even = r->counts, *odd = r->counts + codes;
+    memset(r->counts, 0, 2 * codes * sizeof *r->counts);
+    for (int s = 0; s < RANS_STREAMS; s++) {
+        const struct rans_numbers *n = &r->numbers[s];
+        size_t i = 0;
+        for (; i + 1 < n->count; i += 2) {
+            even[n->codes[i]]++;
+            odd[n->codes[i + 1]]++;
+        }
+        if (i < n->count)
+            even[n->codes[i]]++;
+    }
+    for (size_t c = 0; c < codes; c++)
+        even[c] += odd[c];
+}
+
+// The state's lower half leaves it, if `leaves`. It is written in any case and kept by moving `at`: a branch would be
+// badly predicted.
+static inline uint32_t put_word(uint32_t state, bool leaves, uint8_t **at)
+{
+    put_u16(*at - 2, (uint16_t)state);
+    *at -= 2 * leaves;
+    return state >> 16 * leaves;
+}
+
+// What is being encoded of a stream, from its end on.
+struct stream_encoder {
+    const uint16_t *code;
+    const uint32_t *large;
+    uint8_t *at;
+    uint32_t state;
+};
+
+// The bits of a number from RANS_PLAIN on that its symbol does not hold.
+static inline void code_large(struct stream_encoder *s)
+{
+    const uint32_t number = *--s->large;
+    const int remaining = 30 - __builtin_clz(number);
+    for (int at = (remaining - 1) / RANS_RAW_BITS * RANS_RAW_BITS; at >= 0; at -= RANS_RAW_BITS) {
+        const int count = remaining - at < RANS_RAW_BITS ? remaining - at : RANS_RAW_BITS;
+        const uint32_t bits = number >> at & ((UINT32_C(1) << count) - 1);
+        s->state = put_word(s->state, s->state >> (31 - count) != 0, &s->at) << count | bits;
+    }
+}
+
+static inline void code_number(struct stream_encoder *s, const struct symbol_code *symbols)
+{
+    const uint32_t code = *--s->code;
+    if (code % RANS_SYMBOLS >= RANS_PLAIN)
+        code_large(s);
+    const struct symbol_code *symbol = &symbols[code];
+    const uint32_t state = put_word(s->state, s->state >= symbol->most, &s->at);
+    const uint32_t quotient = (uint32_t)((uint128)state * symbol->reciprocal >> 64);
+    s->state = state + symbol->bias + quotient * symbol->complement;
+}
+
+static struct stream_encoder stream_begin(const struct rans_coder *r, int i)
+{
+    const struct rans_numbers *n = &r->numbers[i];
+    return (struct stream_encoder){n->codes + n->count, n->large + n->large_count, r->words_end[i], RANS_LOW};
+}
+
+// What one stream has more than the other, then both in turn.
+static void code_streams(struct rans_coder *r)
+{
+    const struct symbol_code *symbols = r->symbols;
+    struct stream_encoder a = stream_begin(r, 0), b = stream_begin(r, 1);
+    size_t left = r->numbers[0].count, other = r->numbers[1].count;
+    for (; left > other; left--)
+        code_number(&a, symbols);
+    for (; other > left; other--)
+        code_number(&b, symbols);
+    for (; left > 0; left--) {
+        code_number(&a, symbols);
+        code_number(&b, symbols);
+    }
+    put_u32(r->words_begin[0] = a.at - 4, a.state);
+    put_u32(r->words_begin[1] = b.at - 4, b.state);
+}
+
+static void make_symbol_codes(struct rans_coder *r)
+{
+    for (int c = 0; c < r->contexts; c++) {
+        uint16_t frequencies[RANS_SYMBOLS] = {0};
+        scale_frequencies(frequencies, r->counts + (size_t)c * RANS_SYMBOLS);
+        set_shares(r->context[c].shares, frequencies);
+        for (int s = 0; s < RANS_SYMBOLS; s++)
+            if (frequencies[s])
+                r->symbols[c * RANS_SYMBOLS + s] = make_symbol_code(frequencies[s], r->context[c].shares[s].start);
+    }
+}
+
+enum status rans_finish(struct rans_coder *r, size_t bytes[RANS_STREAMS])
+{
+    size_t wanted = 0, most[RANS_STREAMS];
+    for (int i = 0; i < RANS_STREAMS; i++)
+        wanted += most[i] = 2 * r->numbers[i].count + (RANS_NUMBER_BYTES - 2) * r->numbers[i].large_count + 8;
+    if (wanted > r->words_capacity) {
+        free(r->words);
+        r->words = malloc(wanted);
+        r->words_capacity = r->words ? wanted : 0;
+    }
+    if (!r->words)
+        return fail(ERR_MEMORY, "no memory to code an image");
+    r->words_end[0] = r->words + most[0]; // words grow down from there
+    r->words_end[1] = r->words_end[0] + most[1];
+    count_codes(r);
+    make_symbol_codes(r);
+    code_streams(r);
+    for (int i = 0; i < RANS_STREAMS; i++)
+        bytes[i] = (size_t)(r->words_end[i] - r->words_begin[i]);
+    return OK;
+}
+
+void rans_copy(const struct rans_coder *r, uint8_t *to)
+{
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        const size_t bytes = (size_t)(r->words_end[i] - r->words_begin[i]);
+        memcpy(to, r->words_begin[i], bytes);
+        to += bytes;
+    }
+}
+
+// ------------------------------------------------------------- the frequencies
+
+size_t rans_frequencies_max(int contexts) { return (size_t)contexts * (1 + 2 * RANS_SYMBOLS); }
+
+uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at)
+{
+    for (int c = 0; c < r->contexts; c++) {
+        int used = RANS_SYMBOLS;
+        while (used && !r->context[c].shares[used - 1].frequency)
+            used--;
+        at = put_u8(at, (uint8_t)used);
+        for (int s = 0; s < used; s++)
+            at = put_varint(at, r->context[c].shares[s].frequency);
+    }
+    return at;
+}
+
+// The symbols of each group of slots: first those that lie within one symbol's share, then those where shares meet.
+static void find_groups(struct rans_group groups[RANS_SUM >> RANS_COARSE], const struct rans_share shares[RANS_SYMBOLS])
+{
+    const int slots = 1 << RANS_COARSE;
+    for (int symbol = 0, end = 0; end < RANS_SUM; symbol++) {
+        const int start = end;
+        end += shares[symbol].frequency;
+        for (int group = (start + slots - 1) / slots; group < end / slots; group++)
+            groups[group] = (struct rans_group){(uint8_t)symbol, (uint8_t)slots};
+        if (end == start || end % slots == 0)
+            continue;
+        const bool first = start <= end / slots * slots; // of its group
+        const bool two =
+            shares[symbol + 1].frequency && end + shares[symbol + 1].frequency >= (end / slots + 1) * slots;
+        groups[end / slots] = first && two ? (struct rans_group){(uint8_t)symbol, (uint8_t)(end % slots)}
+                                           : (struct rans_group){RANS_SYMBOLS, 0};
+    }
+}
+
+bool rans_get_frequencies(struct rans_coder *r, int contexts, const uint8_t *at, const uint8_t *end)
+{
+    assert(contexts <= r->contexts);
+    for (int c = 0; c < contexts; c++) {
+        uint16_t frequencies[RANS_SYMBOLS] = {0};
+        if (at == end || *at > RANS_SYMBOLS_USED)
+            return false;
+        uint32_t used = *at++, sum = 0;
+        for (uint32_t s = 0, frequency; s < used; s++) {
+            if (!get_varint(&at, end, &frequency) || frequency > RANS_SUM - sum)
+                return false;
+            frequencies[s] = (uint16_t)frequency;
+            sum += frequency;
+        }
+        if (used && sum != RANS_SUM)
+            return false;
+        if (!used)
+            frequencies[0] = RANS_SUM;
+        set_shares(r->context[c].shares, frequencies);
+        find_groups(r->context[c].groups, r->context[c].shares);
+    }
+    return at == end;
+}
+
+// ------------------------------------------------------------- decoding
+
+static bool is_state(uint32_t state) { return state >= RANS_LOW && state < (uint32_t)RANS_LOW << 16; }
+
+enum status rans_start(struct rans_coder *r, const uint8_t *words, const size_t bytes[RANS_STREAMS], size_t ahead)
+{
+    const size_t all = bytes[0] + bytes[1], wanted = all + ahead;
+    if (wanted > r->padded_capacity) {
+        free(r->padded);
+        r->padded = malloc(wanted);
+        r->padded_capacity = r->padded ? wanted : 0;
+    }
+    if (!r->padded)
+        return fail(ERR_MEMORY, "no memory to decode an image");
+    memcpy(r->padded, words, all);
+    memset(r->padded + all, 0, ahead);
+    const uint8_t *at = r->padded;
+    for (int i = 0; i < RANS_STREAMS; i++) {
+        struct rans_reader *s = &r->reader[i];
+        if (bytes[i] < 4 || bytes[i] % 2)
+            return NOTHING;
+        s->word = at;
+        s->end = at += bytes[i];
+        s->state = get_u32(&s->word);
+        if (!is_state(s->state))
+            return NOTHING;
+    }
+    return OK;
+}
+
+bool rans_is_done(const struct rans_coder *r)
+{
+    for (int i = 0; i < RANS_STREAMS; i++)
+        if (r->reader[i].word != r->reader[i].end || r->reader[i].state != RANS_LOW)
+            return false;
+    return true;
+}

@@ -1,0 +1,538 @@
+// Writing a recording: checks and encodes what is given; async_writer.h stores it.
+#include "recording/depth_codec.h"
+#include "recording/recording_reader.h"
+#include "recording/async_writer.h"
+
+#include "base/text.h"
+#include "platform/files/file.h"
+#include "platform/files/jpeg.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct recording_writer {
+    struct database *db; // used here only between async_writer_pause and async_writer_resume
+    struct async_writer *async_writer;
+    struct depth_coder *coder, *mask_coder; // two, since each owns the bytes of its last call
+    bool in_take;
+    struct take_row take; // the one that is open, or was last
+    int64_t frames, last_time_ns;
+};
+
+// ------------------------------------------------------------- opening and closing
+
+// Frees everything; returns the first error the writer met, with its sentence. The log is checkpointed and removed only
+// if there was no error.
+static enum status release(struct recording_writer **w, enum status status)
+{
+    struct failure first;
+    failure_keep(&first, status);
+    struct recording_writer *closing = *w;
+    *w = NULL;
+    enum status written = async_writer_close(&closing->async_writer);
+    if (written == OK && status == OK)
+        written = database_close_wal(closing->db);
+    database_close(&closing->db);
+    depth_coder_close(&closing->coder);
+    depth_coder_close(&closing->mask_coder);
+    free(closing);
+    return status == OK ? written : failure_restore(&first);
+}
+
+static enum status prepare(struct recording_writer *w)
+{
+    enum status status = depth_coder_open(&w->coder);
+    if (status == OK)
+        status = depth_coder_open(&w->mask_coder);
+    return status == OK ? async_writer_open(&w->async_writer, w->db) : status;
+}
+
+// An empty recording, made under another name and renamed, so that a kill leaves either none or a whole one.
+static enum status make_empty(const char *path)
+{
+    char part[FILE_PATH_BYTES];
+    struct database *db = NULL;
+    if (file_exists(path))
+        return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", path);
+    enum status status = database_check_name(path);
+    if (status == OK)
+        status = file_begin(path, part);
+    if (status != OK)
+        return status;
+    status = database_open(&db, part, DATABASE_WRITE);
+    if (status == OK)
+        status = database_run(db, "PRAGMA page_size = 65536");
+    if (status == OK)
+        status = recording_make_tables(db);
+    if (status == OK)
+        return database_rename(&db, path);
+    database_close(&db);
+    recording_remove_files(part);
+    return status;
+}
+
+enum status recording_check_new(const char *path)
+{
+    const enum status status = file_check_output(path, false);
+    return status == OK ? database_check_name(path) : status;
+}
+
+enum status recording_create(struct recording_writer **out, const char *path)
+{
+    *out = NULL;
+    enum status status = make_empty(path);
+    if (status != OK)
+        return status;
+    status = recording_append(out, path);
+    if (status != OK) {
+        struct failure first;
+        failure_keep(&first, status);
+        recording_remove_files(path);
+        return failure_restore(&first);
+    }
+    return OK;
+}
+
+enum status recording_append(struct recording_writer **out, const char *path)
+{
+    struct recording_writer *w = *out = calloc(1, sizeof *w);
+    if (!w)
+        return fail(ERR_MEMORY, "no memory to write %s", path);
+    enum status status = database_open(&w->db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(w->db);
+    if (status == OK)
+        status = database_lock_writer(w->db);
+    if (status == OK)
+        status = database_run(w->db, JOINT_ERROR_TABLE); // older files lack it
+    if (status == OK)
+        status = recording_raise_schema(w->db);
+    if (status == OK)
+        status = recording_add_columns(w->db);
+    if (status == OK)
+        status = prepare(w);
+    return status == OK ? OK : release(out, status);
+}
+
+enum status recording_check_change(const char *path)
+{
+    struct database *db;
+    enum status status = database_open(&db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(db);
+    if (status == OK)
+        status = database_check_change(db);
+    database_close(&db);
+    return status;
+}
+
+enum status recording_close(struct recording_writer **w)
+{
+    if (!*w)
+        return OK;
+    return release(w, (*w)->in_take && !(*w)->frames ? recording_end_take(*w) : OK);
+}
+
+// ------------------------------------------------------------- the place
+
+static enum status check_place(const struct place *p)
+{
+    enum status status = calibration_check(&p->calibration);
+    if (status != OK)
+        return status;
+    if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
+        p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
+        return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
+    return place_is_finite(p) ? OK : fail(ERR_INPUT, "the place holds a number that is not finite or out of range");
+}
+
+static enum status put_place_row(struct database *db, const struct place *p)
+{
+    size_t tag_bytes = (size_t)p->tag_count * TAG_BYTES, point_bytes = (size_t)p->point_count * POINT_BYTES;
+    uint8_t calibration[CALIBRATION_BYTES], residuals[RESIDUAL_BYTES];
+    uint8_t *tags = malloc(tag_bytes + 1), *points = malloc(point_bytes + 1); // + 1: malloc(0) may be NULL
+    struct statement *s = NULL;
+    enum status status = OK;
+    if (!tags || !points)
+        status = fail(ERR_MEMORY, "no memory to write the place");
+    if (status == OK)
+        status = insert_open(&s, db, TABLE_PLACE, false);
+    if (status == OK) {
+        put_calibration(calibration, &p->calibration);
+        put_residuals(residuals, p->rms_px, p->rms_m);
+        for (int32_t i = 0; i < p->tag_count; i++)
+            put_tag(tags + (size_t)i * TAG_BYTES, &p->tags[i]);
+        for (int32_t i = 0; i < p->point_count; i++)
+            put_point(points + (size_t)i * POINT_BYTES, &p->points[i]);
+        uint32_t crc = crc32_of(crc32_of(0, calibration, sizeof calibration), residuals, sizeof residuals);
+        statement_bind_blob(s, 1, calibration, sizeof calibration);
+        statement_bind_blob(s, 2, residuals, sizeof residuals);
+        statement_bind_blob(s, 3, tags, tag_bytes);
+        statement_bind_blob(s, 4, points, point_bytes);
+        crc = crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes);
+        statement_bind_number(s, 5, crc);
+        statement_bind_number(s, PLACE_VIEWS + 1, p->view_count);
+        statement_bind_number(s, PLACE_SEAL + 1, place_seal(crc, p->view_count));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    free(tags);
+    free(points);
+    return status;
+}
+
+// Writes the optional tables of landmarks and tags.
+static enum status put_optional(struct database *db, const struct place *p)
+{
+    static const char *const insert[OPTIONAL_TABLE_COUNT] = {
+        "INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
+        "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)",
+        "INSERT INTO point_side(id, directions, crc) VALUES(1,?,?)"};
+    const size_t points = (size_t)p->point_count, tags = (size_t)p->tag_count;
+    const size_t bytes[OPTIONAL_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
+                                                points * POINT_SIDE_BYTES};
+    uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1);
+    if (!known)
+        return fail(ERR_MEMORY, "no memory to write the place");
+    uint8_t *tag = known + bytes[0], *side = tag + bytes[1];
+    for (size_t i = 0; i < points; i++) {
+        put_point_error(known + i * POINT_ERROR_BYTES, &p->points[i]);
+        put_point_side(side + i * POINT_SIDE_BYTES, &p->points[i]);
+    }
+    for (size_t i = 0; i < tags; i++)
+        put_tag_error(tag + i * TAG_ERROR_BYTES, &p->tags[i]);
+    enum status status = OK;
+    const uint8_t *first = known;
+    for (int k = 0; k < OPTIONAL_TABLE_COUNT && status == OK; first += bytes[k++]) {
+        struct statement *s;
+        status = statement_open(&s, db, insert[k]);
+        if (status == OK) {
+            statement_bind_blob(s, 1, first, bytes[k]);
+            statement_bind_number(s, 2, crc32_of(0, first, bytes[k]));
+            status = statement_run(s);
+        }
+        statement_close(&s);
+    }
+    free(known);
+    return status;
+}
+
+static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *p)
+{
+    struct statement *s;
+    enum status status = insert_open(&s, db, TABLE_VIEW, false);
+    for (int32_t i = 0; status == OK && i < p->view_count; i++) {
+        const struct place_view *view = &p->views[i];
+        const uint8_t *depth = NULL;
+        size_t depth_bytes = 0, jpeg_bytes = view->jpeg ? view->jpeg_bytes : 0;
+        uint8_t pose[POSE_BYTES];
+        put_pose(pose, &view->world_from_camera);
+        if (view->depth && depth_pixels(&p->calibration))
+            status = depth_encode(coder, view->depth, p->calibration.depth.width, p->calibration.depth.height, &depth,
+                                  &depth_bytes);
+        if (status != OK)
+            break;
+        statement_bind_number(s, 1, i);
+        statement_bind_blob(s, 2, pose, sizeof pose);
+        statement_bind_blob(s, 3, depth, depth_bytes);
+        statement_bind_blob(s, 4, view->jpeg, jpeg_bytes);
+        const uint32_t crc = view_crc(pose, depth, depth_bytes, view->jpeg, jpeg_bytes);
+        statement_bind_number(s, 5, crc);
+        statement_bind_number(s, VIEW_SEAL + 1, row_seal(i, crc));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+enum status recording_put_place(struct recording_writer *w, const struct place *place)
+{
+    enum status status = check_place(place);
+    if (status != OK)
+        return status;
+    status = async_writer_pause(w->async_writer);
+    if (status == OK)
+        status = database_begin(w->db);
+    if (status == OK)
+        status = database_run(w->db, "DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
+                                     "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
+    if (status == OK)
+        status = put_place_row(w->db, place);
+    if (status == OK)
+        status = put_optional(w->db, place);
+    if (status == OK)
+        status = put_views(w->db, w->coder, place);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
+    return async_writer_resume(w->async_writer, status);
+}
+
+// ------------------------------------------------------------- takes
+
+enum status take_name_check(const char *name)
+{
+    size_t length = strlen(name);
+    if (!length || length > TAKE_NAME_BYTES)
+        return fail(ERR_INPUT, "a take's name has 1 to %d bytes, not %zu", TAKE_NAME_BYTES, length);
+    return text_is_printable(name) ? OK
+                                   : fail(ERR_INPUT,
+                                          "a take's name is UTF-8 text without control characters, and '%s' "
+                                          "is not",
+                                          name);
+}
+
+// NOTHING: there is no take of that name.
+static enum status find_take(struct recording_writer *w, const char *name)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, w->db, "SELECT rowid FROM take WHERE name = ?");
+    if (status == OK) {
+        statement_bind_text(s, 1, name);
+        status = statement_step(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+// The database part of recording_begin_take, which only reads. Sets w->take.id. ERR_EXISTS: the name is in use.
+static enum status new_take_id(struct recording_writer *w, const char *name)
+{
+    enum status status = find_take(w, name);
+    if (status == OK)
+        return ERR_EXISTS;
+    return status == NOTHING ? database_number(w->db, "SELECT coalesce(max(rowid), 0) + 1 FROM take", &w->take.id)
+                             : status;
+}
+
+enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
+{
+    assert(!w->in_take);
+    enum status status = take_name_check(name);
+    if (status == OK)
+        status = calibration_check(calibration);
+    if (status != OK)
+        return status;
+    status = async_writer_pause(w->async_writer);
+    if (status == OK)
+        status = new_take_id(w, name);
+    if (status == ERR_EXISTS) {
+        async_writer_resume(w->async_writer, OK); // the writer can go on
+        return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(w->db), name);
+    }
+    status = async_writer_resume(w->async_writer, status);
+    if (status != OK)
+        return status;
+    w->frames = 0;
+    w->take = (struct take_row){
+        .id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}, .frames = -1};
+    snprintf(w->take.name, sizeof w->take.name, "%s", name);
+    status = async_writer_put_take(w->async_writer, &w->take);
+    if (status == OK)
+        status = async_writer_resume(w->async_writer,
+                                     async_writer_pause(w->async_writer)); // committed, so that readers see the take
+    w->in_take = status == OK;
+    return status;
+}
+
+enum status recording_put_body(struct recording_writer *w, const struct body *body)
+{
+    assert(w->in_take);
+    if (!body_is_valid(body))
+        return fail(ERR_INPUT, "a body's radius is not finite or out of range");
+    w->take.body = *body;
+    return async_writer_put_take(w->async_writer, &w->take);
+}
+
+enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
+{
+    assert(w->in_take && dropped >= 0);
+    w->take.dropped = dropped;
+    return async_writer_put_take(w->async_writer, &w->take);
+}
+
+// An empty take would only keep its name from being used.
+static enum status remove_take(struct recording_writer *w)
+{
+    struct statement *s = NULL;
+    enum status status = async_writer_pause(w->async_writer);
+    if (status == OK)
+        status = database_begin(w->db);
+    if (status == OK)
+        status = statement_open(&s, w->db, "DELETE FROM take WHERE rowid = ?");
+    if (status == OK) {
+        statement_bind_number(s, 1, w->take.id);
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
+    return async_writer_resume(w->async_writer, status);
+}
+
+enum status recording_end_take(struct recording_writer *w)
+{
+    assert(w->in_take);
+    w->in_take = false;
+    if (!w->frames)
+        return remove_take(w);
+    w->take.complete = true;
+    w->take.frames = w->frames;
+    enum status status = async_writer_put_take(w->async_writer, &w->take);
+    return status == OK ? async_writer_resume(w->async_writer, async_writer_pause(w->async_writer)) : status;
+}
+
+struct recording_counters recording_writer_count(const struct recording_writer *w)
+{
+    struct recording_counters counters;
+    async_writer_count(w->async_writer, &counters);
+    return counters;
+}
+
+const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
+
+// ------------------------------------------------------------- replacing skeletons
+
+// read: selects a frame; write: updates its skeleton; forget, keep: delete and insert its covariances.
+struct skeleton_statements {
+    struct statement *read, *write, *forget, *keep;
+};
+
+static enum status open_skeleton_statements(struct skeleton_statements *s, struct database *db)
+{
+    enum status status = select_open(&s->read, db, TABLE_FRAME, "WHERE rowid = ?");
+    if (status == OK)
+        status = statement_open(&s->write, db, "UPDATE frame SET skeleton = ?, crc = ?, seal = ? WHERE rowid = ?");
+    if (status == OK)
+        status = statement_open(&s->forget, db, "DELETE FROM joint_error WHERE rowid = ?");
+    return status == OK ? insert_open(&s->keep, db, TABLE_JOINT_ERROR, false) : status;
+}
+
+static void close_skeleton_statements(struct skeleton_statements *s)
+{
+    statement_close(&s->read);
+    statement_close(&s->write);
+    statement_close(&s->forget);
+    statement_close(&s->keep);
+}
+
+static enum status replace_covariances(const struct skeleton_statements *s, int64_t key,
+                                       const struct skeleton *skeleton)
+{
+    uint8_t bytes[JOINT_ERROR_BYTES];
+    statement_bind_number(s->forget, 1, key);
+    enum status status = statement_run(s->forget);
+    if (status != OK || !skeleton_has_known_joint(skeleton) || !skeleton_has_covariance(skeleton))
+        return status;
+    put_joint_error(bytes, skeleton);
+    statement_bind_number(s->keep, 1, key);
+    statement_bind_blob(s->keep, 2, bytes, sizeof bytes);
+    const uint32_t crc = crc32_of(0, bytes, sizeof bytes);
+    statement_bind_number(s->keep, 3, crc);
+    statement_bind_number(s->keep, JOINT_ERROR_SEAL + 1, row_seal(key, crc));
+    return statement_run(s->keep);
+}
+
+// A key without a row is skipped.
+static enum status replace_skeleton(const struct skeleton_statements *s, int64_t key, const struct skeleton *skeleton)
+{
+    struct take_entry entry;
+    uint8_t pose[POSE_BYTES], bytes[SKELETON_BYTES];
+    statement_bind_number(s->read, 1, key);
+    enum status status = statement_step(s->read);
+    if (status == OK)
+        status = frame_from_row(s->read, &entry);
+    unsigned images = status == OK ? (unsigned)statement_number(s->read, 5) : 0;
+    statement_reset(s->read);
+    if (status != OK || !entry.has_skeleton)
+        return status == NOTHING ? OK : status;
+    put_pose(pose, &entry.world_from_camera);
+    put_skeleton(bytes, skeleton);
+    size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
+    const uint8_t *blob = count ? bytes : NULL;
+    statement_bind_blob(s->write, 1, blob, count);
+    const uint32_t crc = frame_crc(entry.time_ns, entry.located, pose, blob, count, images);
+    statement_bind_number(s->write, 2, crc);
+    statement_bind_number(s->write, 3, row_seal(key, crc));
+    statement_bind_number(s->write, 4, key);
+    status = statement_run(s->write);
+    return status == OK ? replace_covariances(s, key, skeleton) : status;
+}
+
+enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
+{
+    assert(!w->in_take && w->take.id && count <= w->frames);
+    struct skeleton_statements statements = {0};
+    for (int64_t i = 0; i < count; i++)
+        if (skeleton[i] && !skeleton_is_valid(skeleton[i]))
+            return fail(ERR_INPUT, "a skeleton holds a number that is not finite or out of range");
+    enum status status = async_writer_pause(w->async_writer);
+    if (status == OK)
+        status = database_begin(w->db);
+    if (status == OK)
+        status = open_skeleton_statements(&statements, w->db);
+    for (int64_t i = 0; status == OK && i < count; i++)
+        if (skeleton[i])
+            status = replace_skeleton(&statements, frame_key(w->take.id, i), skeleton[i]);
+    close_skeleton_statements(&statements);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
+    return async_writer_resume(w->async_writer, status);
+}
+
+// ------------------------------------------------------------- frames
+
+static enum status check_frame(const struct recording_writer *w, const struct take_frame *f)
+{
+    const struct calibration *c = &w->take.calibration;
+    if (w->frames && f->time_ns <= w->last_time_ns)
+        return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)f->time_ns,
+                    (long long)w->last_time_ns);
+    if (f->time_ns < -TAKE_TIME_MOST_NS || f->time_ns > TAKE_TIME_MOST_NS)
+        return fail(ERR_INPUT, "a frame's time, %lld ns, is of no clock", (long long)f->time_ns);
+    if (w->frames > FRAME_NUMBER_MAX)
+        return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
+    if (!pose_is_valid(f->world_from_camera) || (f->has_skeleton && !skeleton_is_valid(&f->skeleton)))
+        return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite or out of range");
+    if ((f->depth || f->mask) && !depth_pixels(c))
+        return fail(ERR_INPUT, "a frame has depth but the take's calibration has no depth camera");
+    if (f->jpeg) {
+        int width, height;
+        enum status status = jpeg_size(f->jpeg, f->jpeg_bytes, &width, &height);
+        if (status != OK)
+            return fail(ERR_INPUT, "a frame's colour cannot be kept: %s", status_message());
+        if (width != c->color.width || height != c->color.height)
+            return fail(ERR_INPUT, "a frame's colour has %d x %d pixels where the calibration says %d x %d", width,
+                        height, c->color.width, c->color.height);
+    }
+    return OK;
+}
+
+enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame)
+{
+    assert(w->in_take);
+    enum status status = check_frame(w, frame);
+    if (status != OK)
+        return status;
+    const struct lens *lens = &w->take.calibration.depth;
+    struct frame_row row = {
+        .key = frame_key(w->take.id, w->frames),
+        .time_ns = frame->time_ns,
+        .located = frame->located,
+        .world_from_camera = frame->world_from_camera,
+        .skeleton = frame->has_skeleton ? &frame->skeleton : NULL,
+        .color = frame->jpeg,
+        .color_bytes = frame->jpeg ? frame->jpeg_bytes : 0,
+    };
+    if (frame->mask)
+        status = mask_encode(w->mask_coder, frame->mask, lens->width, lens->height, &row.mask, &row.mask_bytes);
+    if (status == OK && frame->depth)
+        status = depth_encode(w->coder, frame->depth, lens->width, lens->height, &row.depth, &row.depth_bytes);
+    if (status == OK)
+        status = async_writer_add_frame(w->async_writer, &row);
+    if (status == OK) {
+        w->last_time_ns = frame->time_ns;
+        w->frames++;
+    }
+    return status;
+}

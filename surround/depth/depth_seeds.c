@@ -1,0 +1,410 @@
+#include "surround/depth/depth_seeds.h"
+
+#include "surround/depth/point_colors.h"
+#include "surround/picture/fast_angle.h"
+#include "base/memory.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { NEIGHBOURS = 40, ENOUGH = 14, WIDEST = 20, TRIPLES = 8 };
+// For what hides a point: a wider window, since the near surface may be the sparser one. Of 20 to 400 seeds in it, 50
+// made the small world's silhouettes best; wider ones hide what stands beside.
+enum { HIDING_NEIGHBOURS = 160, HIDING_ENOUGH = 50, ALIKE = 40 /* most difference of a colour's channel */ };
+
+// Points within this share of a pixel's nearest are one surface and are averaged: the nearest alone of many noisy ones
+// would be too near.
+#define ONE_SURFACE 0.04f
+
+static void add_point(struct seed *seed, const struct seed *one)
+{
+    if (seed->weight > 0 && one->inverse < seed->inverse * (1 - ONE_SURFACE))
+        return;
+    if (seed->weight <= 0 || one->inverse > seed->inverse * (1 + ONE_SURFACE)) {
+        *seed = *one;
+        return;
+    }
+    seed->weight += one->weight;
+    const float share = one->weight / seed->weight;
+    for (int k = 0; k < 3; k++)
+        seed->ray[k] += share * (one->ray[k] - seed->ray[k]);
+    seed->inverse += share * (one->inverse - seed->inverse);
+}
+
+static void project_points(struct depth_seeds *s, const struct surround_picture *p, const struct world_points *points,
+                           const struct depth_options *how)
+{
+    const struct vec3 t = p->world_from_camera.translation;
+    float gain[3] = {1, 1, 1};
+    if (points->rgb)
+        point_colors_gain(p, points, gain);
+    for (int i = 0; i < points->count; i++) {
+        const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
+        struct picture_point at;
+        if (!surround_picture_project(p, world, &at) ||
+            !(at.distance > how->nearest_m && at.distance < how->farthest_m))
+            continue;
+        const int u = (int)floorf(at.u + 0.5f), v = (int)floorf(at.v + 0.5f);
+        if (u < 0 || v < 0 || u >= p->width || v >= p->height ||
+            (points->rgb && !point_color_agrees(p, u, v, gain, points->rgb[i])))
+            continue;
+        int32_t *slot = &s->at[(size_t)v * (size_t)p->width + (size_t)u];
+        if (*slot < 0) {
+            *slot = s->count++;
+            s->list[*slot].weight = 0;
+        }
+        struct seed one = {
+            .u = u, .v = v, .inverse = 1 / at.distance, .weight = points->weight ? points->weight[i] : 1};
+        const double d[3] = {world[0] - t.x, world[1] - t.y, world[2] - t.z};
+        for (int k = 0; k < 3; k++)
+            one.ray[k] = (float)(p->axes[0][k] * d[0] + p->axes[1][k] * d[1] + p->axes[2][k] * d[2]) * one.inverse;
+        add_point(&s->list[*slot], &one);
+    }
+    for (int i = 0; i < s->count; i++)
+        s->list[i].weight = sqrtf(s->list[i].weight);
+}
+
+static void sum_area(struct depth_seeds *s, int width, int height)
+{
+    memset(s->before, 0, ((size_t)width + 1) * sizeof *s->before);
+    for (int v = 0; v < height; v++) {
+        const int32_t *above = s->before + (size_t)v * (size_t)(width + 1);
+        int32_t *row = s->before + (size_t)(v + 1) * (size_t)(width + 1), sum = 0;
+        row[0] = 0;
+        for (int u = 0; u < width; u++) {
+            sum += s->at[(size_t)v * (size_t)width + (size_t)u] >= 0;
+            row[u + 1] = above[u + 1] + sum;
+        }
+    }
+}
+
+struct window {
+    int u0, u1, v0, v1;
+};
+
+// Around a pixel, as wide as needed for `enough` seeds; near a panorama's poles wider than tall.
+static struct window window_of(const struct depth_seeds *s, const struct surround_picture *p, int u, int v, int enough)
+{
+    struct window w = {0};
+    for (int r = 2; r <= WIDEST; r += r < 6 ? 1 : 3) {
+        int across = r;
+        if (p->panorama) {
+            const float sine = p->ray_table[2 * (p->width + v)];
+            across = (int)((float)r / (sine > 0.2f ? sine : 0.2f));
+        }
+        w = (struct window){u - across < 0 ? 0 : u - across, u + across >= p->width ? p->width - 1 : u + across,
+                            v - r < 0 ? 0 : v - r, v + r >= p->height ? p->height - 1 : v + r};
+        const size_t line = (size_t)p->width + 1;
+        const int32_t *top = s->before + (size_t)w.v0 * line, *bottom = s->before + (size_t)(w.v1 + 1) * line;
+        if (bottom[w.u1 + 1] - bottom[w.u0] - top[w.u1 + 1] + top[w.u0] >= enough)
+            break;
+    }
+    return w;
+}
+
+static int gather(const struct depth_seeds *s, const struct surround_picture *p, const struct window *w, int most,
+                  int *out)
+{
+    int n = 0;
+    for (int v = w->v0; v <= w->v1; v++)
+        for (int u = w->u0; u <= w->u1; u++) {
+            const int32_t i = s->at[(size_t)v * (size_t)p->width + (size_t)u];
+            if (i >= 0 && n < most)
+                out[n++] = i;
+        }
+    return n;
+}
+
+#define OWN_APART 2.5f // a point may be so many tolerances off its own plane, if its neighbours say so
+
+static float dot(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// x of m x = b by Cramer's rule; false: singular.
+static bool solve3(const double m[3][3], const double b[3], float x[3])
+{
+    double minor[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            const int a = (i + 1) % 3, c = (i + 2) % 3, d = (j + 1) % 3, e = (j + 2) % 3;
+            minor[i][j] = m[a][d] * m[c][e] - m[a][e] * m[c][d];
+        }
+    const double det = m[0][0] * minor[0][0] + m[0][1] * minor[0][1] + m[0][2] * minor[0][2];
+    if (!(fabs(det) > 1e-14))
+        return false;
+    for (int j = 0; j < 3; j++)
+        x[j] = (float)((minor[0][j] * b[0] + minor[1][j] * b[1] + minor[2][j] * b[2]) / det);
+    return true;
+}
+
+// The seeds about one that its plane is fitted to, with their weights.
+struct neighbours {
+    int at[NEIGHBOURS], count;
+    float weight[NEIGHBOURS];
+};
+
+// A seed of another colour may be of another surface, and at the edge of a thin one most are: together they would have
+// a plane that joins both. The one value that was tried.
+#define OTHER_COLOR 0.25f
+
+static void find_neighbours(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed,
+                            struct neighbours *out)
+{
+    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
+    const uint8_t *own = p->rgb + 3 * ((size_t)seed->v * (size_t)p->width + (size_t)seed->u);
+    out->count = gather(s, p, &w, NEIGHBOURS, out->at);
+    for (int i = 0; i < out->count; i++) {
+        const struct seed *o = &s->list[out->at[i]];
+        const uint8_t *rgb = p->rgb + 3 * ((size_t)o->v * (size_t)p->width + (size_t)o->u);
+        bool other = false;
+        for (int c = 0; c < 3; c++)
+            other |= abs((int)own[c] - (int)rgb[c]) > ALIKE;
+        out->weight[i] = other && s->sparse ? OTHER_COLOR * o->weight : o->weight;
+    }
+}
+
+static float support(const struct depth_seeds *s, const struct neighbours *near, const float plane[3], float tolerance)
+{
+    float sum = 0;
+    for (int i = 0; i < near->count; i++) {
+        const struct seed *o = &s->list[near->at[i]];
+        const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
+        sum += e * e < 1 ? (1 - e * e) * near->weight[i] : 0;
+    }
+    return sum;
+}
+
+static bool plane_of_three(const struct seed *a, const struct seed *b, const struct seed *c, float plane[3])
+{
+    double m[3][3], w[3] = {a->inverse, b->inverse, c->inverse};
+    for (int k = 0; k < 3; k++) {
+        m[0][k] = a->ray[k];
+        m[1][k] = b->ray[k];
+        m[2][k] = c->ray[k];
+    }
+    return solve3((const double(*)[3])m, w, plane);
+}
+
+// Least squares over those within the tolerance, twice; a weak pull towards the plane given keeps it regular.
+static void polish(const struct depth_seeds *s, const struct neighbours *near, float tolerance, float plane[3])
+{
+    for (int pass = 0; pass < 2; pass++) {
+        double m[3][3] = {{0}}, b[3] = {0}, sum = 0;
+        for (int i = 0; i < near->count; i++) {
+            const struct seed *o = &s->list[near->at[i]];
+            const float e = (dot(plane, o->ray) - o->inverse) / (tolerance * o->inverse);
+            const double weight = e * e < 1 ? (double)(1 - e * e) * (double)((1 - e * e) * near->weight[i]) : 0;
+            sum += weight;
+            for (int j = 0; j < 3; j++) {
+                b[j] += weight * o->ray[j] * o->inverse;
+                for (int k = 0; k < 3; k++)
+                    m[j][k] += weight * o->ray[j] * o->ray[k];
+            }
+        }
+        for (int j = 0; j < 3; j++) {
+            m[j][j] += 1e-6 * sum + 1e-12;
+            b[j] += (1e-6 * sum + 1e-12) * plane[j];
+        }
+        float better[3];
+        if (solve3((const double(*)[3])m, b, better))
+            memcpy(plane, better, sizeof better);
+    }
+}
+
+// The plane that most neighbours lie on, of those through the seed: level, facing the camera, through two neighbours,
+// or the plane of the seed before it (RANSAC, Fischler and Bolles 1981, with fixed samples).
+static void fit(struct depth_seeds *s, const struct surround_picture *p, int index, float tolerance)
+{
+    struct seed *seed = &s->list[index];
+    struct neighbours near;
+    find_neighbours(s, p, seed, &near);
+    const uint32_t n = (uint32_t)near.count;
+    float best = -1, candidate[3];
+    uint32_t random = 2463534242u + (uint32_t)index * 2654435761u;
+    for (int c = 0; c < TRIPLES + 3; c++) {
+        if (c == 0)
+            for (int k = 0; k < 3; k++)
+                candidate[k] = seed->ray[k] * seed->inverse;
+        else if (c == 1) {
+            const float height = dot(s->up, seed->ray);
+            if (fabsf(height) < 1e-3f)
+                continue;
+            for (int k = 0; k < 3; k++)
+                candidate[k] = s->up[k] * seed->inverse / height;
+        } else if (c == 2) {
+            if (index == 0)
+                continue;
+            memcpy(candidate, s->list[index - 1].plane, sizeof candidate);
+        } else {
+            random ^= random << 13, random ^= random >> 17, random ^= random << 5; // xorshift (Marsaglia 2003)
+            if (n < 3 ||
+                !plane_of_three(seed, &s->list[near.at[random % n]], &s->list[near.at[(random >> 12) % n]], candidate))
+                continue;
+        }
+        const float own = (dot(candidate, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
+        if (own * own > OWN_APART * OWN_APART)
+            continue;
+        const float score = support(s, &near, candidate, tolerance) + (c == 1 ? 0.5f * seed->weight : 0);
+        if (score > best) {
+            best = score;
+            memcpy(seed->plane, candidate, sizeof candidate);
+        }
+    }
+    float polished[3];
+    memcpy(polished, seed->plane, sizeof polished);
+    polish(s, &near, tolerance, polished);
+    const float own = (dot(polished, seed->ray) - seed->inverse) / (tolerance * seed->inverse);
+    if (own * own <= OWN_APART * OWN_APART)
+        memcpy(seed->plane, polished, sizeof polished);
+}
+
+// Whether the picture has, on the mean of the way from one seed to another, a colour.
+static bool has_color(const struct surround_picture *p, const struct seed *a, const struct seed *b,
+                      const float color[3])
+{
+    const int du = b->u - a->u, dv = b->v - a->v, steps = abs(du) > abs(dv) ? abs(du) : abs(dv);
+    int sum[3] = {0};
+    for (int i = 0; i < steps; i++) {
+        const int u = a->u + (2 * i * du + (du < 0 ? -steps : steps)) / (2 * steps);
+        const int v = a->v + (2 * i * dv + (dv < 0 ? -steps : steps)) / (2 * steps);
+        const uint8_t *y = p->rgb + 3 * ((size_t)v * (size_t)p->width + (size_t)u);
+        for (int c = 0; c < 3; c++)
+            sum[c] += y[c];
+    }
+    for (int c = 0; c < 3; c++)
+        if (fabsf((float)sum[c] / (float)steps - color[c]) > ALIKE)
+            return false;
+    return true;
+}
+
+static bool alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
+{
+    const uint8_t *x = p->rgb + 3 * ((size_t)a->v * (size_t)p->width + (size_t)a->u);
+    const uint8_t *y = p->rgb + 3 * ((size_t)b->v * (size_t)p->width + (size_t)b->u);
+    for (int c = 0; c < 3; c++)
+        if (abs((int)x[c] - (int)y[c]) > ALIKE)
+            return false;
+    return true;
+}
+
+// Of dense points: in three of the four quarters around it a surface of the colour that the picture has here passes in
+// front; near: those that do, but for their colour.
+static bool is_surrounded(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed,
+                          const int *near, int count)
+{
+    bool in_front[4] = {0};
+    for (int i = 0; i < count; i++) {
+        const struct seed *o = &s->list[near[i]];
+        if (alike(p, seed, o))
+            in_front[(o->u > seed->u) + 2 * (o->v > seed->v)] = true;
+    }
+    return in_front[0] + in_front[1] + in_front[2] + in_front[3] >= 3;
+}
+
+enum { SECTORS = 16 };
+
+// Hidden: on opposite sides of it a surface passes in front whose mean colour the picture has between.
+// (Between the posts of a fence the picture has another colour than at the posts.)
+static bool is_hidden(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed)
+{
+    const struct window w = window_of(s, p, seed->u, seed->v, HIDING_ENOUGH);
+    int near[HIDING_NEIGHBOURS], front = 0;
+    bool in_front[SECTORS] = {0};
+    float color[3] = {0};
+    const int n = gather(s, p, &w, HIDING_NEIGHBOURS, near);
+    for (int i = 0; i < n; i++) {
+        const struct seed *o = &s->list[near[i]];
+        if (!(o->inverse > 1.05f * seed->inverse && dot(o->plane, seed->ray) > 1.05f * seed->inverse))
+            continue;
+        near[front++] = near[i];
+        for (int c = 0; c < 3; c++)
+            color[c] += p->rgb[3 * ((size_t)o->v * (size_t)p->width + (size_t)o->u) + (size_t)c];
+    }
+    if (!s->sparse)
+        return is_surrounded(s, p, seed, near, front);
+    for (int c = 0; c < 3; c++)
+        color[c] /= (float)(front + !front);
+    for (int i = 0; i < front; i++) {
+        const struct seed *o = &s->list[near[i]];
+        const float angle = fast_atan2((float)(o->v - seed->v), (float)(o->u - seed->u));
+        const int sector = floor_of(angle * (float)(SECTORS / 6.2831853) + SECTORS) % SECTORS;
+        if (in_front[sector] || !has_color(p, seed, o, color))
+            continue;
+        in_front[sector] = true;
+        for (int k = -1; k <= 1; k++)
+            if (in_front[(sector + SECTORS / 2 + k) % SECTORS])
+                return true;
+    }
+    return false;
+}
+
+// Whether a plane was fitted among seeds that turned out to be hidden.
+static bool is_misled(const struct depth_seeds *s, const struct surround_picture *p, const struct seed *seed)
+{
+    const struct window w = window_of(s, p, seed->u, seed->v, ENOUGH);
+    int near[NEIGHBOURS];
+    const int n = gather(s, p, &w, NEIGHBOURS, near);
+    bool misled = false;
+    for (int i = 0; i < n && !misled; i++)
+        misled = s->list[near[i]].hidden;
+    return misled && !seed->hidden;
+}
+
+// Fits planes again, now among visible seeds only. ERR_MEMORY.
+static enum status fit_visible(struct depth_seeds *s, const struct surround_picture *p, float tolerance)
+{
+    bool *misled = malloc((size_t)s->count + 1);
+    if (!misled)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < s->count; i++)
+        misled[i] = is_misled(s, p, &s->list[i]);
+    for (int i = 0; i < s->count; i++)
+        if (s->list[i].hidden)
+            s->at[(size_t)s->list[i].v * (size_t)p->width + (size_t)s->list[i].u] = -1;
+    sum_area(s, p->width, p->height);
+    for (int i = 0; i < s->count; i++)
+        if (misled[i])
+            fit(s, p, i, tolerance);
+    free(misled);
+    return OK;
+}
+
+static void set_up(struct depth_seeds *s, const struct surround_picture *p)
+{
+    for (int k = 0; k < 3; k++)
+        s->up[k] = (float)p->axes[2][k];
+}
+
+enum status depth_seeds_make(struct depth_seeds *s, const struct surround_picture *p, const struct world_points *points,
+                             const struct depth_options *how)
+{
+    const size_t pixels = (size_t)p->width * (size_t)p->height;
+    const size_t most = (size_t)points->count < pixels ? (size_t)points->count : pixels;
+    *s = (struct depth_seeds){.list = malloc((most + 1) * sizeof *s->list),
+                              .at = alloc_cache_aligned(pixels * sizeof *s->at),
+                              .before = alloc_cache_aligned((size_t)(p->width + 1) * (size_t)(p->height + 1) * 4)};
+    if (!s->list || !s->at || !s->before) {
+        depth_seeds_free(s);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    memset(s->at, 0xff, pixels * sizeof *s->at);
+    set_up(s, p);
+    s->sparse = how->sparse;
+    project_points(s, p, points, how);
+    sum_area(s, p->width, p->height);
+    for (int i = 0; i < s->count; i++)
+        fit(s, p, i, (float)how->tolerance);
+    for (int i = 0; i < s->count; i++)
+        s->list[i].hidden = is_hidden(s, p, &s->list[i]);
+    const enum status status = !s->sparse ? OK : fit_visible(s, p, (float)how->tolerance);
+    if (status != OK)
+        depth_seeds_free(s);
+    return status;
+}
+
+void depth_seeds_free(struct depth_seeds *s)
+{
+    free(s->list);
+    free(s->at);
+    free(s->before);
+    *s = (struct depth_seeds){0};
+}

@@ -1,0 +1,59 @@
+// A simulated robot in a world of boxes, driven by command, which captures its surroundings as a real one does: four
+// depth cameras with noise, a panorama, odometry that drifts, walls that can be hit. Nothing that draws for the
+// operator sees the world itself. Deterministic.
+#pragma once
+#include "surround/drive/box_world.h"
+#include "surround/drive/operator_overlay.h"
+#include "surround/surroundings.h"
+
+struct rover_options {
+    double size_m[3];              // length, width, height of the body
+    double odometry_scale;         // ways are reported longer by this share, 0.01
+    double odometry_turn;          // turns, too, 0.02
+    int panorama_height;           // pixels; twice as wide
+    int depth_width, depth_height; // pixels of each depth camera
+    struct lens view;              // of the operator's pictures
+    uint32_t seed;                 // of the depth noise; not 0
+};
+struct rover_options rover_default_options(void);
+
+// Its cameras: body_from_camera of the panorama's and of a depth camera's (0 front, 1 left, 2 back, 3 right), and the
+// depth cameras' lens and range.
+struct pose rover_head(void);
+struct pose rover_depth_camera(int camera);
+struct lens rover_depth_lens(const struct rover_options *how);
+#define ROVER_RANGE_M 4.0
+
+struct simulated_rover {
+    struct box_world world;
+    struct rover_options how;
+    struct pose start;           // true, world_from_body
+    struct pose world_from_body; // true
+    struct pose odometry;
+    struct drive_command command;
+    bool touched; // it ran into something, and stands
+    int64_t time_ns, captured_ns;
+    struct surroundings surroundings; // its world is the body at the start
+};
+
+// ERR_MEMORY.
+MUST_CHECK enum status simulated_rover_open(struct simulated_rover *r, const struct box_world *world, struct pose start,
+                                            const struct rover_options *how);
+void simulated_rover_close(struct simulated_rover *r);
+
+// Drives for `seconds`, captures when it is time (first at the start).
+MUST_CHECK enum status simulated_rover_step(struct simulated_rover *r, struct drive_command command, double seconds);
+
+// What the operator's side believes: world_from_body in the surroundings' world, bridged by odometry.
+struct pose simulated_rover_pose(const struct simulated_rover *r);
+
+// Draws the surroundings from a viewpoint, without the overlay, into r->surroundings.view.
+MUST_CHECK enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view);
+
+// The trial of Okura 2014, section 5, by a scripted driver that sees nothing but the nearest distance in the drawn
+// picture from above: it approaches what is ahead as closely as it dares. *clearance_m: the true distance at the end, 0
+// or less: it touched.
+MUST_CHECK enum status rover_trial_approach(struct simulated_rover *r, double *clearance_m);
+
+// Stages of that trial: a straight narrow passage, a bent one with obstacles, a wall to approach.
+void rover_trial_world(int stage, struct box_world *world, struct pose *start);

@@ -1,0 +1,162 @@
+#include "surround/gpu/operator_picture.h"
+
+#include "platform/screen/gpu_draw2d.h"
+#include "reenact/render/shaders.h"
+#include "surround/gpu/surround_renderer_internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { DEPTH_STEP = 4, MOST_QUADS = OVERLAY_LINES + OVERLAY_RECTS };
+static const double LOW_M = 0.1; // what is lower is floor
+
+struct operator_picture {
+    struct gpu *gpu;
+    struct surround_renderer *renderer;
+    struct gpu_draw2d *draw;
+    struct gpu_texture *white;
+    struct surround_view depth; // of the image before, every DEPTH_STEP-th pixel
+    struct gpu_draw2d_vertex vertices[4 * MOST_QUADS];
+    uint16_t indices[6 * MOST_QUADS];
+    int quads;
+};
+
+enum status operator_picture_open(struct operator_picture **out, struct gpu *gpu)
+{
+    static const uint8_t white[4] = {255, 255, 255, 255};
+    struct operator_picture *o = *out = calloc(1, sizeof *o);
+    if (!o)
+        return fail(ERR_MEMORY, "out of memory");
+    const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
+    o->gpu = gpu;
+    enum status status = surround_renderer_open(&o->renderer, gpu);
+    if (status == OK)
+        status = gpu_draw2d_open(&o->draw, gpu, &shaders);
+    if (status == OK)
+        status = gpu_texture_open(&o->white, gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST}, white);
+    if (status != OK)
+        operator_picture_close(out);
+    return status;
+}
+
+void operator_picture_close(struct operator_picture **out)
+{
+    struct operator_picture *o = *out;
+    if (!o)
+        return;
+    surround_renderer_close(&o->renderer);
+    gpu_draw2d_close(&o->draw);
+    gpu_texture_close(&o->white);
+    surround_view_close(&o->depth);
+    free(o);
+    *out = NULL;
+}
+
+// All of the session's picture, and more at the sides where the other is wider.
+static struct lens fitted(const struct lens *of, int width, int height)
+{
+    const double scale = fmin((double)width / of->width, (double)height / of->height);
+    return (struct lens){.width = width,
+                         .height = height,
+                         .fx = of->fx * scale,
+                         .fy = of->fy * scale,
+                         .cx = (width - 1) / 2.0 + (of->cx - (of->width - 1) / 2.0) * scale,
+                         .cy = (height - 1) / 2.0 + (of->cy - (of->height - 1) / 2.0) * scale};
+}
+
+// ---------------------------------------------------------------- the overlay
+
+static void add_quad(struct operator_picture *o, const double at[4][2], const uint8_t color[3], int percent)
+{
+    struct gpu_draw2d_vertex *v = &o->vertices[4 * o->quads];
+    static const uint16_t order[6] = {0, 1, 2, 0, 2, 3};
+    for (int k = 0; k < 4; k++)
+        v[k] = (struct gpu_draw2d_vertex){(float)at[k][0],
+                                          (float)at[k][1],
+                                          0.5f,
+                                          0.5f,
+                                          {color[0], color[1], color[2], (uint8_t)(percent * 255 / 100)}};
+    for (int k = 0; k < 6; k++)
+        o->indices[6 * o->quads + k] = (uint16_t)(4 * o->quads + order[k]);
+    o->quads++;
+}
+
+// Two pixels wide.
+static void add_line(struct operator_picture *o, const struct overlay_line *l)
+{
+    const double dx = l->bx - l->ax, dy = l->by - l->ay, length = sqrt(dx * dx + dy * dy) + 1e-9;
+    const double x = -dy / length, y = dx / length;
+    const double at[4][2] = {{l->ax + x + 0.5, l->ay + y + 0.5},
+                             {l->bx + x + 0.5, l->by + y + 0.5},
+                             {l->bx - x + 0.5, l->by - y + 0.5},
+                             {l->ax - x + 0.5, l->ay - y + 0.5}};
+    add_quad(o, at, l->color, OVERLAY_LINE_PERCENT);
+}
+
+static void add_rect(struct operator_picture *o, const struct overlay_rect *r)
+{
+    const double right = r->x + r->width, bottom = r->y + r->height;
+    const double at[4][2] = {{r->x, r->y}, {right, r->y}, {right, bottom}, {r->x, bottom}};
+    const uint8_t color[3] = {r->grey, r->grey, r->grey};
+    add_quad(o, at, color, r->percent);
+}
+
+static enum status draw_overlay(struct operator_picture *o, const struct operator_overlay *overlay,
+                                const struct nearest_thing *thing)
+{
+    struct surround_renderer *r = o->renderer;
+    struct surround_view view = {.lens = r->lens, .world_from_view = r->world_from_view};
+    struct overlay_shapes shapes;
+    quat_to_matrix(r->world_from_view.rotation, view.axes);
+    operator_overlay_shapes(&shapes, &view, overlay, thing);
+    o->quads = 0;
+    for (int i = 0; i < shapes.line_count; i++)
+        add_line(o, &shapes.lines[i]);
+    for (int i = 0; i < shapes.rect_count; i++)
+        add_rect(o, &shapes.rects[i]);
+    const float width = (float)r->lens.width, height = (float)r->lens.height;
+    const struct gpu_draw2d_batch batch = {o->white, 0, 0, width, height, 0, 0, 6 * o->quads};
+    const struct gpu_draw2d_list list = {o->vertices, o->indices, &batch, 4 * o->quads, 6 * o->quads, 1};
+    const struct gpu_draw2d_view to = {r->image, r->lens.width, r->lens.height, 0, NULL};
+    gpu_draw2d_begin(o->draw, &to);
+    gpu_draw2d_draw(o->draw, &list);
+    return gpu_draw2d_end(o->draw);
+}
+
+static void tint_body(struct operator_picture *o, const struct operator_overlay *overlay)
+{
+    const double *size = overlay->size_m;
+    struct surround_box box = {.world_from_box = overlay->world_from_body,
+                               .low = {-size[0] / 2, -size[1] / 2, 0},
+                               .high = {size[0] / 2, size[1] / 2, size[2]},
+                               .opacity = OVERLAY_BODY_PERCENT / 100.0};
+    memcpy(box.color, overlay_body_color, sizeof box.color);
+    if (size[0] > 0)
+        surround_renderer_tint(o->renderer, &box);
+}
+
+enum status operator_picture_draw(struct operator_picture *o, struct drive_session *session, int width, int height,
+                                  const struct gpu_texture **out)
+{
+    struct drive_scene scene;
+    struct nearest_thing thing = {0};
+    const enum status before = surround_renderer_read_depth(o->renderer, DEPTH_STEP, &o->depth);
+    enum status status = before < OK ? before : drive_session_prepare(session, &scene);
+    if (status != OK)
+        return status;
+    const struct surround_image image = {fitted(&scene.lens, width, height), scene.world_from_view, scene.how, true, 1};
+    status = surround_renderer_draw(o->renderer, &image, scene.pictures, scene.count, out);
+    if (status != OK)
+        return status;
+    tint_body(o, &scene.overlay);
+    session->near =
+        before == OK && nearest_in_view(&o->depth, scene.overlay.world_from_body, scene.size_m, LOW_M, &thing) == OK;
+    session->nearest_m = thing.distance_m;
+    return draw_overlay(o, &scene.overlay, session->near ? &thing : NULL);
+}
+
+void operator_picture_view(const struct operator_picture *o, struct lens *lens, struct pose *world_from_view)
+{
+    *lens = o->renderer->lens;
+    *world_from_view = o->renderer->world_from_view;
+}

@@ -1,0 +1,234 @@
+#include "surround/reading/surround_set.h"
+
+#include "formats/ply.h"
+#include "platform/files/file.h"
+#include "platform/files/image_file.h"
+#include "platform/files/json.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char *const camera_names[SURROUND_DEPTH_CAMERAS] = {"front", "left", "back", "right"};
+static const double FARTHEST_M = 100; // a camera from the body's middle: no body is longer
+#define MOST_APART_NS 50000000        // files of one instant: half of a frame at 10 Hz
+
+static enum status read_lens(const struct json *from, const char *path, struct lens *out)
+{
+    double width, height;
+    enum status status = json_need_number(from, "width", path, &width);
+    if (status == OK)
+        status = json_need_number(from, "height", path, &height);
+    if (status == OK)
+        status = json_need_number(from, "fx", path, &out->fx);
+    if (status == OK)
+        status = json_need_number(from, "fy", path, &out->fy);
+    if (status == OK)
+        status = json_need_number(from, "cx", path, &out->cx);
+    if (status == OK)
+        status = json_need_number(from, "cy", path, &out->cy);
+    if (status != OK)
+        return status;
+    if (!(width >= 1 && width <= 16384 && height >= 1 && height <= 16384))
+        return fail(ERR_INPUT, "%s: width and height must be from 1 to 16384", path);
+    out->width = (int)width;
+    out->height = (int)height;
+    return lens_check(out, path);
+}
+
+// A matrix 4 x 4 of a rigid motion; absent: the identity, and not *placed.
+static enum status read_motion(const struct json *from, const char *path, struct pose *out, bool *placed)
+{
+    *out = POSE_IDENTITY;
+    const struct json *rows = json_member(from, "body_from_camera");
+    *placed = rows != NULL;
+    if (!rows)
+        return OK;
+    double m[3][3], t[3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++)
+            if (!json_get_number(json_at(json_at(rows, i), j), j < 3 ? &m[i][j] : &t[i]))
+                return fail(ERR_INPUT, "%s: body_from_camera must be a 4 x 4 matrix", path);
+    if (!matrix_is_rotation(m, 1e-3))
+        return fail(ERR_INPUT, "%s: body_from_camera is no rotation of right-handed axes", path);
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(t[i]) < FARTHEST_M))
+            return fail(ERR_INPUT, "%s: body_from_camera is %g m from the body", path, fabs(t[i]));
+    out->rotation = quat_from_matrix(m);
+    out->translation = v3(t[0], t[1], t[2]);
+    return OK;
+}
+
+static enum status read_calibration(struct surround_set *set, const struct json *root, const char *path)
+{
+    enum status status = read_lens(json_member(root, "view"), path, &set->view);
+    const struct json *panorama = json_member(root, "panorama"), *body = json_member(root, "body");
+    const char *projection = "";
+    json_get_string(json_member(panorama, "projection"), &projection);
+    if (status == OK && strcmp(projection, "equirectangular"))
+        status = read_lens(panorama, path, &set->panorama_lens);
+    if (status == OK)
+        status = read_motion(panorama, path, &set->body_from_panorama, &set->panorama_placed);
+    const double usual[3] = {0.6, 0.5, 1.2};
+    const char *const names[3] = {"length_m", "width_m", "height_m"};
+    for (int i = 0; i < 3; i++) {
+        set->body_size_m[i] = usual[i];
+        json_get_number(json_member(body, names[i]), &set->body_size_m[i]);
+        if (!(set->body_size_m[i] > 0 && set->body_size_m[i] < 100))
+            return fail(ERR_INPUT, "%s: the body's %s must be above 0", path, names[i]);
+    }
+    for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
+        const struct json *one = json_member(json_member(root, "depth"), camera_names[c]);
+        if (!one)
+            continue;
+        status = read_lens(one, path, &set->depth_cameras[c].lens);
+        if (status == OK)
+            status = read_motion(one, path, &set->depth_cameras[c].body_from_camera, &set->depth_cameras[c].placed);
+    }
+    return status;
+}
+
+static enum status read_filmed_calibration(struct surround_set *set, const struct json *root, const char *path)
+{
+    const struct json *color = json_member(root, "color"), *distortion = json_member(color, "distortion");
+    enum status status = read_lens(color, path, &set->panorama_lens);
+    if (status == OK)
+        status = read_lens(json_member(root, "depth"), path, &set->depth_cameras[0].lens);
+    if (status != OK)
+        return status;
+    struct lens *lens = &set->panorama_lens;
+    double *const terms[5] = {&lens->k1, &lens->k2, &lens->p1, &lens->p2, &lens->k3};
+    for (int i = 0; i < 5; i++)
+        json_get_number(json_at(distortion, i), terms[i]);
+    set->view = *lens;
+    set->view.k1 = set->view.k2 = set->view.p1 = set->view.p2 = set->view.k3 = 0;
+    set->body_from_panorama = set->depth_cameras[0].body_from_camera = POSE_IDENTITY;
+    return lens_check(lens, path);
+}
+
+enum status surround_rig_read(struct surround_set *out, const char *path)
+{
+    *out = (struct surround_set){.robot = true};
+    struct json *root;
+    enum status status = json_read(path, &root);
+    if (status != OK)
+        return status;
+    status = read_calibration(out, root, path);
+    json_free(&root);
+    if (status != OK)
+        *out = (struct surround_set){0};
+    return status;
+}
+
+static enum status open_calibration(struct surround_set *set, const char *folder)
+{
+    char path[2048];
+    snprintf(path, sizeof path, "%s/calibration.json", folder);
+    struct json *root;
+    enum status status = json_read(path, &root);
+    if (status != OK)
+        return status;
+    status = set->filmed ? read_filmed_calibration(set, root, path) : read_calibration(set, root, path);
+    json_free(&root);
+    return status;
+}
+
+// The file nearest to a time, or NULL. `from`: where the search begins, 0 or as the call for an earlier time left it.
+static const char *file_at(const struct timed_file *list, int count, int64_t time_ns, int *from)
+{
+    while (*from + 1 < count && llabs(list[*from + 1].time_ns - time_ns) < llabs(list[*from].time_ns - time_ns))
+        ++*from;
+    const struct timed_file *best = count ? &list[*from] : NULL;
+    return best && llabs(best->time_ns - time_ns) <= MOST_APART_NS ? best->path : NULL;
+}
+
+static enum status read_captures(struct surround_set *set, const char *folder)
+{
+    enum status status =
+        file_list_read(folder, set->filmed ? "rgb.txt" : "panorama.txt", &set->files[0], &set->capture_count);
+    int counts[SURROUND_DEPTH_CAMERAS] = {0};
+    for (int c = 0; status == OK && set->robot && c < SURROUND_DEPTH_CAMERAS; c++) {
+        char name[64];
+        snprintf(name, sizeof name, "depth_%s.txt", camera_names[c]);
+        if (set->depth_cameras[c].lens.width)
+            status = file_list_read(folder, name, &set->files[1 + c], &counts[c]);
+    }
+    if (status == OK && set->filmed)
+        status = file_list_read(folder, "depth.txt", &set->files[1], &counts[0]);
+    if (status == OK && !(set->captures = calloc((size_t)set->capture_count, sizeof *set->captures)))
+        status = fail(ERR_MEMORY, "out of memory");
+    int nearest[SURROUND_DEPTH_CAMERAS] = {0};
+    for (int i = 0; status == OK && i < set->capture_count; i++) {
+        struct capture *capture = &set->captures[i];
+        capture->time_ns = set->files[0][i].time_ns;
+        capture->panorama = set->files[0][i].path;
+        for (int c = 0; c < SURROUND_DEPTH_CAMERAS; c++)
+            capture->depth[c] = file_at(set->files[1 + c], counts[c], capture->time_ns, &nearest[c]);
+        capture->guess = pose_list_at(set->odometry, set->odometry_count, capture->time_ns);
+    }
+    return status;
+}
+
+static enum status read_set(struct surround_set *set, const char *folder)
+{
+    char path[2048];
+    snprintf(path, sizeof path, "%s/odometry.txt", folder);
+    set->robot = file_exists(path);
+    if (!set->robot) {
+        snprintf(path, sizeof path, "%s/rgb.txt", folder);
+        set->filmed = file_exists(path);
+        snprintf(path, sizeof path, "%s/%s", folder, set->filmed ? "trajectory.txt" : "panorama_poses.txt");
+    }
+    enum status status = open_calibration(set, folder);
+    if (status == OK)
+        status = pose_list_read(path, &set->odometry, &set->odometry_count);
+    if (status == OK)
+        status = read_captures(set, folder);
+    if (status == OK && !set->robot && !set->filmed) {
+        snprintf(path, sizeof path, "%s/points.ply", folder);
+        status = ply_points_read(path, &set->points, &set->point_count);
+    }
+    return status;
+}
+
+enum status surround_set_read(struct surround_set *out, const char *folder)
+{
+    *out = (struct surround_set){0};
+    const enum status status = read_set(out, folder);
+    if (status != OK)
+        surround_set_free(out);
+    return status;
+}
+
+void surround_set_free(struct surround_set *set)
+{
+    free(set->captures);
+    free(set->odometry);
+    free(set->points);
+    for (int i = 0; i <= SURROUND_DEPTH_CAMERAS; i++)
+        free(set->files[i]);
+    *set = (struct surround_set){0};
+}
+
+enum status surround_set_picture(const struct surround_set *set, int capture, struct surround_picture *out)
+{
+    struct image image;
+    const struct lens *lens = set->panorama_lens.width ? &set->panorama_lens : NULL;
+    enum status status = image_read(set->captures[capture].panorama, &image);
+    if (status != OK)
+        return status;
+    if (lens && (lens->width != image.width || lens->height != image.height)) {
+        free(image.rgb);
+        return fail(ERR_INPUT, "%s is not of calibration.json's size", set->captures[capture].panorama);
+    }
+    struct lens ideal = set->panorama_lens;
+    if (lens)
+        status = surround_image_undistort(image.rgb, &ideal);
+    if (status != OK) {
+        free(image.rgb);
+        return status;
+    }
+    status = surround_picture_make(out, image.rgb, image.width, image.height, lens ? &ideal : NULL);
+    out->time_ns = set->captures[capture].time_ns;
+    return status;
+}
