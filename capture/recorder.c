@@ -1,20 +1,18 @@
 // The recorder's threads and the smoothing after them.
 #include "capture/recorder.h"
 
-#include "capture/segmentation/background_depth.h"
+#include "base/clock.h"
+#include "base/queue.h"
+#include "base/thread_priority.h"
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
+#include "capture/follow.h"
 #include "capture/recorder_item.h"
-#include "capture/sensor_pose.h"
 #include "capture/take_frames.h"
 #include "capture/take_smoothing.h"
 #include "capture/tracking/skeleton_smoother.h"
-#include "capture/tracking/tracker.h"
-#include "base/clock.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
-#include "base/queue.h"
-#include "base/thread_priority.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -39,7 +37,6 @@ static const int JPEG_QUALITY = 92; // for sensors that deliver raw images. Chos
 
 struct recorder {
     const struct calibration *calibration;
-    const struct place *place; // may be NULL
     const struct recorder_options *options;
     struct recording_writer *writer;
     struct queue *to_look, *to_process, *to_write; // to_look: NULL without body points
@@ -54,15 +51,11 @@ struct recorder {
     bool live;
 
     // used by the processing thread only, until it is joined
-    struct tracker *tracker;
+    struct follower *follower;
     struct smoother *smoother; // NULL once its memory was exhausted
     bool smoothing_out_of_memory;
-    struct sensor_pose *sensor_pose; // NULL without a place or without colour
     struct body_radii radii;
-    uint16_t *background;
     int64_t frames_processed;
-    int moves_seen;
-    bool background_known;
     double busy_ms, slowest_ms;
 
     // used by the writing thread only, until it is joined
@@ -111,29 +104,10 @@ static void *look_at_all(void *context)
 
 // ------------------------------------------------------------- processing
 
-// Gives the tracker the background depth and the floor of the place, once the sensor is located and again when it was
-// moved.
-static enum status set_background_and_floor(struct recorder *r, struct pose world_from_color)
+static struct follower_frame frame_of_item(const struct recorder_item *item)
 {
-    struct pose world_from_depth = pose_multiply(world_from_color, r->calibration->color_from_depth);
-    enum status status = background_depth_render(r->place, &r->calibration->depth, world_from_depth, r->background);
-    if (status != OK)
-        return status;
-    tracker_set_background(r->tracker, r->background);
-    struct vec3 up = quat_rotate(quat_conjugate(world_from_depth.rotation), v3(0, 0, 1));
-    tracker_set_floor(r->tracker, up, world_from_depth.translation.z);
-    r->background_known = true;
-    return OK;
-}
-
-static enum status locate_item(struct recorder *r, struct recorder_item *item)
-{
-    if (!r->sensor_pose)
-        return OK;
-    item->located = sensor_pose_get(r->sensor_pose, &item->world_from_camera);
-    bool moved = sensor_pose_moves(r->sensor_pose) != r->moves_seen;
-    r->moves_seen = sensor_pose_moves(r->sensor_pose);
-    return item->located && (moved || !r->background_known) ? set_background_and_floor(r, item->world_from_camera) : OK;
+    return (struct follower_frame){
+        .time_ns = item->time_ns, .color = item->color, .depth = item->depth, .mask = item->mask};
 }
 
 // Smoothing is optional: where its memory cannot grow, it is given up and recording goes on.
@@ -141,7 +115,7 @@ static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const s
 {
     if (!r->smoother)
         return OK;
-    enum status status = smoother_push(r->smoother, r->tracker, time_ns, online);
+    enum status status = smoother_push(r->smoother, follower_tracker(r->follower), time_ns, online);
     if (status != ERR_MEMORY)
         return status;
     smoother_close(&r->smoother);
@@ -149,20 +123,22 @@ static enum status push_to_smoother(struct recorder *r, int64_t time_ns, const s
     return OK;
 }
 
-static enum status track_item(struct recorder *r, struct recorder_item *item)
+// The item has been located.
+static enum status track_item(struct recorder *r, struct recorder_item *item, struct followed_frame *followed)
 {
-    enum status status = NOTHING;
+    const struct follower_frame frame = frame_of_item(item);
     if (item->after_pause) // the person may stand elsewhere by now
-        tracker_reset(r->tracker);
+        follower_reset(r->follower);
     if (item->has_points)
-        tracker_set_body_points(r->tracker, &item->points);
-    if (item->depth)
-        status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
-    if (status < 0)
+        follower_set_points(r->follower, item->time_ns, &item->points);
+    enum status status = follower_track(r->follower, &frame, followed);
+    if (status != OK)
         return status;
-    bool no_person = status == NOTHING;
-    status = push_to_smoother(r, item->time_ns, no_person ? NULL : &item->skeleton);
-    if (status != OK || no_person)
+    item->located = followed->located;
+    item->world_from_camera = followed->world_from_camera;
+    item->skeleton = followed->skeleton;
+    status = push_to_smoother(r, item->time_ns, followed->person ? &item->skeleton : NULL);
+    if (status != OK || !followed->person)
         return status;
     item->has_skeleton = true;
     item->body_changed =
@@ -171,38 +147,35 @@ static enum status track_item(struct recorder *r, struct recorder_item *item)
     return OK;
 }
 
-static void show_item(const struct recorder *r, const struct recorder_item *item)
+static void show_item(const struct recorder *r, const struct recorder_item *item, const struct followed_frame *followed)
 {
     if (!r->options->on_seen)
         return;
-    struct recorder_seen seen = {.time_ns = item->time_ns,
-                                 .color = item->color,
-                                 .depth = item->depth,
-                                 .mask = item->has_skeleton ? item->mask : NULL,
-                                 .skeleton = item->has_skeleton ? &item->skeleton : NULL,
-                                 .located = item->located,
-                                 .sensor_moves = r->moves_seen};
-    if (r->sensor_pose)
-        sensor_pose_get_sight(r->sensor_pose, &seen.sight);
+    const struct recorder_seen seen = {.time_ns = item->time_ns,
+                                       .color = item->color,
+                                       .depth = item->depth,
+                                       .mask = item->has_skeleton ? item->mask : NULL,
+                                       .skeleton = item->has_skeleton ? &item->skeleton : NULL,
+                                       .located = item->located,
+                                       .sight = followed->sight,
+                                       .sensor_moves = followed->sensor_moves};
     r->options->on_seen(r->options->context, &seen);
 }
 
-// Takes ownership of the item. located_before: sensor_pose has already seen it, as it has the first frames.
+// Takes ownership of the item. located_before: it has been located already, as the first frames have.
 static enum status process_item(struct recorder *r, struct recorder_item *item, bool located_before)
 {
     int64_t begun = clock_now_ns();
-    enum status status = OK;
-    if (r->sensor_pose && !located_before)
-        status = sensor_pose_update(r->sensor_pose, item->color, item->depth);
+    struct followed_frame followed;
+    const struct follower_frame frame = frame_of_item(item);
+    enum status status = located_before ? OK : follower_locate(r->follower, &frame);
     if (status == OK)
-        status = locate_item(r, item);
-    if (status == OK)
-        status = track_item(r, item);
+        status = track_item(r, item, &followed);
     if (status == OK && item->color && !item->jpeg)
         status = jpeg_encode(item->color, r->calibration->color.width, r->calibration->color.height, JPEG_QUALITY,
                              &item->jpeg, &item->jpeg_bytes);
     if (status == OK)
-        show_item(r, item);
+        show_item(r, item, &followed);
     double ms = (double)(clock_now_ns() - begun) / 1e6;
     r->busy_ms += ms;
     r->slowest_ms = fmax(r->slowest_ms, ms);
@@ -219,9 +192,8 @@ static enum status process_first(struct recorder *r)
     int count = 0;
     enum status status = OK;
     while (count < SENSOR_POSE_WARM_UP && status == OK && (held[count] = queue_take(r->to_process))) {
-        if (r->sensor_pose)
-            status = sensor_pose_update(r->sensor_pose, held[count]->color, held[count]->depth);
-        count++;
+        const struct follower_frame frame = frame_of_item(held[count++]);
+        status = follower_locate(r->follower, &frame);
     }
     for (int i = 0; i < count; i++) {
         if (status == OK)
@@ -401,11 +373,9 @@ static void recorder_free(struct recorder *r)
     queue_close(&r->to_look);
     queue_close(&r->to_process);
     queue_close(&r->to_write);
-    sensor_pose_close(&r->sensor_pose);
-    tracker_close(&r->tracker);
+    follower_close(&r->follower);
     smoother_close(&r->smoother);
     pose_network_close(&r->network);
-    free(r->background);
 }
 
 // Without the networks everything works from depth alone; the result says so.
@@ -421,46 +391,43 @@ static enum status prepare_points(struct recorder *r, struct recorder_result *re
     return status == OK ? queue_open(&r->to_look, waiting_frames(r->calibration, WAITING_FRAMES)) : status;
 }
 
-static enum status recorder_prepare(struct recorder *r, const struct recorder_options *given,
+static enum status recorder_prepare(struct recorder *r, const struct place *place, const struct recorder_options *given,
                                     struct recorder_result *result)
 {
-    struct tracker_options options = tracker_default_options();
+    struct follower_options options = follower_default_options();
+    options.place = place;
     body_radii_start(&r->radii);
     enum status status = given->body_points ? prepare_points(r, result) : OK;
     if (status == OK)
-        status = tracker_open(&r->tracker, r->calibration, &options);
+        status = follower_open(&r->follower, r->calibration, &options);
     if (status == OK)
         status = smoother_open(&r->smoother, r->calibration);
     if (status == OK)
         smoother_limit_memory(r->smoother, given->smoother_bytes_max);
-    if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) &&
-        r->calibration->color.width > 0)
-        status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
         status =
             queue_open(&r->to_process, waiting_frames(r->calibration, r->to_look ? WAITING_LOOKED : WAITING_FRAMES));
     if (status == OK)
         status = queue_open(&r->to_write, waiting_frames(r->calibration, WAITING_WRITES));
-    if (status == OK && !(r->background = malloc(sizeof *r->background * lens_pixels(&r->calibration->depth))))
-        status = fail(ERR_MEMORY, "no memory for the background");
     return status;
 }
 
 static void fill_result(const struct recorder *r, const struct source *source, struct recorder_result *result)
 {
     struct pose pose;
+    const struct sensor_pose *sensor = r->follower ? follower_sensor_pose(r->follower) : NULL;
     result->frames = r->written;
     result->tracked = r->tracked;
     result->looked = r->looked;
     result->dropped += source_dropped(source);
-    result->located = r->sensor_pose && sensor_pose_get(r->sensor_pose, &pose);
-    result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
     result->first_moved = -1;
-    if (r->sensor_pose) {
+    if (sensor) {
         struct sensor_sight sight;
-        sensor_pose_get_sight(r->sensor_pose, &sight);
+        sensor_pose_get_sight(sensor, &sight);
+        result->located = sensor_pose_get(sensor, &pose);
+        result->sensor_moves = sensor_pose_moves(sensor);
         result->mirrored = sight.mirrored;
-        result->tags_moved = sensor_pose_moved_tags(r->sensor_pose, &result->first_moved);
+        result->tags_moved = sensor_pose_moved_tags(sensor, &result->first_moved);
     }
     result->smoothing_out_of_memory = r->smoothing_out_of_memory;
     result->slowest_ms = r->slowest_ms;
@@ -471,10 +438,11 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    if (!r->tracked || !r->smoother || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
+    const struct sensor_pose *sensor = follower_sensor_pose(r->follower);
+    if (!r->tracked || !r->smoother || (sensor && sensor_pose_far_moves(sensor)))
         return OK;
     int64_t begun = clock_now_ns();
-    enum status status = take_smooth(r->smoother, r->tracker, r->writer, name, options);
+    enum status status = take_smooth(r->smoother, follower_tracker(r->follower), r->writer, name, options);
     if (status == ERR_MEMORY) {
         result->smoothing_out_of_memory = true;
         return OK;
@@ -523,7 +491,6 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
 {
     *result = (struct recorder_result){0};
     struct recorder r = {.calibration = source_calibration(source),
-                         .place = place,
                          .options = options,
                          .writer = writer,
                          .live = source_is_live(source)};
@@ -531,7 +498,7 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
     if (status == OK) {
         r.synced_before = recording_writer_count(writer).synced_frames;
         r.written_before = recording_writer_count(writer).written_bytes;
-        status = recorder_prepare(&r, options, result);
+        status = recorder_prepare(&r, place, options, result);
         if (status == OK)
             status = run_threads(&r, source, options, result);
         fill_result(&r, source, result);

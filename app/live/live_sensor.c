@@ -1,6 +1,5 @@
 #include "app/live/live_sensor.h"
 
-#include "app/live/live_points.h"
 #include "app/camera/mailbox.h"
 #include "base/clock.h"
 #include "base/condition.h"
@@ -36,7 +35,6 @@ struct live_sensor {
     // used by the sensor's thread only
     struct source *source;
     struct live_tracker *tracker;
-    struct live_points *points;                  // NULL: none are looked for
     int attempt;                                 // being collected; 0: none yet
     bool collecting;                             // the wish's run, as of the last frame
     bool keeping;                                // the keeper gets the attempt's frames
@@ -242,21 +240,12 @@ static void follow_wish(struct live_sensor *s, const struct live_wish *wish)
         live_tracker_show(s->tracker, &wish->shown);
 }
 
-// What was found in an earlier image goes to the tracker, and this one to the thread that looks.
-static void exchange_points(struct live_sensor *s, const struct frame *frame)
+static void note_points(struct live_sensor *s)
 {
-    struct body_points points;
-    int64_t image_ns;
-    if (!s->points)
-        return;
-    if (live_points_take(s->points, &image_ns, &points))
-        live_tracker_set_points(s->tracker, image_ns, &points);
-    if (frame->color)
-        live_points_offer(s->points, frame->time_ns, frame->color);
-    const struct live_points_state state = live_points_query(s->points);
+    const struct follower_points points = live_tracker_query_points(s->tracker);
     pthread_mutex_lock(&s->lock);
-    s->state.looked = state.looked;
-    memcpy(s->state.no_body_points, state.why_not, sizeof s->state.no_body_points);
+    s->state.looked = points.looked;
+    memcpy(s->state.no_body_points, points.why_not, sizeof s->state.no_body_points);
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -266,7 +255,7 @@ static enum status process(struct live_sensor *s, const struct frame *frame, int
     struct sensor_slot *slot = acquire(s);
     struct live_frame *f = &slot->frame;
     follow_wish(s, &wish);
-    exchange_points(s, frame);
+    note_points(s);
     struct calibration calibration = *source_calibration(s->source);
     s->without_color = frames_without_color(s->without_color, frame->color);
     if (s->without_color == DEPTH_PICTURE_AFTER && calibration.registered)
@@ -308,8 +297,6 @@ static enum status rewind_film(struct live_sensor *s)
     enum status status = source_open(&s->source, s->uri, SOURCE_SENSOR);
     if (status == OK)
         live_tracker_reset(s->tracker);
-    if (s->points)
-        live_points_restart(s->points);
     s->at_start = true;
     s->first_ns = s->began_ns = s->due_ns = 0;
     return status;
@@ -376,18 +363,14 @@ static enum status open_sensor(struct live_sensor *s)
     const struct live_tracker_options how = {.calibration = source_calibration(s->source),
                                              .place = s->options.place,
                                              .reference = s->options.reference,
-                                             .mirrored = s->options.mirrored};
+                                             .mirrored = s->options.mirrored,
+                                             .finds_points = !s->options.no_body_points};
     pthread_mutex_lock(&s->lock);
     s->state.film = !source_is_live(s->source);
     pthread_mutex_unlock(&s->lock);
     s->at_start = true;
     s->first_ns = s->began_ns = s->due_ns = 0;
-    status = live_tracker_open(&s->tracker, &how);
-    const struct lens *color = &how.calibration->color;
-    if (status != OK || s->options.no_body_points || color->width <= 0)
-        return status;
-    const struct live_points_options look = {.width = color->width, .height = color->height};
-    return live_points_open(&s->points, &look);
+    return live_tracker_open(&s->tracker, &how);
 }
 
 // Until the sensor fails, ends (a live one: ERR_DEVICE), or the thread must stop.
@@ -436,7 +419,6 @@ static void *sensor_thread(void *self)
         if (status != OK)
             report(s, status_message());
         end_keeping(s);
-        live_points_close(&s->points);
         live_tracker_close(&s->tracker);
         source_close(&s->source);
         if (status != OK)

@@ -1,6 +1,6 @@
 // The live sensor: a depth sensor that is read, tracked and judged (live_tracker.h) on a thread of its own. The newest
 // frame wins: what is not drawn in time is dropped, and so is what the sensor delivers while a frame is tracked. Body
-// points are looked for beside it (live_points.h).
+// points are looked for beside it (capture/follow.h).
 //
 // A sensor that fails is closed and opened again every second. A film (folder:, oni:) is played in real time and stands
 // in for a person: it stays at its first frame until an attempt begins, and starts again with each attempt. What comes

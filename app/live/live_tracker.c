@@ -1,10 +1,6 @@
 #include "app/live/live_tracker.h"
 
-#include "app/live/point_motion.h"
 #include "base/clock.h"
-#include "capture/segmentation/background_depth.h"
-#include "capture/sensor_pose.h"
-#include "capture/tracking/tracker.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -19,24 +15,15 @@ static const double UNKNOWN_HEIGHT_M = 1;
 
 struct live_tracker {
     struct calibration calibration;
-    const struct place *place;
     const struct movement *reference, *mirrored;
-    struct tracker *tracker;
-    struct sensor_pose *sensor_pose; // NULL: no place or no colour
-    struct live_judge *judge;        // NULL: no reference
-    uint16_t *background;
-    bool background_known;
+    struct follower *follower;
+    struct live_judge *judge;   // NULL: no reference
     bool holds_world, is_level; // live_tracker_hold_world; the last frame's world was `level`, not the place
     struct pose level;
-    int moves_seen;
     struct live_shown shown;
     int64_t frames, last_ns; // last_ns: of the last judged frame
     bool has_last;
     int second_looks;
-    struct point_motion motion;
-    struct body_points points; // of the image at points_ns, to be used with the next frame
-    int64_t points_ns;
-    bool has_points;
 };
 
 enum status live_tracker_open(struct live_tracker **out, const struct live_tracker_options *options)
@@ -46,19 +33,15 @@ enum status live_tracker_open(struct live_tracker **out, const struct live_track
     if (!t)
         return fail(ERR_MEMORY, "no memory to track a person");
     t->calibration = *options->calibration;
-    t->place = options->place;
     t->reference = options->reference;
     t->mirrored = options->mirrored;
     t->shown.end = t->reference ? t->reference->count : 0;
-    const struct lens *depth = &t->calibration.depth;
-    enum status status = tracker_open(&t->tracker, &t->calibration, NULL);
+    struct follower_options follow = follower_default_options();
+    follow.place = options->place;
+    follow.finds_points = options->finds_points;
+    enum status status = follower_open(&t->follower, &t->calibration, &follow);
     if (status == OK && t->reference)
         status = live_judge_open(&t->judge, t->reference);
-    if (status == OK && t->place && (t->place->tag_count > 0 || t->place->point_count > 0) &&
-        t->calibration.color.width > 0)
-        status = sensor_pose_open(&t->sensor_pose, t->place, &t->calibration);
-    if (status == OK && !(t->background = malloc(sizeof *t->background * (size_t)depth->width * (size_t)depth->height)))
-        status = fail(ERR_MEMORY, "no memory for the background");
     if (status != OK)
         live_tracker_close(&t);
     *out = t;
@@ -69,10 +52,8 @@ void live_tracker_close(struct live_tracker **t)
 {
     if (!*t)
         return;
-    tracker_close(&(*t)->tracker);
-    sensor_pose_close(&(*t)->sensor_pose);
+    follower_close(&(*t)->follower);
     live_judge_close(&(*t)->judge);
-    free((*t)->background);
     free(*t);
     *t = NULL;
 }
@@ -97,44 +78,19 @@ void live_tracker_hold_world(struct live_tracker *t, bool hold) { t->holds_world
 
 void live_tracker_reset(struct live_tracker *t)
 {
-    tracker_reset(t->tracker);
-    point_motion_clear(&t->motion);
-    t->has_points = false;
+    follower_reset(t->follower);
     t->second_looks = 0;
     live_tracker_restart_judge(t);
 }
 
 // ---------------------------------------------------------------- where the sensor is
 
-static enum status locate(struct live_tracker *t, const uint8_t *color, const uint16_t *depth, struct live_look *out)
-{
-    if (!t->sensor_pose)
-        return OK;
-    enum status status = sensor_pose_update(t->sensor_pose, color, depth);
-    if (status != OK)
-        return status;
-    out->located = sensor_pose_get(t->sensor_pose, &out->place_from_camera);
-    const bool moved = sensor_pose_moves(t->sensor_pose) != t->moves_seen;
-    t->moves_seen = sensor_pose_moves(t->sensor_pose);
-    if (!out->located || (t->background_known && !moved))
-        return OK;
-    const struct pose world_from_depth = pose_multiply(out->place_from_camera, t->calibration.color_from_depth);
-    status = background_depth_render(t->place, &t->calibration.depth, world_from_depth, t->background);
-    if (status != OK)
-        return status;
-    tracker_set_background(t->tracker, t->background);
-    const struct vec3 up = quat_rotate(quat_conjugate(world_from_depth.rotation), v3(0, 0, 1));
-    tracker_set_floor(t->tracker, up, world_from_depth.translation.z);
-    t->background_known = true;
-    return OK;
-}
-
 // The world of a sensor that is in no place: level, on the floor below the sensor.
 static struct pose level_pose(const struct live_tracker *t)
 {
     struct vec3 up;
     double height_m;
-    if (!tracker_floor(t->tracker, &up, &height_m))
+    if (!tracker_floor(follower_tracker(t->follower), &up, &height_m))
         height_m = UNKNOWN_HEIGHT_M;
     const struct vec3 z = v3_unit(quat_rotate(t->calibration.color_from_depth.rotation, up)), ahead = v3(0, 0, 1);
     const struct vec3 y = v3_unit(v3_sub(ahead, v3_scale(z, v3_dot(z, ahead)))), x = v3_cross(y, z);
@@ -180,31 +136,17 @@ static void judge(struct live_tracker *t, struct live_look *look)
     t->has_last = true;
 }
 
-void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const struct body_points *points)
-{
-    t->points = *points;
-    t->points_ns = image_ns;
-    t->has_points = t->calibration.color.width > 0;
-}
-
-static void use_points(struct live_tracker *t, int64_t time_ns)
-{
-    if (t->has_points && point_motion_apply(&t->motion, &t->calibration.color, t->points_ns, time_ns, &t->points))
-        tracker_set_body_points(t->tracker, &t->points);
-    t->has_points = false;
-}
-
 // Before tracking a frame, and after it.
 static void look_for_second(struct live_tracker *t)
 {
     if (t->frames % SECOND_EVERY == 0)
-        tracker_look_for_second_person(t->tracker);
+        tracker_look_for_second_person(follower_tracker(t->follower));
 }
 
 static bool second_person(struct live_tracker *t)
 {
     if (t->frames % SECOND_EVERY == 0)
-        t->second_looks = tracker_sees_second_person(t->tracker) ? t->second_looks + 1 : 0;
+        t->second_looks = tracker_sees_second_person(follower_tracker(t->follower)) ? t->second_looks + 1 : 0;
     return t->second_looks >= SECOND_LOOKS;
 }
 
@@ -215,17 +157,18 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     for (int p = 0; p < PART_COUNT; p++)
         out->parts[p] = (struct part_difference){NAN, NAN, VERDICT_UNKNOWN};
     const int64_t begun_ns = clock_cpu_ns();
-    enum status status = locate(t, color, depth, out);
+    const struct follower_frame frame = {.time_ns = time_ns, .color = color, .depth = depth, .mask = mask};
+    struct followed_frame followed;
     look_for_second(t);
-    use_points(t, time_ns);
-    if (status == OK)
-        status = tracker_next(t->tracker, time_ns, depth, &out->skeleton, mask);
+    enum status status = follower_next(t->follower, &frame, &followed);
     const int64_t tracked_ns = clock_cpu_ns();
     out->track_ms = (double)(tracked_ns - begun_ns) * 1e-6;
-    if (status < 0)
+    if (status != OK)
         return status;
-    out->person = status == OK;
-    point_motion_add(&t->motion, time_ns, out->person ? &out->skeleton : NULL);
+    out->located = followed.located;
+    out->place_from_camera = followed.world_from_camera;
+    out->person = followed.person;
+    out->skeleton = followed.skeleton;
     out->second_person = out->person && second_person(t);
     t->frames++;
     const bool stays_level = t->holds_world && t->is_level;
@@ -243,3 +186,5 @@ enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uin
     out->judge_ms = (double)(clock_cpu_ns() - tracked_ns) * 1e-6;
     return OK;
 }
+
+struct follower_points live_tracker_query_points(struct live_tracker *t) { return follower_query_points(t->follower); }

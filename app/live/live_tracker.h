@@ -1,19 +1,19 @@
 // What the live screens know of one frame of a depth sensor: the person's skeleton in the world, and how each part
-// differs from the reference. Put together as the recorder does it (capture/recorder.h): sensor pose in the place,
-// background and floor from it, segmentation, tracking; then compare/live_judge.h. Body points of the colour images are
-// used where the caller has some; they may come some frames late (point_motion.h).
+// differs from the reference. The person is followed as in a take (capture/follow.h), with body points from a thread
+// beside it where they are wanted, and judged by compare/live_judge.h.
 //
 // World axes: z up, metres. The place's world where the sensor is located in it; else the origin is on the floor below
 // the sensor, y is ahead of it, and the floor is what segmentation found (until then the sensor counts as level, 1 m
 // high).
 //
-// No thread, no clock, no file; one handle, one thread. Memory is constant but for the reference's alignment prices (8
-// bytes a frame).
+// No file; one handle, one thread. Without body points there is no other thread, and the same frames give the same
+// answers. Memory is constant but for the reference's alignment prices (8 bytes a frame).
 #pragma once
 #include "base/lens.h"
-#include "recording/place.h"
+#include "capture/follow.h"
 #include "compare/joint_samples.h"
 #include "compare/live_judge.h"
+#include "recording/place.h"
 
 struct live_tracker;
 
@@ -22,6 +22,7 @@ struct live_tracker_options {
     const struct place *place;             // to locate it in; NULL or empty: none. Must outlive the tracker
     const struct movement *reference;      // to judge by; NULL: only tracked. Must outlive the tracker
     const struct movement *mirrored;       // its mirror image; NULL: never judged by. Must outlive the tracker
+    bool finds_points;                     // body points, in colour images, on a thread of their own
 };
 // ERR_INPUT: no usable depth lens. ERR_MEMORY. *out is then NULL.
 MUST_CHECK enum status live_tracker_open(struct live_tracker **out, const struct live_tracker_options *options);
@@ -37,12 +38,8 @@ void live_tracker_restart_judge(struct live_tracker *t); // an attempt begins
 // While an attempt is made its world stays the one in which it began: where the sensor is located only then, the place
 // is not the world before its end.
 void live_tracker_hold_world(struct live_tracker *t, bool hold);
-void live_tracker_reset(struct live_tracker *t); // and the person and the learned background are forgotten, too
-
-struct body_points;
-// What was found in the colour image of that time, the next frame's or an earlier one's; used by the next
-// live_tracker_next. Copied.
-void live_tracker_set_points(struct live_tracker *t, int64_t image_ns, const struct body_points *points);
+// And the person, the learned background and the body points are forgotten, too.
+void live_tracker_reset(struct live_tracker *t);
 
 struct live_look {
     bool located;                  // the sensor is, in the place
@@ -64,3 +61,5 @@ struct live_look {
 // ERR_MEMORY, ERR_SOLVER: the next frame may be tried.
 MUST_CHECK enum status live_tracker_next(struct live_tracker *t, int64_t time_ns, const uint8_t *color,
                                          const uint16_t *depth, uint8_t *mask, struct live_look *out);
+
+struct follower_points live_tracker_query_points(struct live_tracker *t); // how body points are looked for

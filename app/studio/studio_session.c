@@ -1,13 +1,13 @@
 #include "app/studio/studio_session.h"
 
-#include "base/clock.h"
-#include "capture/coaching/raised_hand.h"
 #include "app/studio/studio_rate.h"
 #include "app/studio/studio_sweep.h"
 #include "app/studio/studio_verdict.h"
 #include "app/studio/studio_wish.h"
+#include "base/clock.h"
+#include "capture/coaching/raised_hand.h"
+#include "capture/follow.h"
 #include "capture/recorder.h"
-#include "capture/tracking/tracker.h"
 #include "platform/files/file.h"
 
 #include <pthread.h>
@@ -36,11 +36,9 @@ struct studio_session {
     struct source *source;
     struct place place;
     bool has_place;
-    struct tracker *tracker;
-    struct sensor_pose *sensor_pose; // NULL without a place
+    struct follower *follower; // of the preview; takes have the recorder's
     struct studio_rate rate;
     struct studio_room room; // swept, not decided yet
-    bool located;
     uint8_t *mask;
     // of whichever thread sees the frames: the session's in the preview, the recorder's in a take
     struct coach coach;
@@ -203,15 +201,17 @@ static void on_paused(void *context, const struct frame *frame)
 
 // ---------------------------------------------------------------- the sensor
 
-static enum status open_sensor_pose(struct studio_session *s)
+// As the recorder follows the person, but with body points on a thread of their own: the picture must not wait for
+// them.
+static enum status open_follower(struct studio_session *s)
 {
-    const struct calibration *c = source_calibration(s->source);
+    struct follower_options options = follower_default_options();
+    options.place = s->has_place ? &s->place : NULL;
+    options.finds_points = s->options.body_points;
     pthread_mutex_lock(&s->lock);
     s->shown.has_place = s->has_place;
     pthread_mutex_unlock(&s->lock);
-    sensor_pose_close(&s->sensor_pose);
-    s->located = false;
-    return s->has_place && c->color.width > 0 ? sensor_pose_open(&s->sensor_pose, &s->place, c) : OK;
+    return follower_open(&s->follower, source_calibration(s->source), &options);
 }
 
 static enum status open_sensor(struct studio_session *s)
@@ -224,9 +224,7 @@ static enum status open_sensor(struct studio_session *s)
     studio_snapshot_calibrate(&s->shown, c);
     pthread_mutex_unlock(&s->lock);
     start_coach(s);
-    status = tracker_open(&s->tracker, c, NULL);
-    if (status == OK)
-        status = open_sensor_pose(s);
+    status = open_follower(s);
     free(s->mask);
     s->mask = calloc((size_t)c->depth.width * (size_t)c->depth.height + 1, 1);
     return status == OK && !s->mask ? fail(ERR_MEMORY, "no memory for the preview") : status;
@@ -234,34 +232,31 @@ static enum status open_sensor(struct studio_session *s)
 
 static void close_sensor(struct studio_session *s)
 {
-    tracker_close(&s->tracker);
-    sensor_pose_close(&s->sensor_pose);
+    follower_close(&s->follower);
     source_close(&s->source);
 }
 
 static enum status preview_frame(struct studio_session *s, const struct frame *frame)
 {
-    struct skeleton skeleton;
-    enum status status = NOTHING;
-    struct recorder_seen seen = {.time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth};
-    if (s->sensor_pose) {
-        struct pose pose;
-        status = sensor_pose_update(s->sensor_pose, frame->color, frame->depth);
-        if (status < 0)
-            return status;
-        s->located = sensor_pose_get(s->sensor_pose, &pose);
-        sensor_pose_get_sight(s->sensor_pose, &seen.sight);
-        seen.sensor_moves = sensor_pose_moves(s->sensor_pose);
-    }
+    const struct follower_frame to_follow = {
+        .time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth, .mask = s->mask};
+    struct followed_frame followed;
     studio_rate_see(&s->rate, frame, source_calibration(s->source), clock_now_ns());
-    status = frame->depth ? tracker_next(s->tracker, frame->time_ns, frame->depth, &skeleton, s->mask) : NOTHING;
-    if (status < 0)
+    enum status status = follower_next(s->follower, &to_follow, &followed);
+    if (status != OK)
         return status;
-    if (status == OK) {
-        seen.mask = s->mask;
-        seen.skeleton = &skeleton;
-    }
-    seen.located = s->located;
+    const struct follower_points points = follower_query_points(s->follower);
+    pthread_mutex_lock(&s->lock);
+    s->shown.points = points;
+    pthread_mutex_unlock(&s->lock);
+    const struct recorder_seen seen = {.time_ns = frame->time_ns,
+                                       .color = frame->color,
+                                       .depth = frame->depth,
+                                       .mask = followed.person ? s->mask : NULL,
+                                       .skeleton = followed.person ? &followed.skeleton : NULL,
+                                       .located = followed.located,
+                                       .sight = followed.sight,
+                                       .sensor_moves = followed.sensor_moves};
     show(s, &seen);
     return OK;
 }
@@ -371,7 +366,7 @@ static enum status run_take(struct studio_session *s)
     snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());
     pthread_mutex_unlock(&s->lock);
     start_coach(s);
-    tracker_reset(s->tracker);
+    follower_reset(s->follower);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     return status;
 }
@@ -420,9 +415,10 @@ static enum status decide_room(struct studio_session *s)
     studio_room_free(&s->room);
     if (!keeps)
         return OK;
+    follower_close(&s->follower); // it has the place
     place_free(&s->place);
     enum status status = studio_read_place(s->file, &s->place, &s->has_place);
-    return status == OK ? open_sensor_pose(s) : status;
+    return status == OK ? open_follower(s) : status;
 }
 
 // A sensor that failed while a room waits is opened again once that is kept or dropped.
@@ -466,7 +462,7 @@ static enum status run_sweep(struct studio_session *s)
     }
     room->ready += status != NOTHING;
     pthread_mutex_unlock(&s->lock);
-    tracker_reset(s->tracker);
+    follower_reset(s->follower);
     start_coach(s);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     return s->room.cut ? after_cut(s) : OK;

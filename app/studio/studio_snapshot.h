@@ -1,8 +1,8 @@
 // What the studio's window shows: everything that the session's threads know, copied for the window's.
 #pragma once
 #include "capture/coaching/coach.h"
+#include "capture/follow.h"
 #include "capture/mapping/map_advice.h"
-#include "capture/sensor_pose.h"
 #include "capture/take_verdict.h"
 
 enum studio_doing {
@@ -47,6 +47,7 @@ struct studio_snapshot {
     struct skeleton skeleton;
     bool has_place, located;
     struct sensor_sight sight;
+    struct follower_points points; // of the preview
     struct studio_counters counters;
     int gestures;    // raised hands so far
     int takes_ready; // takes that ended so far, whatever came of them

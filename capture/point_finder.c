@@ -1,4 +1,4 @@
-#include "app/live/live_points.h"
+#include "capture/point_finder.h"
 
 #include "base/clock.h"
 #include "base/thread_priority.h"
@@ -12,8 +12,8 @@
 // As the recorder looks (recorder.c); and each look is followed by REST times as long without one.
 enum { LOOK_EVERY = 3, REST = 3 };
 
-struct live_points {
-    struct live_points_options options;
+struct point_finder {
+    struct point_finder_options options;
     struct pose_network *network; // used by the thread only
     uint8_t *image;               // the thread's while `busy`
     int64_t offered;              // images since the last look began
@@ -26,18 +26,18 @@ struct live_points {
     bool found;            // `points` has not been taken
     int64_t points_ns;     // time of their image
     struct body_points points;
-    struct live_points_state state;
+    struct point_finder_state state;
 };
 
-static enum status find(struct live_points *p, struct body_points *out)
+static enum status find(struct point_finder *p, struct body_points *out)
 {
-    const struct live_points_options *o = &p->options;
+    const struct point_finder_options *o = &p->options;
     if (o->find)
         return o->find(o->find_self, p->image, o->width, o->height, out);
     return body_points_of_image(p->network, p->image, o->width, o->height, out);
 }
 
-static void give_up(struct live_points *p)
+static void give_up(struct point_finder *p)
 {
     pthread_mutex_lock(&p->worker.lock);
     p->ready = false;
@@ -46,7 +46,7 @@ static void give_up(struct live_points *p)
 }
 
 // False: closing. *restart: the image is the first of a film.
-static bool wait_for_image(struct live_points *p, bool *restart)
+static bool wait_for_image(struct point_finder *p, bool *restart)
 {
     pthread_mutex_lock(&p->worker.lock);
     while (!p->busy && !p->worker.closing)
@@ -58,7 +58,7 @@ static bool wait_for_image(struct live_points *p, bool *restart)
     return !closing;
 }
 
-static void publish(struct live_points *p, enum status status, const struct body_points *points, int64_t begun_ns)
+static void publish(struct point_finder *p, enum status status, const struct body_points *points, int64_t begun_ns)
 {
     const int64_t now_ns = clock_now_ns();
     pthread_mutex_lock(&p->worker.lock);
@@ -76,7 +76,7 @@ static void publish(struct live_points *p, enum status status, const struct body
 
 static void *look(void *self)
 {
-    struct live_points *p = self;
+    struct point_finder *p = self;
     thread_lower_priority();
     enum status status = p->options.find ? OK : pose_network_open(&p->network, NULL, POSE_NETWORK_LITE);
     pthread_mutex_lock(&p->worker.lock);
@@ -96,10 +96,10 @@ static void *look(void *self)
     return NULL;
 }
 
-enum status live_points_open(struct live_points **out, const struct live_points_options *options)
+enum status point_finder_open(struct point_finder **out, const struct point_finder_options *options)
 {
     *out = NULL;
-    struct live_points *p = calloc(1, sizeof *p);
+    struct point_finder *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "no memory to look for body points");
     p->options = *options;
@@ -110,13 +110,13 @@ enum status live_points_open(struct live_points **out, const struct live_points_
         status = worker_thread_start(&p->worker, look, p, "to look for body points");
     *out = p;
     if (status != OK)
-        live_points_close(out);
+        point_finder_close(out);
     return status;
 }
 
-void live_points_close(struct live_points **out)
+void point_finder_close(struct point_finder **out)
 {
-    struct live_points *p = *out;
+    struct point_finder *p = *out;
     if (!p)
         return;
     worker_thread_close(&p->worker);
@@ -125,7 +125,7 @@ void live_points_close(struct live_points **out)
     *out = NULL;
 }
 
-void live_points_offer(struct live_points *p, int64_t time_ns, const uint8_t *rgb)
+void point_finder_offer(struct point_finder *p, int64_t time_ns, const uint8_t *rgb)
 {
     pthread_mutex_lock(&p->worker.lock);
     const bool is_free = p->ready && !p->busy && clock_now_ns() >= p->rest_until_ns;
@@ -141,7 +141,7 @@ void live_points_offer(struct live_points *p, int64_t time_ns, const uint8_t *rg
     pthread_mutex_unlock(&p->worker.lock);
 }
 
-bool live_points_take(struct live_points *p, int64_t *time_ns, struct body_points *out)
+bool point_finder_take(struct point_finder *p, int64_t *time_ns, struct body_points *out)
 {
     pthread_mutex_lock(&p->worker.lock);
     const bool found = p->found;
@@ -154,7 +154,7 @@ bool live_points_take(struct live_points *p, int64_t *time_ns, struct body_point
     return found;
 }
 
-void live_points_restart(struct live_points *p)
+void point_finder_restart(struct point_finder *p)
 {
     pthread_mutex_lock(&p->worker.lock);
     p->restart = true;
@@ -162,10 +162,10 @@ void live_points_restart(struct live_points *p)
     pthread_mutex_unlock(&p->worker.lock);
 }
 
-struct live_points_state live_points_query(struct live_points *p)
+struct point_finder_state point_finder_query(struct point_finder *p)
 {
     pthread_mutex_lock(&p->worker.lock);
-    const struct live_points_state state = p->state;
+    const struct point_finder_state state = p->state;
     pthread_mutex_unlock(&p->worker.lock);
     return state;
 }

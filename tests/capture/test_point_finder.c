@@ -1,11 +1,11 @@
-// Body points beside the live tracker: found on a thread that no frame waits for, and used some frames late. The points
-// are the true joints projected, so that no network is needed.
+// Body points beside the follower: found on a thread that no frame waits for, and used some frames late. The points are
+// the true joints projected, so that no network is needed.
 #include "tests/support/test.h"
 
-#include "app/live/live_points.h"
-#include "app/live/live_tracker.h"
-#include "app/live/point_motion.h"
 #include "base/clock.h"
+#include "capture/follow.h"
+#include "capture/point_finder.h"
+#include "capture/point_motion.h"
 #include "tests/world/world.h"
 
 #include <stdatomic.h>
@@ -80,23 +80,23 @@ static enum status look(void *self, const uint8_t *rgb, int width, int height, s
     return f->answer < 0 ? fail(f->answer, "the finder is broken") : f->answer;
 }
 
-static struct live_points *open_points(struct finder *f)
+static struct point_finder *open_points(struct finder *f)
 {
-    struct live_points *p;
-    const struct live_points_options how = {.width = WIDTH, .height = HEIGHT, .find = look, .find_self = f};
-    EXPECT_STATUS(live_points_open(&p, &how), OK);
+    struct point_finder *p;
+    const struct point_finder_options how = {.width = WIDTH, .height = HEIGHT, .find = look, .find_self = f};
+    EXPECT_STATUS(point_finder_open(&p, &how), OK);
     return p;
 }
 
-static void offer(struct live_points *p, int number)
+static void offer(struct point_finder *p, int number)
 {
     uint8_t rgb[3 * WIDTH * HEIGHT];
     memset(rgb, number, sizeof rgb);
-    live_points_offer(p, number * STEP_NS, rgb);
+    point_finder_offer(p, number * STEP_NS, rgb);
 }
 
 // Offers images until that many looks have begun. Returns the next number.
-static int offer_until(struct live_points *p, struct finder *f, int looks, int number)
+static int offer_until(struct point_finder *p, struct finder *f, int looks, int number)
 {
     for (const int64_t until_ns = clock_now_ns() + 30000000000;
          atomic_load(&f->looks) < looks && clock_now_ns() < until_ns;) {
@@ -107,10 +107,10 @@ static int offer_until(struct live_points *p, struct finder *f, int looks, int n
     return number;
 }
 
-static bool wait_for_points(struct live_points *p, int64_t *time_ns, struct body_points *points)
+static bool wait_for_points(struct point_finder *p, int64_t *time_ns, struct body_points *points)
 {
     for (const int64_t until_ns = clock_now_ns() + 30000000000; clock_now_ns() < until_ns;) {
-        if (live_points_take(p, time_ns, points))
+        if (point_finder_take(p, time_ns, points))
             return true;
         clock_sleep_until_ns(clock_now_ns() + 1000000);
     }
@@ -121,7 +121,7 @@ static void test_no_frame_waits_and_points_know_their_image(void **state)
 {
     (void)state;
     struct finder f = {.answer = OK, .held = true};
-    struct live_points *p = open_points(&f);
+    struct point_finder *p = open_points(&f);
     struct body_points points;
     int64_t time_ns;
     int number = offer_until(p, &f, 1, 0);
@@ -129,73 +129,73 @@ static void test_no_frame_waits_and_points_know_their_image(void **state)
     for (int i = 0; i < 50; i++)
         offer(p, number++ % 200); // it is busy: none waits, none is kept
     EXPECT_INT(atomic_load(&f.looks), 1);
-    EXPECT_TRUE(!live_points_take(p, &time_ns, &points));
+    EXPECT_TRUE(!point_finder_take(p, &time_ns, &points));
     atomic_store(&f.held, false);
     EXPECT_TRUE(wait_for_points(p, &time_ns, &points));
     EXPECT_INT(time_ns, (int64_t)looked_at * STEP_NS);
     EXPECT_NEAR(points.at[BODY_POINT_NOSE].x_px, looked_at, 0);
-    EXPECT_TRUE(!live_points_take(p, &time_ns, &points)); // once
-    live_points_close(&p);
+    EXPECT_TRUE(!point_finder_take(p, &time_ns, &points)); // once
+    point_finder_close(&p);
 }
 
 static void test_not_every_image_is_looked_at(void **state)
 {
     (void)state;
     struct finder f = {.answer = OK};
-    struct live_points *p = open_points(&f);
+    struct point_finder *p = open_points(&f);
     const int number = offer_until(p, &f, 10, 0);
     print_message("10 looks in %d images\n", number);
     EXPECT_AT_LEAST(number, 30);
-    live_points_close(&p);
+    point_finder_close(&p);
 }
 
 static void test_a_film_that_starts_again_has_no_old_points(void **state)
 {
     (void)state;
     struct finder f = {.answer = OK, .held = true};
-    struct live_points *p = open_points(&f);
+    struct point_finder *p = open_points(&f);
     struct body_points points;
     int64_t time_ns;
     const int number = offer_until(p, &f, 1, 0);
-    live_points_restart(p);
+    point_finder_restart(p);
     atomic_store(&f.held, false);
     offer_until(p, &f, 2, number);
     EXPECT_TRUE(wait_for_points(p, &time_ns, &points));
     EXPECT_AT_LEAST(time_ns, (int64_t)number * STEP_NS);
-    live_points_close(&p);
+    point_finder_close(&p);
 }
 
 static void test_why_there_are_none(void **state)
 {
     (void)state;
     struct finder f = {.answer = ERR_FORMAT};
-    struct live_points *p = open_points(&f);
+    struct point_finder *p = open_points(&f);
     struct body_points points;
     int64_t time_ns;
     int number = offer_until(p, &f, 1, 0);
     for (const int64_t until_ns = clock_now_ns() + 30000000000;
-         !*live_points_query(p).why_not && clock_now_ns() < until_ns;)
+         !*point_finder_query(p).why_not && clock_now_ns() < until_ns;)
         clock_sleep_until_ns(clock_now_ns() + 1000000);
-    EXPECT_TRUE(strstr(live_points_query(p).why_not, "broken"));
+    EXPECT_TRUE(strstr(point_finder_query(p).why_not, "broken"));
     for (int i = 0; i < 20; i++)
         offer(p, number++ % 200);
     EXPECT_INT(atomic_load(&f.looks), 1);
-    EXPECT_TRUE(!live_points_take(p, &time_ns, &points));
-    live_points_close(&p);
-    live_points_close(&p);
+    EXPECT_TRUE(!point_finder_take(p, &time_ns, &points));
+    point_finder_close(&p);
+    point_finder_close(&p);
 }
 
 static void test_a_dark_image_gives_none(void **state)
 {
     (void)state;
     struct finder f = {.answer = NOTHING};
-    struct live_points *p = open_points(&f);
+    struct point_finder *p = open_points(&f);
     struct body_points points;
     int64_t time_ns;
     offer_until(p, &f, 3, 0);
-    EXPECT_TRUE(!live_points_take(p, &time_ns, &points));
-    EXPECT_TRUE(!*live_points_query(p).why_not);
-    live_points_close(&p);
+    EXPECT_TRUE(!point_finder_take(p, &time_ns, &points));
+    EXPECT_TRUE(!*point_finder_query(p).why_not);
+    point_finder_close(&p);
 }
 
 // ---------------------------------------------------------------- what late points are good for
@@ -238,21 +238,22 @@ static double error_after(int late, int frames)
     const struct body_points points = points_of(&c.color, &truth);
     uint16_t *ideal = malloc(sizeof *ideal * (size_t)c.depth.width * (size_t)c.depth.height),
              *depth = malloc(sizeof *depth * (size_t)c.depth.width * (size_t)c.depth.height);
-    struct live_look look = {0};
-    struct live_tracker *t;
-    const struct live_tracker_options how = {.calibration = &c};
+    struct followed_frame followed = {0};
+    struct follower *follower;
     EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.depth = ideal}), OK);
-    EXPECT_STATUS(live_tracker_open(&t, &how), OK);
+    EXPECT_STATUS(follower_open(&follower, &c, NULL), OK);
     for (int k = 0; k < frames; k++) {
         EXPECT_STATUS(world_depth_noise(&c.depth, ideal, (uint64_t)k + 1, depth), OK);
         if (late && k >= late && (k - late) % EVERY == 0)
-            live_tracker_set_points(t, (int64_t)(k - late) * STEP_NS, &points);
-        EXPECT_STATUS(live_tracker_next(t, (int64_t)k * STEP_NS, NULL, depth, NULL, &look), OK);
+            follower_set_points(follower, (int64_t)(k - late) * STEP_NS, &points);
+        const struct follower_frame frame = {.time_ns = (int64_t)k * STEP_NS, .depth = depth};
+        EXPECT_STATUS(follower_next(follower, &frame, &followed), OK);
     }
     double sum = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
-        sum += look.person ? v3_distance(look.skeleton.joint[j], truth.joint[j]) / JOINT_COUNT : 1.0 / JOINT_COUNT;
-    live_tracker_close(&t);
+        sum +=
+            followed.person ? v3_distance(followed.skeleton.joint[j], truth.joint[j]) / JOINT_COUNT : 1.0 / JOINT_COUNT;
+    follower_close(&follower);
     free(ideal);
     free(depth);
     world_close(&world);

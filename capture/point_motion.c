@@ -1,4 +1,4 @@
-#include "app/live/point_motion.h"
+#include "capture/point_motion.h"
 
 #include <string.h>
 
