@@ -52,7 +52,7 @@ void rans_close(struct rans_coder **r)
 
 enum status rans_begin(struct rans_coder *r, size_t numbers)
 {
-    const bool fits = numbers <= r->capacity;
+    const bool fits = r->capacity && numbers <= r->capacity;
     if (!fits)
         r->capacity = 0;
     for (int i = 0; i < RANS_STREAMS; i++) {
