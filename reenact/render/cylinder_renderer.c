@@ -60,7 +60,7 @@ static enum status make_selector(struct frame_selector **out, const struct take 
         if (stop && atomic_load(stop))
             status = NOTHING;
     }
-    return status == OK ? frame_selector_pack(*out) : status;
+    return status;
 }
 
 static void *make_whole_selector(void *self)

@@ -1,15 +1,13 @@
 // Costs of frames for the whole body and for parts; their bounds for the pose index.
 #include "reenact/retrieval/frame_selection.h"
 
-#include "base/memory.h"
 #include "reenact/retrieval/pose_index.h"
 
 #include <stdlib.h>
 
-// How a frame shows a part, as far as joints determine it. One cache line: a search reads many at scattered addresses,
-// and fetching them takes longer than comparing them.
+// How a frame shows a part, as far as joints determine it.
 struct part_view {
-    _Alignas(CACHE_LINE_BYTES) bool known;
+    bool known;
     bool excluded;
     bool body_aligned;         // the axes below are body-aligned; else the axial rotation is unknown: viewer-aligned
     uint8_t neighbors_known;   // bit i: neighbors[i] is known
@@ -18,22 +16,20 @@ struct part_view {
     float camera_direction[3]; // unit, to the camera, in the part's axes
     float neighbors[3][3];     // the joints of neighbor_joints, in the part's axes, metres
 };
-static_assert(sizeof(struct part_view) == CACHE_LINE_BYTES, "a cache line");
 
 // Arrays by frame added; apart from each other, as different searches read them.
 struct frame_selector {
     int64_t count, capacity;
     int64_t *frames;
     struct skeleton *skeletons;          // camera axes
-    struct part_view *views[PART_COUNT]; // [slot of the part's index]; one allocation, at views[0]
+    struct part_view *views[PART_COUNT]; // one allocation, at views[0]
     struct pose_index *body_index, *part_index[PART_COUNT];
 };
 
 // Quanta of the bounds: coordinates reach 4 m from the neck, 1 m of a part's cost.
 static const double BODY_UNIT_M = 1.0 / 2048, PART_UNIT_M = 1.0 / 8192;
 
-// All but the neck, where skeletons are made to coincide. First those that differ most
-// between poses, so that bounds grow early.
+// All but the neck, where skeletons are made to coincide.
 static const enum joint body_joints[] = {
     JOINT_LEFT_HAND,      JOINT_RIGHT_HAND, JOINT_LEFT_FOOT,  JOINT_RIGHT_FOOT, JOINT_LEFT_ELBOW,
     JOINT_RIGHT_ELBOW,    JOINT_LEFT_KNEE,  JOINT_RIGHT_KNEE, JOINT_HEAD,       JOINT_LEFT_SHOULDER,
@@ -193,7 +189,7 @@ static enum status open_arrays(struct frame_selector *s)
     size_t capacity = s->capacity > 0 ? (size_t)s->capacity : 1;
     s->frames = calloc(capacity, sizeof *s->frames);
     s->skeletons = calloc(capacity, sizeof *s->skeletons);
-    struct part_view *views = alloc_cache_aligned(PART_COUNT * capacity * sizeof *views);
+    struct part_view *views = calloc(PART_COUNT * capacity, sizeof *views);
     bool enough = s->frames && s->skeletons && views;
     for (int p = 0; p < PART_COUNT && views; p++)
         s->views[p] = views + (size_t)p * capacity;
@@ -254,14 +250,6 @@ enum status frame_selector_add(struct frame_selector *s, int64_t frame, const st
     return OK;
 }
 
-enum status frame_selector_pack(struct frame_selector *s)
-{
-    enum status status = OK;
-    for (int p = 0; p < PART_COUNT && status == OK; p++)
-        status = pose_index_pack(s->part_index[p], s->views[p], sizeof *s->views[p]);
-    return status;
-}
-
 void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p)
 {
     int64_t low = 0, high = s->count; // binary search
@@ -273,7 +261,7 @@ void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p
             high = middle;
     }
     if (low < s->count && s->frames[low] == frame)
-        s->views[p][pose_index_slot(s->part_index[p], low)].excluded = true;
+        s->views[p][low].excluded = true;
 }
 
 static enum status fill_selection(const struct frame_selector *s, const struct pose_index_query *q,
@@ -322,8 +310,9 @@ enum status frame_selector_find_body(const struct frame_selector *s, const struc
     for (int j = 0; j < JOINT_COUNT; j++)
         known += in_viewer->confidence[j] > 0;
     struct body_target target = {s->skeletons, in_viewer, (known + 1) / 2};
-    struct pose_index_query query = {s->body_index, body_point(in_viewer), (double)JOINT_COUNT / known, &target, -1, 0};
-    pose_index_query_all(&query, 1, body_cost);
+    struct pose_index_query query = {
+        .point = body_point(in_viewer), .scale = (double)JOINT_COUNT / known, .cost = body_cost, .context = &target};
+    pose_index_find(s->body_index, &query);
     return fill_selection(s, &query, out);
 }
 
@@ -334,10 +323,10 @@ struct part_target {
     struct part_view view;
 };
 
-static double part_cost(const void *context, int64_t slot)
+static double part_cost(const void *context, int64_t number)
 {
     const struct part_target *target = context;
-    const struct part_view *k = &target->view, *n = &target->views[slot];
+    const struct part_view *k = &target->view, *n = &target->views[number];
     if (!n->known || n->excluded)
         return -1;
     // Between known and unknown axial rotation, a right angle is assumed (a chord of 1.4).
@@ -359,42 +348,36 @@ static double part_cost(const void *context, int64_t slot)
     return cost + (double)n->fixed_cost_m;
 }
 
+static enum status find_part(const struct frame_selector *s, const struct skeleton *in_viewer, enum part p,
+                             struct frame_selection *out)
+{
+    const struct part_target target = {s->views[p], part_view_of(in_viewer, NULL, p)};
+    if (!target.view.known)
+        return NOTHING;
+    struct pose_index_query query = {
+        .point = part_point(&target.view), .scale = 1, .cost = part_cost, .context = &target};
+    pose_index_find(s->part_index[p], &query);
+    return fill_selection(s, &query, out);
+}
+
 enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer, enum part p,
                                      struct frame_selection *out)
 {
-    enum status status = check_finite(in_viewer);
-    if (status != OK)
-        return status;
-    struct part_target target = {s->views[p], part_view_of(in_viewer, NULL, p)};
-    if (!target.view.known)
-        return NOTHING;
-    struct pose_index_query query = {s->part_index[p], part_point(&target.view), 1, &target, -1, 0};
-    pose_index_query_all(&query, 1, part_cost);
-    return fill_selection(s, &query, out);
+    const enum status status = check_finite(in_viewer);
+    return status == OK ? find_part(s, in_viewer, p, out) : status;
 }
 
 enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
                                       struct frame_selection out[PART_COUNT])
 {
-    struct part_target target[PART_COUNT];
-    struct pose_index_query queries[PART_COUNT];
-    int parts[PART_COUNT], count = 0;
-    enum status status = check_finite(in_viewer);
+    const enum status status = check_finite(in_viewer);
     if (status != OK)
         return status;
+    enum status any = NOTHING;
     for (int p = 0; p < PART_COUNT; p++) {
         out[p] = (struct frame_selection){-1, 0};
-        target[count] = (struct part_target){s->views[p], part_view_of(in_viewer, NULL, (enum part)p)};
-        if (!target[count].view.known)
-            continue;
-        queries[count] =
-            (struct pose_index_query){s->part_index[p], part_point(&target[count].view), 1, &target[count], -1, 0};
-        parts[count++] = p;
+        if (find_part(s, in_viewer, (enum part)p, &out[p]) == OK)
+            any = OK;
     }
-    if (count)
-        pose_index_query_all(queries, count, part_cost);
-    enum status any = NOTHING;
-    for (int i = 0; i < count; i++)
-        any = fill_selection(s, &queries[i], &out[parts[i]]) == OK ? OK : any;
     return any;
 }

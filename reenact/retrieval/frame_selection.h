@@ -1,6 +1,6 @@
 // Frame selection: which recorded frame's texture fits this instant and viewpoint best, for
 // the whole body or one part. Exact (the minimum over all frames, the lowest index on a tie)
-// by branch and bound (pose_index.h); the same answer on every machine (only + - * / sqrt
+// by a scan that leaves out what a bound excludes (pose_index.h); the same answer on every machine (only + - * / sqrt
 // decide). Pure; one thread at a time.
 //
 // Whole body: [D14] eq. 5. Skeletons are compared in camera axes (the viewer's for the one
@@ -26,13 +26,9 @@ MUST_CHECK enum status frame_selector_open(struct frame_selector **out, int64_t 
 void frame_selector_close(struct frame_selector **s);
 
 // Adds frame number `frame` (rising) with its skeleton in its camera's axes. body: for
-// occlusion by the body; NULL: none. Not after packing. ERR_INPUT: a known joint is not
-// finite; nothing is added.
+// occlusion by the body; NULL: none. ERR_INPUT: a known joint is not finite; nothing is added.
 MUST_CHECK enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
                                           const struct body *body);
-
-// After the last frame of a take, once: the same answers for parts, faster. ERR_MEMORY: it can only be closed.
-MUST_CHECK enum status frame_selector_pack(struct frame_selector *s);
 
 // Excludes the frame for this part: its image does not show it.
 void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p);
@@ -47,7 +43,7 @@ MUST_CHECK enum status frame_selector_find_body(const struct frame_selector *s, 
 MUST_CHECK enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer,
                                                 enum part p, struct frame_selection *out);
 
-// All parts, in less time than one after the other; frame -1 where frame_selector_find_part answers NOTHING. NOTHING:
+// All parts; frame -1 where frame_selector_find_part answers NOTHING. NOTHING:
 // for all parts. ERR_INPUT as above.
 MUST_CHECK enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
                                                  struct frame_selection out[PART_COUNT]);

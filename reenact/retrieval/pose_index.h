@@ -2,10 +2,10 @@
 // positions in space (a body's joints); the cost between two points is a sum of distances
 // between their positions. Pure; one thread at a time.
 //
-// Branch and bound over axis-aligned bounding boxes (after packing, over the leaves of a k-d
-// tree): the caller evaluates the cost of a point, the index prunes points whose lower bound
-// exceeds the best cost. Points are added in an order in which neighbours are similar, as
-// the frames of a take are: eight in a row share one box per position. Bounds are integers,
+// One scan with one bound: eight points in a row share an axis-aligned box per position, and
+// are looked at only where their box could hold a point as good as the best so far; the
+// caller evaluates the cost of those points whose own bound could be. Points are added in an
+// order in which neighbours are similar, as the frames of a take are. Bounds are integers,
 // so every machine evaluates the same points; and they are admissible (never above the
 // cost), so the answer is that of exhaustive search.
 #pragma once
@@ -21,39 +21,26 @@ struct pose_index_point {
     double fixed_cost_m;                            // part of the cost that does not depend on the query; >= 0
 };
 
-// The cost of the point at `slot`, metres; negative: it is excluded. At least `scale`
-// (of the query) times the sum of fixed_cost_m and of the distances between the positions
-// known in both points.
-typedef double pose_index_cost(const void *context, int64_t slot);
+// The cost of point `number`, metres; negative or NaN: it is excluded. At least `scale` (of
+// the query) times the sum of fixed_cost_m and of the distances between the positions known
+// in both points.
+typedef double pose_index_cost(const void *context, int64_t number);
 
 // positions: of each point. unit_m: quantum of the bounds; positions farther than 8191 units
-// from 0 are clamped in the bounds. capacity: of points, below 2^32 - 1. Memory of a point: 9
-// bytes and 7.5 a position; packed 6 and 4, rounded up to cache lines a block. ERR_MEMORY.
+// from 0 are clamped in the bounds. capacity: of points; each takes 2.5 bytes and 7.5 a
+// position. ERR_MEMORY.
 MUST_CHECK enum status pose_index_open(struct pose_index **out, int positions, double unit_m, int64_t capacity);
-void pose_index_close(struct pose_index **n);
+void pose_index_close(struct pose_index **index);
 
-// The point's number, and until packing its slot, is the number of points added before. Not after packing.
-void pose_index_add(struct pose_index *n, const struct pose_index_point *point);
-
-// After the last point, once: reorders points into the leaves of a k-d tree, so that most searches prune 256 at a time,
-// and quantizes them to 8 bits a coordinate. Changes no answer. Worth it for points of few positions; with many,
-// neighbours in time are more similar than k-d leaves. payload: the caller's data of each point from which costs are
-// computed, by slot, `bytes` each; it is reordered, too, must stay at its address while n is used, and is prefetched
-// before a cost is evaluated. NULL and 0: none. ERR_MEMORY: nothing has changed.
-MUST_CHECK enum status pose_index_pack(struct pose_index *n, void *payload, size_t bytes);
-
-// The slot of point `number`; linear in the number of points.
-int64_t pose_index_slot(const struct pose_index *n, int64_t number);
+// The point's number is the number of points added before.
+void pose_index_add(struct pose_index *index, const struct pose_index_point *point);
 
 struct pose_index_query {
-    struct pose_index *index;
     struct pose_index_point point; // the pose to be found
     double scale;                  // of the costs, see pose_index_cost; > 0
-    const void *context;           // the cost function's
-    int64_t number;                // result: the nearest point, ties: the lowest; -1: all are excluded
-    double cost_m;                 // result: its cost
+    pose_index_cost *cost;
+    const void *context; // the cost function's
+    int64_t number;      // result: the nearest point, ties: the lowest; -1: all are excluded
+    double cost_m;       // result: its cost
 };
-enum { POSE_INDEX_MAX_QUERIES = 16 };
-// Each in an index of its own; all packed or none. Together they take less time than one after the other, as memory
-// latency of one overlaps with the work of others.
-void pose_index_query_all(struct pose_index_query *queries, int count, pose_index_cost *cost);
+void pose_index_find(struct pose_index *index, struct pose_index_query *query);

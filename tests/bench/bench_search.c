@@ -149,11 +149,6 @@ static enum status fill(struct take_of_limbs *t, bool quiet)
         printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with the indices of "
                "body parts\n",
                t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
-    started_ms = bench_clock_ms();
-    if (status == OK)
-        status = frame_selector_pack(t->selector);
-    if (status == OK && !quiet)
-        printf("search: packing the index: %.0f ms\n", bench_clock_ms() - started_ms);
     return status;
 }
 

@@ -11,7 +11,6 @@ enum { SEED = 47, MOST = 34000 };
 
 struct point_set {
     int positions, count, evaluated;
-    int numbers[MOST]; // [slot]
     bool excluded[MOST];
     struct pose_index_point points[MOST];
     struct pose_index_point target;
@@ -19,10 +18,9 @@ struct point_set {
 };
 
 // `scale` times the sum, and more for every third, so that it differs from the bound.
-static double cost_of(const void *context, int64_t slot)
+static double cost_of(const void *context, int64_t number)
 {
     struct point_set *c = (struct point_set *)(uintptr_t)context;
-    const int number = c->numbers[slot];
     const struct pose_index_point *p = &c->points[number];
     c->evaluated++;
     if (c->excluded[number])
@@ -34,16 +32,11 @@ static double cost_of(const void *context, int64_t slot)
     return c->scale * sum + (number % 3 ? 0 : 0.05);
 }
 
-// Unpacked and packed.
-enum { LAYOUTS = 2 };
-
-// Returns the number of points evaluated, the mean of both layouts.
+// Returns the number of points evaluated.
 static int compare(struct point_set *c)
 {
     int64_t expected = -1;
     double least = 0;
-    for (int i = 0; i < c->count; i++)
-        c->numbers[i] = i;
     for (int i = 0; i < c->count; i++) {
         double here = cost_of(c, i);
         if (here >= 0 && (expected < 0 || here < least)) {
@@ -52,23 +45,17 @@ static int compare(struct point_set *c)
         }
     }
     c->evaluated = 0;
-    for (int layout = 0; layout < LAYOUTS; layout++) {
-        struct pose_index *n;
-        EXPECT_STATUS(pose_index_open(&n, c->positions, 1.0 / 2048, c->count), OK);
-        for (int i = 0; i < c->count; i++)
-            pose_index_add(n, &c->points[i]);
-        if (layout == 1)
-            EXPECT_STATUS(pose_index_pack(n, c->numbers, sizeof *c->numbers), OK);
-        struct pose_index_query q = {n, c->target, c->scale, c, -1, 0};
-        pose_index_query_all(&q, 1, cost_of);
-        EXPECT_INT(q.number, expected);
-        if (expected >= 0)
-            EXPECT_TRUE(q.cost_m == least);
-        for (int i = 0; i < c->count; i += 1 + c->count / 4)
-            EXPECT_INT(c->numbers[pose_index_slot(n, i)], i);
-        pose_index_close(&n);
-    }
-    return c->evaluated / LAYOUTS;
+    struct pose_index *index;
+    EXPECT_STATUS(pose_index_open(&index, c->positions, 1.0 / 2048, c->count), OK);
+    for (int i = 0; i < c->count; i++)
+        pose_index_add(index, &c->points[i]);
+    struct pose_index_query query = {.point = c->target, .scale = c->scale, .cost = cost_of, .context = c};
+    pose_index_find(index, &query);
+    EXPECT_INT(query.number, expected);
+    if (expected >= 0)
+        EXPECT_TRUE(query.cost_m == least);
+    pose_index_close(&index);
+    return c->evaluated;
 }
 
 static struct pose_index_point near_to(const struct pose_index_point *p, int positions, double step_m, struct rng *rng)
@@ -141,7 +128,7 @@ static void test_excluded_points_are_skipped(void **state)
     }
 }
 
-// Until a point that is not excluded is found, no bound prunes anything: more than the queues hold.
+// Until a point that is not excluded is found, no bound prunes anything.
 static void test_nothing_can_be_pruned(void **state)
 {
     (void)state;

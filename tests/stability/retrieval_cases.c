@@ -117,10 +117,10 @@ static struct answer ask_tie(const double *in)
 static struct answer last_of_equals(const double *in) { return answer_value(9 + in[0]); }
 
 // context: the points, the wanted one after the last.
-static double index_cost(const void *context, int64_t slot)
+static double index_cost(const void *context, int64_t number)
 {
     const double *x = context;
-    return fabs(x[slot] - x[FRAMES]);
+    return fabs(x[number] - x[FRAMES]);
 }
 
 // Points on a line, in[0] apart from the origin, in[1] between each; far beyond the bounds' range -> excess of the
@@ -142,8 +142,8 @@ static struct answer ask_index(const double *in)
     double best = INFINITY;
     int64_t found = 0;
     if (status == OK) {
-        struct pose_index_query q = {.index = n, .point = p, .scale = 1, .context = x};
-        pose_index_query_all(&q, 1, index_cost);
+        struct pose_index_query q = {.point = p, .scale = 1, .cost = index_cost, .context = x};
+        pose_index_find(n, &q);
         found = q.number;
     }
     for (int i = 0; i < FRAMES; i++)

@@ -349,7 +349,7 @@ static void test_the_rule_can_fail(void **state)
     EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "app/commands/command.h"));
     EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "locate/locator.h"));
     EXPECT_TRUE(!allowed("reenact/skeleton/bind_pose.c", "reenact/avatar/avatar.h"));
-    EXPECT_TRUE(allowed("reenact/retrieval/frame_selection.c", "recording/skeleton.h"));
+    EXPECT_TRUE(allowed("reenact/skeleton/bind_pose.c", "recording/skeleton.h"));
 }
 
 int main(void)
