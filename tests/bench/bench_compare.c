@@ -1,20 +1,18 @@
 // Stage "compare": time alignment of two movements, error against time: ours (exact, pruned), the plain full dynamic
 // programme, and FastDTW (Salvador & Chan 2007) at several radii; movements of 300 frames of a person whose every bone
 // swings on its own, the attempt at a changing pace, with noise; every third is hard: to and fro, with pauses and
-// pieces left out. The error is the excess price over the optimum, in percent. Before the table: finding a second's
-// movement in an hour.
+// pieces left out. The error is the excess price over the optimum, in percent.
 #include "tests/bench/bench.h"
 #include "tests/support/limbs.h"
 
 #include "compare/movement.h"
-#include "compare/movement_index.h"
 #include "tests/support/skeleton_drawing.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { ITEMS = 12, FRAMES = 300, HOUR = 108000, SECOND = 30, QUERIES = 20 };
+enum { ITEMS = 12, FRAMES = 300 };
 static const uint64_t SEED = 2026;
 
 struct pair {
@@ -177,57 +175,12 @@ static enum status measure_textbook(void *self, int item, struct bench_measure *
     return OK;
 }
 
-static enum status search_an_hour(struct rng *rng)
-{
-    const struct limbs limbs = limbs_random(rng);
-    double *time_s = malloc(HOUR * sizeof *time_s), worst_ms = 0, sum_ms = 0;
-    struct feature_frame *frames = NULL, *query = NULL;
-    struct movement_index *index = NULL;
-    int right = 0;
-    enum status status = time_s ? OK : fail(ERR_MEMORY, "no memory for an hour");
-    for (int i = 0; i < HOUR && status == OK; i++)
-        time_s[i] = i / MOVEMENT_RATE_HZ;
-    if (status == OK)
-        status = features_at(&limbs, time_s, HOUR, 0.005, rng, &frames);
-    const struct features hour = {frames, HOUR};
-    double started_ms = bench_clock_ms();
-    if (status == OK)
-        status = movement_index_open(&index, &hour);
-    const double open_ms = bench_clock_ms() - started_ms;
-    for (int k = 0; k < QUERIES && status == OK; k++) {
-        const int at = (int)(rng_uniform(rng) * (HOUR - 2 * SECOND));
-        double query_s[SECOND];
-        for (int i = 0; i < SECOND; i++)
-            query_s[i] = (at + 1.25 * i) / MOVEMENT_RATE_HZ;
-        status = features_at(&limbs, query_s, SECOND, 0.02, rng, &query);
-        const struct features wanted = {query, SECOND};
-        struct movement_match found = {0};
-        started_ms = bench_clock_ms();
-        if (status == OK)
-            status = movement_index_find(index, &wanted, prices.step, &found);
-        const double ms = bench_clock_ms() - started_ms;
-        worst_ms = fmax(worst_ms, ms);
-        sum_ms += ms;
-        free(query);
-        right += abs(found.first - at) <= 5;
-    }
-    if (status == OK)
-        printf(
-            "compare: a second found in an hour: %.2f ms, at most %.2f ms, %d of %d right; index opened in %.0f ms\n",
-            sum_ms / QUERIES, worst_ms, right, QUERIES, open_ms);
-    movement_index_close(&index);
-    free(frames);
-    free(time_s);
-    return status;
-}
-
 static enum status run(struct bench *b)
 {
     static struct pair pairs[ITEMS];
     struct rng rng = {SEED};
     enum status status = OK;
     printf("compare: seed %llu\n", (unsigned long long)SEED);
-    status = search_an_hour(&rng);
     for (int i = 0; i < ITEMS && status == OK; i++)
         status = make_pair(&pairs[i], i % 3 == 2, &rng);
     struct contender exact = {pairs, 0}, plain = {pairs, -1}, r1 = {pairs, 1}, r3 = {pairs, 3}, r10 = {pairs, 10},

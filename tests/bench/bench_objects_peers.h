@@ -1,7 +1,7 @@
 // The usual alternatives for recognising a thing by a picture: OpenCV's ORB with a homography by RANSAC, and its
 // matchTemplate over rotations and sizes. Grey images.
 #pragma once
-#include "objects/plain_matching.h"
+#include "tests/bench/plain_matching.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,7 +1,6 @@
 // Comparison: constant, empty and unknown movements, limbs without direction, angles at 0 and where they are undefined.
 #include "compare/comparison.h"
 #include "compare/live_judge.h"
-#include "compare/movement_index.h"
 #include "compare/repetitions.h"
 #include "tests/stability/stability.h"
 
@@ -67,23 +66,6 @@ static struct answer best_lag(const double *in)
     const double change = fabs(in[0]) * 30;
     return answer_value(change < 500 ? FRAMES / 30 : 0);
 }
-
-static struct answer ask_index(const double *in)
-{
-    static struct feature_frame a[FRAMES], q[FRAMES];
-    struct movement_index *index = NULL;
-    struct movement_match found = {0};
-    fill(a, in[0]);
-    fill(q, in[0]);
-    const struct features all = {a, (int32_t)in[1]}, query = {q, (int32_t)in[2]};
-    enum status status = movement_index_open(&index, &all);
-    if (status == OK)
-        status = movement_index_find(index, &query, 5000, &found);
-    movement_index_close(&index);
-    return answer_status(status, found.first);
-}
-
-static struct answer last_of_equals(const double *in) { return answer_value(in[1] - in[2]); }
 
 static struct answer ask_verdict(const double *in)
 {
@@ -237,11 +219,6 @@ static const struct stability_case cases[] = {
      .in = {0, 0, 1, 1}, .exact = {0}, .exact_count = 1},
     {"repetitions in a constant movement", "a cycle must be gone through", ANSWER_VALUE, ask_repetitions, NULL,
      best_lag, .in = {0}, .exact = {0}, .exact_count = 1},
-    {"a constant second in a constant hour", "the earliest of equals", ANSWER_VALUE, ask_index, NULL, last_of_equals,
-     .in = {0, FRAMES, 30}, .exact = {0}, .exact_count = 1, .unit = "frame"},
-    {"a movement of no frames, searched", "refused", ANSWER_ERROR, ask_index, NULL, last_of_equals,
-     .in = {0, FRAMES, 0}},
-    {"search in a movement of no frames", "refused", ANSWER_ERROR, ask_index, NULL, last_of_equals, .in = {0, 0, 30}},
     {"verdict of an angle that is NaN", "finite angles only", ANSWER_UNKNOWN, ask_verdict, NULL, verdict_of_angle,
      .in = {NAN, 0.02}},
     {"verdict of an angle infinitely unsure", "a largest sigma", ANSWER_UNKNOWN, ask_verdict, NULL, verdict_of_angle,

@@ -1,4 +1,4 @@
-#include "objects/plain_matching.h"
+#include "tests/bench/plain_matching.h"
 
 #include "base/portable_math.h"
 
