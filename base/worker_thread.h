@@ -15,4 +15,13 @@ void worker_thread_open(struct worker_thread *w); // without the thread; once op
 
 // run(self) on the thread. ERR_MEMORY: there is none; the message names `task`, as "to look for body points".
 MUST_CHECK enum status worker_thread_start(struct worker_thread *w, void *(*run)(void *), void *self, const char *task);
-void worker_thread_close(struct worker_thread *w); // tells the thread, if it was started, and waits for its end
+// Tells the thread, if it was started, and waits for its end. Lock and condition stay for others. More than once is
+// fine.
+void worker_thread_stop(struct worker_thread *w);
+void worker_thread_close(struct worker_thread *w); // as worker_thread_stop, and lock and condition are gone
+
+// With the lock held: tells the thread to end, and leaves its owner's memory to it, so that nobody waits for its end.
+// It calls worker_thread_close itself. False: it does not run.
+bool worker_thread_abandon(struct worker_thread *w);
+
+bool worker_thread_must_end(struct worker_thread *w); // for the thread, while it works: `closing`

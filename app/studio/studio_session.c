@@ -9,8 +9,8 @@
 #include "capture/follow.h"
 #include "capture/recorder.h"
 #include "platform/files/file.h"
+#include "platform/sensors/source_player.h"
 
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,20 +20,19 @@ enum room_decision { ROOM_UNDECIDED, ROOM_KEEP, ROOM_DROP };
 
 struct studio_session {
     struct studio_session_options options;
-    char sensor[512], file[1024], tags[1024];
-    pthread_t thread;
-    atomic_bool stop, end_take, paused, wants_sweep;
+    char file[1024], tags[1024];
+    struct source_player player; // on the session's thread
+    atomic_bool end_take, paused, wants_sweep;
     atomic_int end_sweep;                     // enum studio_sweep_end
     atomic_int room_decision;                 // enum room_decision
     struct studio_wish wanted, wanted_judged; // takes to record; takes whose verdict is to be recomputed
     atomic_int purpose;                       // enum verdict_purpose, of the takes from here on
 
-    pthread_mutex_t lock;
-    struct studio_snapshot shown; // guarded by lock
-    int64_t newest_ns;            // guarded by lock: of the frame that a take's reader has got last
+    // Under the player's lock:
+    struct studio_snapshot shown;
+    int64_t newest_ns; // of the frame that a take's reader has got last
 
     // of the session's thread
-    struct source *source;
     struct place place;
     bool has_place;
     struct follower *follower; // of the preview; takes have the recorder's
@@ -52,9 +51,9 @@ struct studio_session {
 
 bool studio_session_read(struct studio_session *s, struct studio_snapshot *out)
 {
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     const bool fresh = studio_snapshot_copy(&s->shown, out);
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     return fresh;
 }
 
@@ -66,11 +65,11 @@ static void wake(const struct studio_session *s)
 
 static void set_doing(struct studio_session *s, enum studio_doing doing, const char *failure)
 {
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.doing = doing;
     if (failure)
         snprintf(s->shown.failure, sizeof s->shown.failure, "%s", failure);
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     wake(s);
 }
 
@@ -84,7 +83,7 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
         s->rate_frames = 0;
     }
     *c = (struct studio_counters){
-        .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->source)};
+        .frames_per_s = s->rate_hz, .minutes_left = -1, .dropped = s->taking ? 0 : source_dropped(s->player.source)};
     if (!s->taking) {
         const double room = (double)file_room_bytes(s->file);
         const double bytes_per_s = s->rate.frame_bytes * s->rate_hz;
@@ -99,7 +98,7 @@ static void count_frame(struct studio_session *s, const struct recorder_seen *se
 
 static void start_coach(struct studio_session *s)
 {
-    coach_start(&s->coach, source_calibration(s->source), (enum verdict_purpose)atomic_load(&s->purpose));
+    coach_start(&s->coach, source_calibration(s->player.source), (enum verdict_purpose)atomic_load(&s->purpose));
 }
 
 // One frame, as the preview or the recorder saw it: coach, gesture, snapshot.
@@ -117,9 +116,9 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     coach_next(&s->coach, &frame);
     const bool gesture = raised_hand_next(&s->hand, seen->time_ns, seen->skeleton);
     count_frame(s, seen, &counters);
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     struct studio_snapshot *out = &s->shown;
-    if (!s->taking || !source_is_live(s->source))
+    if (!s->taking || !source_is_live(s->player.source))
         studio_snapshot_pictures(out, seen->color, seen->depth, seen->mask);
     out->number++;
     out->has_skeleton = seen->skeleton != NULL;
@@ -134,7 +133,7 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
         out->counters.mb_per_s = before.mb_per_s;
         out->counters.minutes_left = before.minutes_left;
         out->counters.skeleton_behind_s = fmax((double)(s->newest_ns - seen->time_ns) * 1e-9, 0);
-        out->counters.behind_s = source_is_live(s->source) ? 0 : out->counters.skeleton_behind_s;
+        out->counters.behind_s = source_is_live(s->player.source) ? 0 : out->counters.skeleton_behind_s;
     }
     out->gestures += gesture;
     snprintf(out->text, sizeof out->text, "%s", coach_text(&s->coach));
@@ -143,33 +142,33 @@ static void show(struct studio_session *s, const struct recorder_seen *seen)
     out->advice = s->coach.advice;
     out->coverage = s->coach.coverage;
     out->distance_m = s->coach.distance_m;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     wake(s);
 }
 
 static void on_state(void *context, const struct recorder_state *state)
 {
     struct studio_session *s = context;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.counters.dropped = state->dropped;
     s->shown.counters.mb_per_s = state->mb_per_s;
     s->shown.counters.minutes_left = state->minutes_left;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
 }
 
 // A live sensor's picture is shown immediately, whatever still waits to be tracked; a film's with its skeleton.
 static void on_read(void *context, const struct frame *frame)
 {
     struct studio_session *s = context;
-    const bool live = source_is_live(s->source);
-    pthread_mutex_lock(&s->lock);
+    const bool live = source_is_live(s->player.source);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->newest_ns = frame->time_ns;
     if (live) {
         studio_snapshot_pictures(&s->shown, frame->color, frame->depth, NULL);
         s->shown.number++;
         s->shown.counters.behind_s = 0;
     }
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     if (live)
         wake(s);
 }
@@ -181,13 +180,13 @@ static bool is_paused(void *context) { return atomic_load(&((struct studio_sessi
 // Pictures alone, as of a sweep and of a take that pauses.
 static void show_pictures(struct studio_session *s, const struct frame *frame, const char *text)
 {
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     struct studio_snapshot *out = &s->shown;
     studio_snapshot_pictures(out, frame->color, frame->depth, NULL);
     out->number++;
     out->has_skeleton = out->fault = false;
     snprintf(out->text, sizeof out->text, "%s", text);
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     wake(s);
 }
 
@@ -195,7 +194,7 @@ static void on_paused(void *context, const struct frame *frame)
 {
     struct studio_session *s = context;
     show_pictures(s, frame, "paused: nothing is recorded");
-    if (!source_is_live(s->source)) // a film waits, as the person would
+    if (!source_is_live(s->player.source)) // a film waits, as the person would
         clock_sleep_until_ns(clock_now_ns() + 33000000);
 }
 
@@ -208,21 +207,21 @@ static enum status open_follower(struct studio_session *s)
     struct follower_options options = follower_default_options();
     options.place = s->has_place ? &s->place : NULL;
     options.finds_points = s->options.body_points;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.has_place = s->has_place;
-    pthread_mutex_unlock(&s->lock);
-    return follower_open(&s->follower, source_calibration(s->source), &options);
+    pthread_mutex_unlock(&s->player.worker.lock);
+    return follower_open(&s->follower, source_calibration(s->player.source), &options);
 }
 
 static enum status open_sensor(struct studio_session *s)
 {
-    enum status status = source_open(&s->source, s->sensor, SOURCE_SENSOR);
+    enum status status = source_player_open_source(&s->player);
     if (status != OK)
         return status;
-    const struct calibration *c = source_calibration(s->source);
-    pthread_mutex_lock(&s->lock);
+    const struct calibration *c = source_calibration(s->player.source);
+    pthread_mutex_lock(&s->player.worker.lock);
     studio_snapshot_calibrate(&s->shown, c);
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     start_coach(s);
     status = open_follower(s);
     free(s->mask);
@@ -233,7 +232,7 @@ static enum status open_sensor(struct studio_session *s)
 static void close_sensor(struct studio_session *s)
 {
     follower_close(&s->follower);
-    source_close(&s->source);
+    source_player_close_source(&s->player);
 }
 
 static enum status preview_frame(struct studio_session *s, const struct frame *frame)
@@ -241,14 +240,14 @@ static enum status preview_frame(struct studio_session *s, const struct frame *f
     const struct follower_frame to_follow = {
         .time_ns = frame->time_ns, .color = frame->color, .depth = frame->depth, .mask = s->mask};
     struct followed_frame followed;
-    studio_rate_see(&s->rate, frame, source_calibration(s->source), clock_now_ns());
+    studio_rate_see(&s->rate, frame, source_calibration(s->player.source), clock_now_ns());
     enum status status = follower_next(s->follower, &to_follow, &followed);
     if (status != OK)
         return status;
     const struct follower_points points = follower_query_points(s->follower);
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.points = points;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     const struct recorder_seen seen = {.time_ns = frame->time_ns,
                                        .color = frame->color,
                                        .depth = frame->depth,
@@ -264,28 +263,22 @@ static enum status preview_frame(struct studio_session *s, const struct frame *f
 static bool something_is_wanted(struct studio_session *s)
 {
     return studio_wish_waits(&s->wanted) || studio_wish_waits(&s->wanted_judged) || atomic_load(&s->wants_sweep) ||
-           atomic_load(&s->room_decision) != ROOM_UNDECIDED || atomic_load(&s->stop);
+           atomic_load(&s->room_decision) != ROOM_UNDECIDED || source_player_must_stop(&s->player);
 }
 
 // Until a take or a sweep is wanted. NOTHING: the film ended. A film is shown as fast as it was made.
 static enum status preview(struct studio_session *s)
 {
-    const bool live = source_is_live(s->source);
-    int64_t first_ns = 0, begun_ns = 0;
+    source_player_resume(&s->player);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
     while (!something_is_wanted(s)) {
         struct frame frame;
-        enum status status = source_next(s->source, &frame);
+        enum status status = source_player_next(&s->player, &frame);
         if (status == ERR_INPUT)
             continue;
         if (status != OK)
             return status;
-        if (!begun_ns) {
-            begun_ns = clock_now_ns();
-            first_ns = frame.time_ns;
-        }
-        if (!live)
-            clock_sleep_until_ns(begun_ns + frame.time_ns - first_ns);
+        source_player_wait_for_frame(&s->player);
         status = preview_frame(s, &frame);
         if (status != OK)
             return status;
@@ -297,7 +290,10 @@ static enum status preview(struct studio_session *s)
 
 // recorder_options.should_stop has no context; there is one studio in a process.
 static struct studio_session *the_session;
-static bool take_should_stop(void) { return atomic_load(&the_session->end_take) || atomic_load(&the_session->stop); }
+static bool take_should_stop(void)
+{
+    return atomic_load(&the_session->end_take) || source_player_must_stop(&the_session->player);
+}
 
 static void on_smoothing(void *context, int64_t frames)
 {
@@ -322,7 +318,7 @@ static enum status record(struct studio_session *s, const char *name, struct rec
                                              .on_paused = on_paused,
                                              .context = s,
                                              .body_points = s->options.body_points};
-    status = recorder_run(s->source, writer, name, s->has_place ? &s->place : NULL, &options, result);
+    status = recorder_run(s->player.source, writer, name, s->has_place ? &s->place : NULL, &options, result);
     struct failure first;
     failure_keep(&first, status);
     enum status closed = recording_close(&writer);
@@ -340,7 +336,7 @@ static enum status run_take(struct studio_session *s)
 {
     char name[256];
     struct recorder_result result = {0};
-    enum status status = source_is_live(s->source) ? OK : rewind_source(s);
+    enum status status = source_is_live(s->player.source) ? OK : rewind_source(s);
     if (status != OK)
         return status;
     if (!studio_wish_take(&s->wanted, name))
@@ -349,10 +345,10 @@ static enum status run_take(struct studio_session *s)
     s->taking = true;
     s->take_frames = 0;
     start_coach(s);
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.counters.frames = 0; // the last take's
     s->shown.counters.take_s = 0;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     set_doing(s, STUDIO_DOING_TAKE, NULL);
     status = record(s, name, &result);
     s->taking = false;
@@ -360,11 +356,11 @@ static enum status run_take(struct studio_session *s)
     set_doing(s, STUDIO_DOING_SMOOTH, NULL);
     if (result.frames)
         status = studio_judge(s->file, name, &s->coach, status, &judgement);
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.judgement = judgement;
     s->shown.takes_ready++;
     snprintf(s->shown.failure, sizeof s->shown.failure, "%s", status == OK ? "" : status_message());
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     start_coach(s);
     follower_reset(s->follower);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
@@ -376,10 +372,10 @@ static enum status run_take(struct studio_session *s)
 static void show_sweep(void *self, const struct frame *frame, const struct sweep_plan *plan)
 {
     struct studio_session *s = self;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.room.plan = *plan;
     s->shown.located = plan->located;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     show_pictures(s, frame, plan->text);
 }
 
@@ -396,10 +392,10 @@ static bool keep_room(struct studio_session *s)
 {
     if (studio_room_keep(&s->room, s->file) == OK)
         return true;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.room.not_kept++;
     snprintf(s->shown.room.why_not_kept, sizeof s->shown.room.why_not_kept, "Not kept: %s", status_message());
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     if (s->options.wake)
         s->options.wake(s->options.wake_self);
     return false;
@@ -426,22 +422,22 @@ static enum status after_cut(struct studio_session *s)
 {
     static const int64_t LOOK_NS = 20000000;
     enum status status = OK;
-    while (status == OK && room_waits(s) && !atomic_load(&s->stop)) {
+    while (status == OK && room_waits(s) && !source_player_must_stop(&s->player)) {
         clock_sleep_until_ns(clock_now_ns() + LOOK_NS);
         status = decide_room(s);
     }
-    return status == OK && !atomic_load(&s->stop) ? rewind_source(s) : status;
+    return status == OK && !source_player_must_stop(&s->player) ? rewind_source(s) : status;
 }
 
 // A sweep that gives no map is an answer, not the session's failure.
 static enum status run_sweep(struct studio_session *s)
 {
-    enum status status = source_is_live(s->source) ? OK : rewind_source(s);
+    enum status status = source_is_live(s->player.source) ? OK : rewind_source(s);
     if (status != OK)
         return status;
     char found[1024];
     const char *tags = *s->tags ? s->tags : studio_find_tags(s->file, found, sizeof found) ? found : NULL;
-    const struct studio_sweep_wish wish = {.source = s->source,
+    const struct studio_sweep_wish wish = {.source = s->player.source,
                                            .tags = tags,
                                            .prior = s->has_place ? &s->place : NULL,
                                            .end = &s->end_sweep,
@@ -453,7 +449,7 @@ static enum status run_sweep(struct studio_session *s)
     status = studio_sweep_run(&wish, &s->room);
     if (status == ERR_DEVICE || status == ERR_MEMORY)
         return status;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     struct studio_room_view *room = &s->shown.room;
     snprintf(room->failure, sizeof room->failure, "%s", status < 0 ? status_message() : "");
     if (status == OK) {
@@ -461,7 +457,7 @@ static enum status run_sweep(struct studio_session *s)
         room->advice = s->room.advice;
     }
     room->ready += status != NOTHING;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     follower_reset(s->follower);
     start_coach(s);
     set_doing(s, STUDIO_DOING_PREVIEW, NULL);
@@ -475,10 +471,10 @@ static void judge_anew(struct studio_session *s)
     struct take_judgement judgement;
     if (!studio_wish_take(&s->wanted_judged, name) || take_verdict_keep(s->file, name, NULL, &judgement) != OK)
         return;
-    pthread_mutex_lock(&s->lock);
+    pthread_mutex_lock(&s->player.worker.lock);
     s->shown.judgement = judgement;
     s->shown.judged++;
-    pthread_mutex_unlock(&s->lock);
+    pthread_mutex_unlock(&s->player.worker.lock);
     wake(s);
 }
 
@@ -487,7 +483,7 @@ static enum status serve(struct studio_session *s)
 {
     judge_anew(s);
     enum status status = decide_room(s);
-    if (status != OK || atomic_load(&s->stop))
+    if (status != OK || source_player_must_stop(&s->player))
         return status;
     return atomic_exchange(&s->wants_sweep, false) ? run_sweep(s) : run_take(s);
 }
@@ -498,14 +494,14 @@ static void *run(void *context)
     enum status status = studio_read_place(s->file, &s->place, &s->has_place);
     if (status == OK)
         status = open_sensor(s);
-    while (status == OK && !atomic_load(&s->stop)) {
+    while (status == OK && !source_player_must_stop(&s->player)) {
         status = preview(s);
         if (status < 0 && room_waits(s))
             status = after_cut(s);
-        if (status == OK && !atomic_load(&s->stop))
+        if (status == OK && !source_player_must_stop(&s->player))
             status = serve(s);
-        const bool over = s->source && !source_is_live(s->source) && !source_remaining(s->source);
-        if (status == NOTHING || (status == OK && over && !atomic_load(&s->stop)))
+        const bool over = s->player.source && !source_is_live(s->player.source) && !source_remaining(s->player.source);
+        if (status == NOTHING || (status == OK && over && !source_player_must_stop(&s->player)))
             status = rewind_source(s);
     }
     if (status < 0)
@@ -525,22 +521,18 @@ enum status studio_session_open(struct studio_session **out, const struct studio
     if (!s)
         return fail(ERR_MEMORY, "no memory for the studio");
     s->options = *options;
-    snprintf(s->sensor, sizeof s->sensor, "%s", options->sensor);
     snprintf(s->file, sizeof s->file, "%s", options->file);
     snprintf(s->tags, sizeof s->tags, "%s", options->tags ? options->tags : "");
     atomic_init(&s->purpose, options->purpose);
     studio_wish_open(&s->wanted);
     studio_wish_open(&s->wanted_judged);
-    pthread_mutex_init(&s->lock, NULL);
-    if (pthread_create(&s->thread, NULL, run, s)) {
-        pthread_mutex_destroy(&s->lock);
-        studio_wish_close(&s->wanted);
-        studio_wish_close(&s->wanted_judged);
-        free(s);
-        return fail(ERR_MEMORY, "no thread for the sensor");
-    }
+    enum status status = source_player_open(&s->player, options->sensor, SOURCE_SENSOR);
+    if (status == OK)
+        status = worker_thread_start(&s->player.worker, run, s, "for the sensor");
     *out = s;
-    return OK;
+    if (status != OK)
+        studio_session_close(out);
+    return status;
 }
 
 // What is asked for from here on is meant for this take, even before the session's thread has begun it.
@@ -580,10 +572,8 @@ void studio_session_close(struct studio_session **out)
     struct studio_session *s = *out;
     if (!s)
         return;
-    atomic_store(&s->stop, true);
     atomic_store(&s->end_sweep, STUDIO_SWEEP_DROP);
-    pthread_join(s->thread, NULL);
-    pthread_mutex_destroy(&s->lock);
+    source_player_close(&s->player);
     studio_wish_close(&s->wanted);
     studio_wish_close(&s->wanted_judged);
     studio_snapshot_free(&s->shown);
