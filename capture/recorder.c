@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/queue.h"
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "capture/body_points.h"
 #include "capture/body_radii.h"
 #include "capture/follow.h"
@@ -14,7 +15,6 @@
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -438,8 +438,10 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
+    if (!r->tracked || !r->smoother)
+        return OK;
     const struct sensor_pose *sensor = follower_sensor_pose(r->follower);
-    if (!r->tracked || !r->smoother || (sensor && sensor_pose_far_moves(sensor)))
+    if (sensor && sensor_pose_far_moves(sensor))
         return OK;
     int64_t begun = clock_now_ns();
     enum status status = take_smooth(r->smoother, follower_tracker(r->follower), r->writer, name, options);
@@ -457,32 +459,31 @@ static enum status smooth_take(struct recorder *r, const char *name, const struc
 static enum status run_threads(struct recorder *r, struct source *source, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    pthread_t looking, processing, writing;
-    if (pthread_create(&processing, NULL, process_all, r))
-        return fail(ERR_MEMORY, "no thread to track the person on");
-    if (pthread_create(&writing, NULL, write_all, r)) {
-        queue_stop(r->to_process);
-        queue_stop(r->to_write);
-        pthread_join(processing, NULL);
-        return fail(ERR_MEMORY, "no thread to write the recording on");
-    }
-    const bool looks = r->to_look && !pthread_create(&looking, NULL, look_at_all, r);
-    enum status read_status = r->to_look && !looks ? fail(ERR_MEMORY, "no thread to look for body points on")
-                                                   : read_all(r, source, options, result);
-    if (looks) {
+    struct worker_thread looking, processing, writing;
+    worker_thread_open(&looking);
+    worker_thread_open(&processing);
+    worker_thread_open(&writing);
+    enum status status = worker_thread_start(&processing, process_all, r, "to track the person on");
+    if (status == OK)
+        status = worker_thread_start(&writing, write_all, r, "to write the recording on");
+    if (status == OK && r->to_look)
+        status = worker_thread_start(&looking, look_at_all, r, "to look for body points on");
+    if (status == OK)
+        status = read_all(r, source, options, result);
+    if (r->to_look)
         queue_stop(r->to_look);
-        pthread_join(looking, NULL);
-    }
+    worker_thread_close(&looking);
     queue_stop(r->to_process);
-    pthread_join(processing, NULL);
-    pthread_join(writing, NULL);
+    worker_thread_close(&processing);
+    queue_stop(r->to_write);
+    worker_thread_close(&writing);
     if (r->write_failure.status != OK)
         return failure_restore(&r->write_failure);
     if (r->process_failure.status != OK)
         return failure_restore(&r->process_failure);
     if (r->look_failure.status != OK)
         return failure_restore(&r->look_failure);
-    return read_status;
+    return status;
 }
 
 enum status recorder_run(struct source *source, struct recording_writer *writer, const char *name,

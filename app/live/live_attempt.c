@@ -1,10 +1,10 @@
 #include "app/live/live_attempt.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "compare/findings.h"
 
 #include <math.h>
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,8 +14,8 @@ struct attempt_judge {
     struct attempt_task task;
     struct movement part; // of the reference
     struct live_attempt attempt;
-    pthread_t thread;
-    bool runs, taken;
+    struct worker_thread worker;
+    bool taken;
     atomic_bool finished;
 };
 
@@ -129,9 +129,9 @@ enum status attempt_judge_start(struct attempt_judge **out, const struct attempt
         .number = task->number, .mirrored = task->mirrored, .samples = *samples, .first = task->first};
     *samples = (struct joint_samples){0};
     enum status status = copy_part(task->reference, task->first, task->end, &j->part);
-    if (status == OK && pthread_create(&j->thread, NULL, judge, j))
-        status = fail(ERR_MEMORY, "no thread to judge the attempt");
-    j->runs = status == OK;
+    worker_thread_open(&j->worker);
+    if (status == OK)
+        status = worker_thread_start(&j->worker, judge, j, "to judge the attempt");
     *out = j;
     if (status != OK)
         attempt_judge_close(out);
@@ -143,8 +143,7 @@ void attempt_judge_close(struct attempt_judge **out)
     struct attempt_judge *j = *out;
     if (!j)
         return;
-    if (j->runs)
-        pthread_join(j->thread, NULL);
+    worker_thread_close(&j->worker);
     if (!j->taken)
         live_attempt_free(&j->attempt);
     movement_free(&j->part);

@@ -2,13 +2,13 @@
 
 #include "base/queue.h"
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "capture/body_radii.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 
 #include <dirent.h>
 #include <errno.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,7 +39,7 @@ struct live_keeper {
     char *watched, *spool; // paths
     const struct place *place;
     struct queue *queue;
-    pthread_t thread;
+    struct worker_thread worker;
 
     // used by the sensor's thread only
     struct calibration calibration;
@@ -53,7 +53,7 @@ struct live_keeper {
     int64_t index;
     bool whole; // the spool's take is complete and may be kept
 
-    pthread_mutex_t lock; // protects the fields below
+    // Under the worker's lock:
     struct live_keeper_state state;
     char failure[200]; // of writing this attempt; "": none
 };
@@ -71,9 +71,9 @@ static void item_free(struct keeper_item *item)
 
 static void note_failure(struct live_keeper *k)
 {
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     snprintf(k->failure, sizeof k->failure, "%.199s", status_message());
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
 }
 
 static void discard(struct live_keeper *k)
@@ -88,10 +88,10 @@ static void begin(struct live_keeper *k, const struct keeper_item *item)
 {
     char name[40];
     discard(k);
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     k->failure[0] = 0;
     k->state.written = k->state.left_out = 0;
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
     k->writing = item->calibration;
     k->index = 0;
     body_radii_start(&k->radii);
@@ -131,9 +131,9 @@ static void write_frame(struct live_keeper *k, struct keeper_item *item)
         body_radii_add_frame(&k->radii, k->index, &k->writing, &f->skeleton, f->depth, f->mask))
         status = recording_put_body(k->writer, &k->radii.body);
     k->index += status == OK;
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     k->state.written = k->index;
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
     if (status != OK && status != ERR_ORDER) {
         note_failure(k);
         discard(k);
@@ -145,9 +145,9 @@ static void end(struct live_keeper *k)
 {
     if (!k->writer || k->whole)
         return;
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     const int64_t left_out = k->state.left_out;
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
     enum status status = recording_put_dropped(k->writer, left_out);
     if (status == OK)
         status = recording_end_take(k->writer);
@@ -181,7 +181,7 @@ static void keep(struct live_keeper *k)
         discard(k);
     }
     enum status status = k->whole ? give_name(k, path, sizeof path) : NOTHING;
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     k->state.kept++;
     k->state.failed = status != OK;
     const char *slash = strrchr(path, '/');
@@ -193,7 +193,7 @@ static void keep(struct live_keeper *k)
         snprintf(k->state.sentence, sizeof k->state.sentence, "There is no attempt to keep");
     else
         snprintf(k->state.sentence, sizeof k->state.sentence, "Not kept: %.200s", status_message());
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
     if (status == OK)
         discard(k); // it has its name; a second wish finds nothing
 }
@@ -270,16 +270,14 @@ enum status live_keeper_open(struct live_keeper **out, const struct live_keeper_
     struct live_keeper *k = calloc(1, sizeof *k);
     if (!k)
         return fail(ERR_MEMORY, "no memory to keep attempts");
-    pthread_mutex_init(&k->lock, NULL);
+    worker_thread_open(&k->worker);
     k->place = options->place;
     k->watched = strdup(options->watched);
     enum status status = k->watched ? new_spool(k) : fail(ERR_MEMORY, "no memory to keep attempts");
     if (status == OK)
         status = queue_open(&k->queue, KEEPER_WAITING + WAITING_COMMANDS);
-    if (status == OK && pthread_create(&k->thread, NULL, write_all, k)) {
-        queue_close(&k->queue);
-        status = fail(ERR_MEMORY, "no thread to keep attempts");
-    }
+    if (status == OK)
+        status = worker_thread_start(&k->worker, write_all, k, "to keep attempts");
     *out = k;
     if (status != OK)
         live_keeper_close(out);
@@ -291,12 +289,10 @@ void live_keeper_close(struct live_keeper **out)
     struct live_keeper *k = *out;
     if (!k)
         return;
-    if (k->queue) {
+    if (k->queue)
         queue_stop(k->queue);
-        pthread_join(k->thread, NULL);
-        queue_close(&k->queue);
-    }
-    pthread_mutex_destroy(&k->lock);
+    worker_thread_close(&k->worker);
+    queue_close(&k->queue);
     free(k->watched);
     free(k->spool);
     free(k);
@@ -307,9 +303,9 @@ void live_keeper_close(struct live_keeper **out)
 
 static void count_left_out(struct live_keeper *k)
 {
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     k->state.left_out++;
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
 }
 
 static void put_command(struct live_keeper *k, const struct keeper_item *command)
@@ -373,8 +369,8 @@ void live_keeper_add(struct live_keeper *k, const struct keeper_frame *f)
 
 struct live_keeper_state live_keeper_query(struct live_keeper *k)
 {
-    pthread_mutex_lock(&k->lock);
+    pthread_mutex_lock(&k->worker.lock);
     const struct live_keeper_state state = k->state;
-    pthread_mutex_unlock(&k->lock);
+    pthread_mutex_unlock(&k->worker.lock);
     return state;
 }

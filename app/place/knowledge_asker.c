@@ -1,21 +1,19 @@
 // Asking a thing's own address for what is newer, on a thread, and keeping it in the recording.
 #include "app/place/place_things.h"
 
+#include "base/worker_thread.h"
 #include "objects/thing_update.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 struct knowledge_asker {
     struct knowledge_asker_options options;
     char *file; // a copy of options.file
-    pthread_t thread;
-    bool runs;
+    struct worker_thread worker;
 
-    pthread_mutex_t lock; // guards what follows; never held while the server is asked
-    pthread_cond_t changed;
-    bool closing, orphan;          // orphan: closed while the server was asked; the thread frees it
+    // Under its lock, which is never held while the server is asked:
+    bool orphan;                   // closed while the server was asked; the thread frees it
     int wanted, running, answered; // indices; -1: none
     char name[64], url[512];       // of what is wanted
     struct answer {
@@ -26,8 +24,7 @@ struct knowledge_asker {
 
 static void dispose(struct knowledge_asker *a)
 {
-    pthread_mutex_destroy(&a->lock);
-    pthread_cond_destroy(&a->changed);
+    worker_thread_close(&a->worker);
     free(a->file);
     free(a);
 }
@@ -105,10 +102,10 @@ static void ask(const struct knowledge_asker *a, const char *name, const char *u
 static void *run(void *self)
 {
     struct knowledge_asker *a = self;
-    pthread_mutex_lock(&a->lock);
-    while (!a->closing) {
+    pthread_mutex_lock(&a->worker.lock);
+    while (!a->worker.closing) {
         if (a->wanted < 0 || a->answered >= 0) { // an answer is taken before the next request
-            pthread_cond_wait(&a->changed, &a->lock);
+            pthread_cond_wait(&a->worker.changed, &a->worker.lock);
             continue;
         }
         char name[sizeof a->name], url[sizeof a->url];
@@ -117,17 +114,17 @@ static void *run(void *self)
         strcpy(url, a->url);
         a->running = a->wanted;
         a->wanted = -1;
-        pthread_mutex_unlock(&a->lock);
+        pthread_mutex_unlock(&a->worker.lock);
         ask(a, name, url, &answer);
-        pthread_mutex_lock(&a->lock);
+        pthread_mutex_lock(&a->worker.lock);
         a->answer = answer;
         a->answered = a->running;
         a->running = -1;
-        if (a->options.notify && !a->closing)
+        if (a->options.notify && !a->worker.closing)
             a->options.notify(a->options.notify_self);
     }
     const bool orphan = a->orphan;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     if (orphan)
         dispose(a);
     return NULL;
@@ -137,21 +134,18 @@ enum status knowledge_asker_start(struct knowledge_asker **out, const struct kno
 {
     struct knowledge_asker *a = *out = calloc(1, sizeof *a);
     if (!a)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory to ask what is known of things");
     a->options = *options;
-    if (options->file && !(a->file = strdup(options->file))) {
-        free(a);
-        *out = NULL;
-        return fail(ERR_MEMORY, "out of memory");
-    }
     a->wanted = a->running = a->answered = -1;
-    pthread_mutex_init(&a->lock, NULL);
-    pthread_cond_init(&a->changed, NULL);
-    a->runs = pthread_create(&a->thread, NULL, run, a) == 0;
-    if (a->runs)
-        return OK;
-    knowledge_asker_close(out);
-    return fail(ERR_MEMORY, "no thread to ask what is known of things");
+    worker_thread_open(&a->worker);
+    enum status status = OK;
+    if (options->file && !(a->file = strdup(options->file)))
+        status = fail(ERR_MEMORY, "no memory to ask what is known of things");
+    if (status == OK)
+        status = worker_thread_start(&a->worker, run, a, "to ask what is known of things");
+    if (status != OK)
+        knowledge_asker_close(out);
+    return status;
 }
 
 void knowledge_asker_close(struct knowledge_asker **out)
@@ -160,39 +154,30 @@ void knowledge_asker_close(struct knowledge_asker **out)
     if (!a)
         return;
     *out = NULL;
-    pthread_mutex_lock(&a->lock);
-    const pthread_t thread = a->thread;
-    const bool runs = a->runs, orphan = runs && a->running >= 0;
-    a->closing = true;
-    a->orphan = orphan;
-    pthread_cond_signal(&a->changed);
-    pthread_mutex_unlock(&a->lock);
-    if (orphan) {
-        pthread_detach(thread);
-        return;
-    }
-    if (runs)
-        pthread_join(thread, NULL);
-    dispose(a);
+    pthread_mutex_lock(&a->worker.lock);
+    const bool orphan = a->orphan = a->running >= 0 && worker_thread_abandon(&a->worker);
+    pthread_mutex_unlock(&a->worker.lock);
+    if (!orphan)
+        dispose(a);
 }
 
 void knowledge_asker_ask(struct knowledge_asker *a, int index, const struct place_thing *thing)
 {
     if (!thing->url[0])
         return;
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     if (a->running != index) {
         a->wanted = index;
         strcpy(a->name, thing->name);
         strcpy(a->url, thing->url);
-        pthread_cond_signal(&a->changed);
+        pthread_cond_signal(&a->worker.changed);
     }
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
 }
 
 int knowledge_asker_take(struct knowledge_asker *a, struct place_things *things)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     const int index = a->answered;
     if (index >= 0 && index < things->count) {
         struct place_thing *t = &things->things[index];
@@ -206,15 +191,15 @@ int knowledge_asker_take(struct knowledge_asker *a, struct place_things *things)
     }
     a->answered = -1;
     if (index >= 0)
-        pthread_cond_signal(&a->changed);
-    pthread_mutex_unlock(&a->lock);
+        pthread_cond_signal(&a->worker.changed);
+    pthread_mutex_unlock(&a->worker.lock);
     return index;
 }
 
 bool knowledge_asker_asks(struct knowledge_asker *a, int index)
 {
-    pthread_mutex_lock(&a->lock);
+    pthread_mutex_lock(&a->worker.lock);
     const bool is = a->wanted == index || a->running == index;
-    pthread_mutex_unlock(&a->lock);
+    pthread_mutex_unlock(&a->worker.lock);
     return is;
 }

@@ -1,12 +1,11 @@
 #include "app/view/avatar_builder.h"
 
 #include "base/clock.h"
-#include "base/condition.h"
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "base/worker_thread.h"
 #include "reenact/avatar/avatar_store.h"
 
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,19 +20,17 @@ struct avatar_builder {
     const struct take *take;
     void (*notify)(void *self);
     void *notify_self;
-    pthread_t thread;
-    bool runs;
+    struct worker_thread worker;
     atomic_int done; // of PROGRESS_STEPS
-    atomic_bool cancelled, ended;
+    atomic_bool ended;
 
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    // Under the lock:
+    // Under the worker's lock:
     bool looked; // whether the recording keeps an avatar is known
     bool begun;  // avatar_builder_begin was called
     enum avatar_news news;
     struct avatar avatar;
     struct failure failure; // of AVATAR_FULL; OK and NOTHING included
+    struct failure kept;    // of keeping the one that was made
     bool has_occluders;
     struct occluder_mesh occluders;
 };
@@ -48,7 +45,7 @@ static bool keep_going(void *self, double share)
 {
     struct avatar_builder *p = self;
     (void)share;
-    return !atomic_load(&p->cancelled);
+    return !worker_thread_must_end(&p->worker);
 }
 
 static bool report_progress(void *self, double share)
@@ -57,40 +54,41 @@ static bool report_progress(void *self, double share)
     int done = (int)(share * PROGRESS_STEPS);
     if (atomic_exchange(&p->done, done) != done)
         notify_change(p);
-    return !atomic_load(&p->cancelled);
+    return !worker_thread_must_end(&p->worker);
 }
 
 // Hands over an avatar, or, with AVATAR_FULL, why there is none. Takes over the contents of *avatar.
 static void publish(struct avatar_builder *p, enum avatar_news news, struct avatar *avatar, enum status status)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     avatar_free(&p->avatar); // a simple one that was not taken
     p->avatar = *avatar;
     p->news = news;
     p->looked = true;
     failure_keep(&p->failure, status);
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->lock);
+    pthread_cond_broadcast(&p->worker.changed);
+    pthread_mutex_unlock(&p->worker.lock);
     *avatar = (struct avatar){0};
     notify_change(p);
 }
 
 static void set_looked(struct avatar_builder *p)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->looked = true;
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->lock);
+    pthread_cond_broadcast(&p->worker.changed);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 // False: cancelled before it may begin.
 static bool await_begin(struct avatar_builder *p)
 {
-    pthread_mutex_lock(&p->lock);
-    while (!p->begun && !atomic_load(&p->cancelled))
-        pthread_cond_wait(&p->changed, &p->lock);
-    pthread_mutex_unlock(&p->lock);
-    return !atomic_load(&p->cancelled);
+    pthread_mutex_lock(&p->worker.lock);
+    while (!p->begun && !p->worker.closing)
+        pthread_cond_wait(&p->worker.changed, &p->worker.lock);
+    const bool begins = !p->worker.closing;
+    pthread_mutex_unlock(&p->worker.lock);
+    return begins;
 }
 
 static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
@@ -115,10 +113,10 @@ static void build_occluders(struct avatar_builder *p)
     place_free(&place);
     take_close(&take);
     recording_free(&recording);
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->occluders = made;
     p->has_occluders = true;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     notify_change(p);
 }
 
@@ -147,10 +145,15 @@ static enum status make_full(struct avatar_builder *p, struct take *take, const 
     enum status status = avatar_make(&avatar, take, rays, &options);
     if (status != OK)
         return status;
-    const bool packed = avatar_pack(&avatar, &bytes, &count) == OK;
+    status = avatar_pack(&avatar, &bytes, &count);
     publish(p, AVATAR_FULL, &avatar, OK);
-    if (packed) // also where it is not wanted any more: it took long to make
-        status_ignore(avatar_save(bytes, count, p->path, p->take)); // not kept: made again the next time
+    if (status == OK) // also where it is not wanted any more: it took long to make
+        status = avatar_save(bytes, count, p->path, p->take);
+    if (status == NOTHING)
+        status = fail(ERR_IO, "The recording cannot be written now: the actor is made again the next time");
+    pthread_mutex_lock(&p->worker.lock);
+    failure_keep(&p->kept, status);
+    pthread_mutex_unlock(&p->worker.lock);
     free(bytes);
     return OK;
 }
@@ -212,18 +215,17 @@ enum status avatar_builder_start(struct avatar_builder **out, const struct avata
 {
     struct avatar_builder *p = *out = calloc(1, sizeof *p);
     if (!p)
-        return fail(ERR_MEMORY, "out of memory");
-    pthread_mutex_init(&p->lock, NULL);
-    condition_open(&p->changed);
+        return fail(ERR_MEMORY, "no memory for the actor");
+    worker_thread_open(&p->worker);
     p->notify = options->notify;
     p->notify_self = options->notify_self;
     p->path = strdup(options->path);
     p->take = options->take;
-    p->runs = p->path && pthread_create(&p->thread, NULL, run, p) == 0;
-    if (p->runs)
-        return OK;
-    avatar_builder_close(out);
-    return fail(ERR_MEMORY, "out of memory");
+    enum status status = p->path ? worker_thread_start(&p->worker, run, p, "to make the actor")
+                                 : fail(ERR_MEMORY, "no memory for the actor");
+    if (status != OK)
+        avatar_builder_close(out);
+    return status;
 }
 
 void avatar_builder_close(struct avatar_builder **out)
@@ -231,16 +233,9 @@ void avatar_builder_close(struct avatar_builder **out)
     struct avatar_builder *p = *out;
     if (!p)
         return;
-    pthread_mutex_lock(&p->lock);
-    atomic_store(&p->cancelled, true);
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->lock);
-    if (p->runs)
-        pthread_join(p->thread, NULL);
+    worker_thread_close(&p->worker);
     avatar_free(&p->avatar);
     occluder_mesh_free(&p->occluders);
-    pthread_cond_destroy(&p->changed);
-    pthread_mutex_destroy(&p->lock);
     free(p->path);
     free(p);
     *out = NULL;
@@ -248,10 +243,10 @@ void avatar_builder_close(struct avatar_builder **out)
 
 void avatar_builder_begin(struct avatar_builder *p)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     p->begun = true;
-    pthread_cond_broadcast(&p->changed);
-    pthread_mutex_unlock(&p->lock);
+    pthread_cond_broadcast(&p->worker.changed);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 double avatar_builder_progress(const struct avatar_builder *p)
@@ -262,15 +257,15 @@ double avatar_builder_progress(const struct avatar_builder *p)
 void avatar_builder_await_kept(struct avatar_builder *p, int64_t most_ns)
 {
     const int64_t until_ns = clock_now_ns() + most_ns;
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     while (!p->looked && clock_now_ns() < until_ns)
-        (void)condition_wait_until_ns(&p->changed, &p->lock, until_ns);
-    pthread_mutex_unlock(&p->lock);
+        (void)condition_wait_until_ns(&p->worker.changed, &p->worker.lock, until_ns);
+    pthread_mutex_unlock(&p->worker.lock);
 }
 
 enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *avatar, enum status *status)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     const enum avatar_news news = p->news;
     if (news != AVATAR_NO_NEWS) {
         *status = failure_restore(&p->failure);
@@ -278,20 +273,28 @@ enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *av
         p->avatar = (struct avatar){0};
         p->news = AVATAR_NO_NEWS;
     }
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     return news;
 }
 
 bool avatar_builder_take_occluders(struct avatar_builder *p, struct occluder_mesh *occluders)
 {
-    pthread_mutex_lock(&p->lock);
+    pthread_mutex_lock(&p->worker.lock);
     const bool there = p->has_occluders;
     if (there)
         *occluders = p->occluders;
     p->occluders = (struct occluder_mesh){0};
     p->has_occluders = false;
-    pthread_mutex_unlock(&p->lock);
+    pthread_mutex_unlock(&p->worker.lock);
     return there;
+}
+
+enum status avatar_builder_kept(struct avatar_builder *p)
+{
+    pthread_mutex_lock(&p->worker.lock);
+    const struct failure kept = p->kept;
+    pthread_mutex_unlock(&p->worker.lock);
+    return failure_restore(&kept);
 }
 
 bool avatar_builder_ended(const struct avatar_builder *p) { return atomic_load(&p->ended); }

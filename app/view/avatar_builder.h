@@ -40,5 +40,9 @@ enum avatar_news avatar_builder_take(struct avatar_builder *p, struct avatar *av
 // True, once: *occluders is the caller's; empty where there is no mesh.
 bool avatar_builder_take_occluders(struct avatar_builder *p, struct occluder_mesh *occluders);
 
+// Once they have ended: OK: the recording keeps the full avatar, or there is none. ERR_IO: it cannot be written now.
+// ERR_MEMORY.
+MUST_CHECK enum status avatar_builder_kept(struct avatar_builder *p);
+
 // The threads have ended. What they made may still be taken.
 bool avatar_builder_ended(const struct avatar_builder *p);

@@ -375,8 +375,10 @@ enum status take_view_adopt_avatar(struct take_view *s)
         status = status < 0 ? status : occluded;
         s->has_room = s->outdated = true;
     }
-    if (s->has_full && s->has_room && avatar_builder_ended(s->builder))
+    if (s->has_full && s->has_room && avatar_builder_ended(s->builder)) {
+        status = status < 0 ? status : avatar_builder_kept(s->builder);
         avatar_builder_close(&s->builder);
+    }
     return status;
 }
 

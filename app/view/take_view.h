@@ -30,7 +30,7 @@ MUST_CHECK enum status take_view_open(struct take_view **out, struct gpu *gpu, c
 void take_view_close(struct take_view **s); // NULL is fine; sets *s = NULL; cancels background work
 
 // Adopts the avatar when it is finished. An error, once: it could not be built, and the sentence says why; drawing goes
-// on without it.
+// on without it; or it was built and the recording cannot keep it.
 MUST_CHECK enum status take_view_adopt_avatar(struct take_view *s);
 double take_view_progress(const struct take_view *s); // share of the avatar's work, 0..1; 1: nothing is running
 bool take_view_final(const struct take_view *s);      // false: drawing the same request again would improve it

@@ -2,8 +2,8 @@
 #include "capture/mapping/map_frontend.h"
 
 #include "base/queue.h"
+#include "base/worker_thread.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,8 +24,7 @@ struct worker {
     struct tag_refiner *refiner;
     uint8_t *gray;
     struct queue *todo, *done; // slots
-    pthread_t thread;
-    bool runs;
+    struct worker_thread thread;
 };
 
 struct map_frontend {
@@ -150,7 +149,7 @@ static enum status start(struct map_frontend *l, struct worker *w, const struct 
     if (status == OK)
         status = queue_open(&w->done, SLOTS);
     if (status == OK)
-        w->runs = pthread_create(&w->thread, NULL, run, w) == 0;
+        status_ignore(worker_thread_start(&w->thread, run, w, "to map a place")); // map_frontend_put then detects
     return status;
 }
 
@@ -165,6 +164,8 @@ enum status map_frontend_open(struct map_frontend **out, const struct map *map, 
     size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
     size_t depths = (size_t)map->calibration.depth.width * (size_t)map->calibration.depth.height;
     enum status status = OK;
+    for (int i = 0; i < WORKERS; i++)
+        worker_thread_open(&l->workers[i].thread);
     for (int i = 0; i < SLOTS && status == OK; i++) {
         struct slot *s = &l->slots[i];
         s->color = malloc(pixels * 3);
@@ -186,10 +187,9 @@ void map_frontend_close(struct map_frontend **out)
         return;
     for (int i = 0; i < WORKERS; i++) {
         struct worker *w = &l->workers[i];
-        if (w->runs) {
+        if (w->todo)
             queue_stop(w->todo);
-            pthread_join(w->thread, NULL);
-        }
+        worker_thread_close(&w->thread);
         queue_close(&w->todo);
         queue_close(&w->done);
         tag_refiner_close(&w->refiner);
@@ -243,10 +243,10 @@ enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, 
     if (status != OK)
         return status;
     l->put++;
-    if (w->runs)
+    if (w->thread.runs)
         queue_put(w->todo, s);
     else
-        process_frame(w, s); // the thread could not be created: detect here
+        process_frame(w, s); // the thread could not be created
     return OK;
 }
 
@@ -256,7 +256,7 @@ enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result
         return NOTHING;
     struct slot *s = &l->slots[l->taken % SLOTS];
     struct worker *w = &l->workers[l->taken++ % WORKERS];
-    if (w->runs)
+    if (w->thread.runs)
         s = queue_take(w->done); // the same slot, once it is done
     if (s->failure.status != OK) {
         map_frame_free(&s->result.observed);

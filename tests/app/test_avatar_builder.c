@@ -17,7 +17,7 @@ static void count(void *self) { atomic_fetch_add((atomic_int *)self, 1); }
 // What a builder gave.
 struct built {
     struct avatar avatar;
-    enum status status;
+    enum status status, kept;
     int simple_points; // of the simple avatar's surface; 0: there was none
 };
 
@@ -49,6 +49,7 @@ static struct built build(const char *path)
     EXPECT_TRUE(!avatar_builder_take_occluders(p, &occluders));
     occluder_mesh_free(&occluders);
     EXPECT_AT_LEAST(atomic_load(&news), 1);
+    b.kept = avatar_builder_kept(p);
     avatar_builder_close(&p);
     return b;
 }
@@ -65,6 +66,20 @@ static void expect_same(const struct avatar *a, const struct avatar *b)
     free(bytes[1]);
 }
 
+// While another program records into the file.
+static void test_what_cannot_be_kept_is_said(void **state)
+{
+    (void)state;
+    struct recording_writer *writer;
+    EXPECT_STATUS(recording_append(&writer, rehearsed.rehearsal.file), OK);
+    struct built a = build(rehearsed.rehearsal.file);
+    EXPECT_STATUS(a.status, OK);
+    EXPECT_STATUS(a.kept, ERR_IO);
+    EXPECT_SAYS("made again");
+    EXPECT_STATUS(recording_close(&writer), OK);
+    avatar_free(&a.avatar);
+}
+
 // The first time a simple avatar comes before the full one. The second time the full one is read from the recording,
 // the same to the bit; and it is what avatar_make gives.
 static void test_kept_avatar_is_the_same(void **state)
@@ -73,6 +88,7 @@ static void test_kept_avatar_is_the_same(void **state)
     struct built a = build(rehearsed.rehearsal.file), b = build(rehearsed.rehearsal.file);
     EXPECT_STATUS(a.status, OK);
     EXPECT_STATUS(b.status, OK);
+    EXPECT_TRUE(a.kept == OK && b.kept == OK);
     EXPECT_AT_LEAST(a.avatar.surface.point_count, 5000);
     EXPECT_AT_LEAST(a.simple_points, 1000);
     EXPECT_INT(b.simple_points, 0);
@@ -107,6 +123,7 @@ static void test_missing_input_is_reported(void **state)
     const struct built none = build("/nowhere/at.all");
     EXPECT_STATUS(none.status, ERR_MISSING);
     EXPECT_SAYS("/nowhere/at.all");
+    EXPECT_STATUS(none.kept, OK);
     EXPECT_INT(none.avatar.surface.point_count, 0);
 }
 
@@ -127,6 +144,7 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_what_cannot_be_kept_is_said),
         cmocka_unit_test(test_kept_avatar_is_the_same),
         cmocka_unit_test(test_cancel_at_any_moment),
         cmocka_unit_test(test_missing_input_is_reported),
