@@ -80,7 +80,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     }
 }
 
-int64_t export_frame(const struct export_arguments *given, const struct take *take)
+// The frame that --at names, or the take's representative frame.
+static int64_t chosen_frame(const struct export_arguments *given, const struct take *take)
 {
     const int64_t frames = take_frame_count(take), typical = take_body(take)->representative_frame;
     if (isnan(given->at_s))
@@ -117,7 +118,7 @@ static enum status write_place(struct recording *recording, const struct export_
 
 static enum status write_points(struct take *take, const struct export_arguments *given, FILE *out)
 {
-    const enum status status = export_points_ply(take, export_frame(given, take), given->what == PLY_ACTOR, out);
+    const enum status status = export_points_ply(take, chosen_frame(given, take), given->what == PLY_ACTOR, out);
     return status == NOTHING ? fail(ERR_INPUT, "that frame has no such points; give another --at") : status;
 }
 
@@ -125,12 +126,14 @@ static enum status write_take(struct take *take, const struct export_arguments *
                               const struct progress_watch *watch, int64_t *damaged)
 {
     FILE *file = output_file(out);
+    const int64_t frame = chosen_frame(given, take);
     switch ((enum export_format)given->format) {
     case EXPORT_CSV: return export_joints_csv(take, given->axes, file);
     case EXPORT_BVH: return export_bvh(take, file);
-    case EXPORT_GLB: return export_actor(given, take, file, watch);
+    case EXPORT_GLB: return export_actor(given, take, frame, file, watch);
     case EXPORT_PLY:
-        return given->what == PLY_MESH ? export_actor(given, take, file, watch) : write_points(take, given, file);
+        return given->what == PLY_MESH ? export_actor(given, take, frame, file, watch)
+                                       : write_points(take, given, file);
     case EXPORT_MP4: return export_film_mp4(take, file, output_can_seek(out), watch, damaged);
     case EXPORT_FOLDER: break; // is no file
     }

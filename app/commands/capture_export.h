@@ -18,9 +18,6 @@ struct export_arguments {
     bool force;
 };
 
-// The frame that --at names, or the take's representative frame.
-int64_t export_frame(const struct export_arguments *given, const struct take *take);
-
-// The take's actor as .glb, with --html also as a page, or as the mesh of one instant. NOTHING: the watch said to stop.
-MUST_CHECK enum status export_actor(const struct export_arguments *given, struct take *take, FILE *out,
+// The take's actor as .glb, with --html also as a page, or as the mesh of that frame. NOTHING: the watch said to stop.
+MUST_CHECK enum status export_actor(const struct export_arguments *given, struct take *take, int64_t frame, FILE *out,
                                     const struct progress_watch *watch);

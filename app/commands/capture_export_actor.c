@@ -31,14 +31,14 @@ static enum status write_model(const struct export_arguments *given, const struc
     return status;
 }
 
-static enum status write_mesh(const struct export_arguments *given, const struct actor_export *actor, FILE *out)
+static enum status write_mesh(const struct actor_export *actor, int64_t frame, FILE *out)
 {
-    const enum status status = actor_export_mesh_ply(actor, export_frame(given, actor->take), out);
+    const enum status status = actor_export_mesh_ply(actor, frame, out);
     return status == NOTHING ? fail(ERR_INPUT, "the actor's trunk is not known at that instant; give another --at")
                              : status;
 }
 
-enum status export_actor(const struct export_arguments *given, struct take *take, FILE *out,
+enum status export_actor(const struct export_arguments *given, struct take *take, int64_t frame, FILE *out,
                          const struct progress_watch *watch)
 {
     struct actor_export actor = {.take = take, .name = given->take};
@@ -63,7 +63,7 @@ enum status export_actor(const struct export_arguments *given, struct take *take
         actor.skeletons = skeletons;
         actor.track = track;
         actor.avatar = &avatar;
-        status = given->format == EXPORT_GLB ? write_model(given, &actor, out) : write_mesh(given, &actor, out);
+        status = given->format == EXPORT_GLB ? write_model(given, &actor, out) : write_mesh(&actor, frame, out);
     }
     avatar_free(&avatar);
     source_rays_close(&rays);
