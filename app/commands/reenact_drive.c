@@ -7,7 +7,7 @@
 #include "app/place/robot_place.h"
 #include "recording/recorded_drive.h"
 #include "recording/recording.h"
-#include "surround/drive/drive_trial.h"
+#include "surround/drive/drive_session.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"
 #include "platform/files/png.h"
@@ -22,7 +22,6 @@ struct drive_arguments {
     const char *uri, *out, *camera, *file;
     const char *remap[MOST_REMAPS + 1];
     int remaps;
-    int trials;
     bool json, map, keep, fullscreen;
     int size[2];
     double dpi;
@@ -33,7 +32,6 @@ struct drive_arguments {
 enum {
     KEY_DELAY = COMMAND_KEY,
     KEY_LOSS,
-    KEY_TRIAL,
     KEY_OUT,
     KEY_EVERY,
     KEY_SECONDS,
@@ -51,10 +49,6 @@ enum {
 static const struct argp_option options[] = {
     {"delay", KEY_DELAY, "S", 0, "the link's delay, one way (default 0)", 0},
     {"loss", KEY_LOSS, "SHARE", 0, "share of packets that the link loses, 0 to 1 (default 0)", 0},
-    {"trial", KEY_TRIAL, "N", 0,
-     "with sim: instead of a window, N times a scripted driver who sees only the drawn picture's nearest distance "
-     "approaches the wall",
-     0},
     {"out", KEY_OUT, "DIR", 0, "instead of a window, write the operator's pictures NNNN.png here", 0},
     {"every", KEY_EVERY, "S", 0, "with --out, seconds from one picture to the next (default 1)", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
@@ -77,8 +71,6 @@ static const struct argp_option options[] = {
 // What would be left out without a word.
 static void refuse_contradictions(const struct argp_state *state, const struct drive_arguments *a)
 {
-    if (a->trials && (strncmp(a->uri, "sim:", 4) || a->file || a->out))
-        argp_error(state, "--trial goes with sim: alone, without FILE and --out");
     if (a->out && (a->camera || a->map))
         argp_error(state, "--camera and --map go with the window, not with --out");
     if ((a->how.calibration || a->remaps) && strncmp(a->uri, "ros:", 4))
@@ -91,7 +83,6 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_DELAY: a->how.link.delay_s = command_parse_number(state, "--delay", value, 0, 60); return 0;
     case KEY_LOSS: a->how.link.loss = command_parse_number(state, "--loss", value, 0, 1); return 0;
-    case KEY_TRIAL: a->trials = (int)command_parse_number(state, "--trial", value, 1, 1000); return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_EVERY: a->every_s = command_parse_number(state, "--every", value, 0.01, 1e4); return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.01, 1e6); return 0;
@@ -119,109 +110,6 @@ static error_t parse(int key, char *value, struct argp_state *state)
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
-}
-
-// Starts differ in distance from the wall and in heading, by fixed steps.
-static enum status run_trial(int number, double *clearance_m)
-{
-    struct box_world world;
-    struct pose start;
-    struct simulated_rover rover;
-    struct rover_options how = rover_default_options();
-    how.seed = (uint32_t)number + 1;
-    rover_trial_world(3, &world, &start);
-    start.translation.x = 0.1 * (number % 7);
-    start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 9) - 0.2));
-    enum status status = simulated_rover_open(&rover, &world, start, &how);
-    if (status == OK)
-        status = rover_trial_approach(&rover, clearance_m);
-    simulated_rover_close(&rover);
-    return status;
-}
-
-// One path with the picture alone and with the map.
-static enum status count_commands(int number, struct trial_result out[TRIAL_VIEWS])
-{
-    enum status status = OK;
-    for (int view = 0; view < TRIAL_VIEWS && status == OK; view++) {
-        struct simulated_rover rover;
-        status = drive_trial_open(&rover, number);
-        if (status == OK)
-            status = drive_trial_run(&rover, (enum trial_view)view, &out[view]);
-        simulated_rover_close(&rover);
-    }
-    return status;
-}
-
-struct command_counts {
-    double commands[TRIAL_VIEWS]; // sums over the trials that arrived
-    int arrived[TRIAL_VIEWS], touched[TRIAL_VIEWS];
-};
-
-static void add_counts(struct command_counts *c, const struct trial_result r[TRIAL_VIEWS])
-{
-    for (int v = 0; v < TRIAL_VIEWS; v++) {
-        c->commands[v] += r[v].arrived ? r[v].commands : 0;
-        c->arrived[v] += r[v].arrived;
-        c->touched[v] += r[v].touched;
-    }
-}
-
-static double mean_commands(const struct command_counts *c, int view)
-{
-    return c->arrived[view] ? c->commands[view] / c->arrived[view] : 0;
-}
-
-static void report_counts(const struct command_counts *c, int trials, struct json *root)
-{
-    static const char *const names[TRIAL_VIEWS] = {"picture_alone", "with_map"};
-    for (int v = 0; v < TRIAL_VIEWS; v++) {
-        struct json *one = json_add_object(root, names[v]);
-        json_add_number(one, "commands", mean_commands(c, v));
-        json_add_number(one, "arrived", c->arrived[v]);
-        json_add_number(one, "touched", c->touched[v]);
-        json_add_number(one, "trials", trials);
-    }
-}
-
-static enum status run_trials(const struct drive_arguments *a)
-{
-    struct json *root = json_new_object(), *list = json_add_array(root, "clearance_mm");
-    struct command_counts counts = {{0}, {0}, {0}};
-    int close = 0, touched = 0;
-    enum status status = OK;
-    for (int i = 0; status == OK && i < a->trials && !command_stopped(); i++) {
-        double clearance_m;
-        status = run_trial(i, &clearance_m);
-        if (status != OK)
-            break;
-        struct trial_result path[TRIAL_VIEWS];
-        status = count_commands(i, path);
-        if (status != OK)
-            break;
-        add_counts(&counts, path);
-        touched += clearance_m <= 0;
-        close += clearance_m > 0 && clearance_m <= 0.05;
-        json_push_number(list, clearance_m * 1e3);
-    }
-    json_add_number(root, "trials", a->trials);
-    json_add_number(root, "touched", touched);
-    json_add_number(root, "within_5_cm", close);
-    report_counts(&counts, a->trials, root);
-    char *text = json_print(root);
-    json_free(&root);
-    if (status == OK && a->json && text)
-        fputs(text, stdout);
-    else if (status == OK)
-        printf(
-            "%d trials: %d touched the wall, %d came within 5 cm without touching\n"
-            "through the bent passage: %.1f commands with the picture alone (%d of %d arrived, %d touched), %.1f with "
-            "the map (%d of %d, %d touched)\n",
-            a->trials, touched, close, mean_commands(&counts, TRIAL_PICTURE), counts.arrived[TRIAL_PICTURE], a->trials,
-            counts.touched[TRIAL_PICTURE], mean_commands(&counts, TRIAL_MAP), counts.arrived[TRIAL_MAP], a->trials,
-            counts.touched[TRIAL_MAP]);
-    free(text);
-    return status;
 }
 
 // Twenty commands a second; a robot of a ROS master is driven in real time.
@@ -324,8 +212,6 @@ int reenact_drive(int argc, char **argv)
         NULL};
     command_parse(&argp, argc, argv, &arguments);
     command_catch_signals();
-    if (arguments.trials)
-        return run_trials(&arguments) == OK ? 0 : command_failed(argv[0]);
     struct drive_session session;
     struct place place = {0};
     arguments.how.remap = arguments.remap;

@@ -40,7 +40,7 @@ static enum status open_simulated(struct drive_session *s, const char *stage)
         return fail(ERR_INPUT, "sim: has the stages 1 (straight passage), 2 (bent passage) and 3 (a wall), not '%s'",
                     stage);
     how.view = resized(&how.view, &s->how);
-    rover_trial_world(number, &world, &start);
+    rover_stage_world(number, &world, &start);
     return simulated_rover_open(&s->rover, &world, start, &how);
 }
 

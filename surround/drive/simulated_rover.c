@@ -130,33 +130,6 @@ enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_fr
     return surroundings_draw(&r->surroundings, world_from_view);
 }
 
-// The driver slows down as it comes closer and stops at CLOSE_M: as close as the depth's noise and the odometry since
-// the last capture allow.
-#define CLOSE_M 0.03
-#define STEP_S  0.2
-#define FASTEST 0.3
-enum { MOST_STEPS = 200 };
-
-enum status rover_trial_approach(struct simulated_rover *r, double *clearance_m)
-{
-    enum status status = OK;
-    for (int i = 0; status == OK && i < MOST_STEPS && !r->touched; i++) {
-        const struct pose body = simulated_rover_pose(r);
-        struct nearest_thing thing;
-        status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->how.size_m));
-        if (status != OK)
-            break;
-        const bool seen = nearest_in_view(&r->surroundings.view, body, r->how.size_m, 0.1, &thing) == OK;
-        const double left = seen ? thing.distance_m - CLOSE_M : 0.3;
-        if (left <= 0.002)
-            break;
-        const double speed = fmin(FASTEST, 0.5 * left / STEP_S);
-        status = simulated_rover_step(r, (struct drive_command){speed, 0}, STEP_S);
-    }
-    *clearance_m = r->touched ? 0 : box_world_clearance(&r->world, r->world_from_body, r->how.size_m);
-    return status;
-}
-
 static void add_box(struct box_world *w, const double low[3], const double high[3], uint32_t color, bool inside)
 {
     struct box *b = &w->boxes[w->count++];
@@ -167,7 +140,7 @@ static void add_box(struct box_world *w, const double low[3], const double high[
     b->inside = inside;
 }
 
-void rover_trial_world(int stage, struct box_world *world, struct pose *start)
+void rover_stage_world(int stage, struct box_world *world, struct pose *start)
 {
     *world = (struct box_world){0};
     *start = POSE_IDENTITY;

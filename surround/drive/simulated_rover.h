@@ -50,10 +50,6 @@ struct pose simulated_rover_pose(const struct simulated_rover *r);
 // Draws the surroundings from a viewpoint, without the overlay, into r->surroundings.view.
 MUST_CHECK enum status simulated_rover_draw(struct simulated_rover *r, struct pose world_from_view);
 
-// The trial of Okura 2014, section 5, by a scripted driver that sees nothing but the nearest distance in the drawn
-// picture from above: it approaches what is ahead as closely as it dares. *clearance_m: the true distance at the end, 0
-// or less: it touched.
-MUST_CHECK enum status rover_trial_approach(struct simulated_rover *r, double *clearance_m);
-
-// Stages of that trial: a straight narrow passage, a bent one with obstacles, a wall to approach.
-void rover_trial_world(int stage, struct box_world *world, struct pose *start);
+// Worlds 1 to 3, the stages of Okura 2014, section 5: a straight narrow passage, a bent one with obstacles, a wall to
+// approach.
+void rover_stage_world(int stage, struct box_world *world, struct pose *start);

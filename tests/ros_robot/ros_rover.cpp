@@ -63,7 +63,7 @@ struct robot {
         how.depth_width = 160;
         how.depth_height = 120;
         watch.patience_s = 0.5;
-        rover_trial_world(3, &world, &body);
+        rover_stage_world(3, &world, &body);
         odometry = body;
     }
 

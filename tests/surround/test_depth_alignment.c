@@ -87,7 +87,7 @@ static void start(struct ride *r, int stage)
     struct pose begin;
     const struct alignment_options how = alignment_default_options();
     *r = (struct ride){.seed = 7};
-    rover_trial_world(stage, &r->world, &begin);
+    rover_stage_world(stage, &r->world, &begin);
     assert_int_equal(depth_alignment_open(&r->alignment, &how), OK);
 }
 
@@ -196,7 +196,7 @@ static void test_what_does_not_fit(void **state)
     start(&r, 3);
     assert_int_equal(capture(&r, at(0, 0, 0), at(0, 0, 0), &found), OK);
     const size_t before = r.alignment.surface.used;
-    rover_trial_world(1, &other.world, &found);
+    rover_stage_world(1, &other.world, &found);
     r.world = other.world;
     r.world.boxes[0].low[0] = -0.4, r.world.boxes[0].high[0] = 0.45;
     assert_int_equal(capture(&r, at(0, 0, 0), at(0.1, 0, 0), &found), NOTHING);

@@ -1,14 +1,17 @@
-// Driving: motion, the link, the overlay, and the trial in which a scripted driver who only sees the drawn picture's
-// nearest distance approaches a wall without touching it.
+// Driving: motion, the link, the overlay, and the trials in which a scripted driver who only sees drawn pictures
+// approaches a wall without touching it and finds its way through a bent passage. With a number: that many starts of
+// both trials, counted.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "surround/picture/surround_mesh.h"
 #include "surround/drive/drive_session.h"
-#include "surround/drive/drive_trial.h"
 #include "surround/drive/head_tracker.h"
+#include "surround/picture/surround_mesh.h"
+#include "tests/support/drive_trial.h"
 
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 static void test_motion_is_an_arc(void **state)
 {
@@ -97,9 +100,9 @@ static void test_clearance(void **state)
     struct box_world w;
     struct pose start;
     const double size[3] = {0.6, 0.5, 1.2};
-    rover_trial_world(1, &w, &start);
+    rover_stage_world(1, &w, &start);
     EXPECT_NEAR(box_world_clearance(&w, start, size), 0.2, 1e-12);
-    rover_trial_world(2, &w, &start);
+    rover_stage_world(2, &w, &start);
     start.translation.x = 0.8;
     start.translation.y = -0.5;
     EXPECT_NEAR(box_world_clearance(&w, start, size), 0.1, 1e-12);
@@ -107,7 +110,7 @@ static void test_clearance(void **state)
     EXPECT_AT_MOST(box_world_clearance(&w, start, size), 0);
 }
 
-// A narrow run of the trial: 4 starts here; `reenact drive sim: --trial 20` runs twenty.
+// A narrow run of the trial: 4 starts here; `test_robot_drive 20` runs twenty.
 static void test_approaches_without_touching(void **state)
 {
     (void)state;
@@ -119,11 +122,11 @@ static void test_approaches_without_touching(void **state)
         double clearance;
         how.seed = trial + 1;
         how.panorama_height = 128;
-        rover_trial_world(3, &world, &start);
+        rover_stage_world(3, &world, &start);
         start.translation.x = 0.5 + 0.1 * trial;
         start.rotation = quat_from_rotation_vector(v3(0, 0, 0.1 * trial - 0.15));
         assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
-        assert_int_equal(rover_trial_approach(&rover, &clearance), OK);
+        assert_int_equal(drive_trial_approach(&rover, &clearance), OK);
         print_message("trial %u: %.1f mm, %d captures\n", trial, clearance * 1e3, rover.surroundings.taken);
         EXPECT_AT_LEAST(clearance, 0.001);
         EXPECT_AT_MOST(clearance, 0.05);
@@ -131,7 +134,7 @@ static void test_approaches_without_touching(void **state)
     }
 }
 
-// Three starts, in coarse pictures; `reenact drive sim: --trial 20` has more and finer ones.
+// Three starts, in coarse pictures; `test_robot_drive 20` has more and finer ones.
 static void test_the_map_saves_commands_through_the_bent_passage(void **state)
 {
     (void)state;
@@ -147,7 +150,7 @@ static void test_the_map_saves_commands_through_the_bent_passage(void **state)
         struct rover_options how = rover_default_options();
         how.panorama_height = 128;
         how.view = (struct lens){.width = 240, .height = 180, .fx = 150, .fy = 150, .cx = 119.5, .cy = 89.5};
-        rover_trial_world(2, &world, &start);
+        rover_stage_world(2, &world, &start);
         start.translation.y = 0.06 * (i / TRIAL_VIEWS - 1);
         start.rotation = quat_from_rotation_vector(v3(0, 0, 0.12 * (i / TRIAL_VIEWS - 1)));
         assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
@@ -164,7 +167,7 @@ static void test_the_map_saves_commands_through_the_bent_passage(void **state)
     EXPECT_AT_MOST(commands[TRIAL_MAP], commands[TRIAL_PICTURE] - 1);
 }
 
-// Two starts of `reenact drive sim: --trial 20`: at a box's corner, of which the picture ahead shows nothing, and
+// Two starts of `test_robot_drive 20`: at a box's corner, of which the picture ahead shows nothing, and
 // before a wall that is drawn continued where none is. It looks where it turned to, and leaves the margin on floor that
 // it saw.
 static void test_corners_out_of_sight_are_not_touched(void **state)
@@ -198,7 +201,7 @@ static void test_overlay(void **state)
     struct simulated_rover rover;
     struct rover_options how = rover_default_options();
     how.panorama_height = 128;
-    rover_trial_world(3, &world, &start);
+    rover_stage_world(3, &world, &start);
     assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
     const struct surround_view *view = &rover.surroundings.view;
     assert_int_equal(simulated_rover_draw(&rover, operator_viewpoint(VIEWPOINT_THIRD, start, how.size_m)), OK);
@@ -300,7 +303,7 @@ static void ride(struct simulated_rover *r, bool threads)
     struct pose start;
     struct rover_options how = rover_default_options();
     how.panorama_height = 96;
-    rover_trial_world(3, &world, &start);
+    rover_stage_world(3, &world, &start);
     assert_int_equal(simulated_rover_open(r, &world, start, &how), OK);
     if (threads) {
         assert_int_equal(surroundings_start_threads(&r->surroundings), OK);
@@ -342,8 +345,61 @@ static void test_captures_on_threads(void **state)
     simulated_rover_close(&threaded);
 }
 
-int main(void)
+// ---------------------------------------------------------------- many starts
+
+// Starts differ in distance from the wall and in heading, by fixed steps.
+static void approach_wall(int number, double *clearance_m)
 {
+    struct box_world world;
+    struct pose start;
+    struct simulated_rover rover;
+    struct rover_options options = rover_default_options();
+    options.seed = (uint32_t)number + 1;
+    rover_stage_world(3, &world, &start);
+    start.translation.x = 0.1 * (number % 7);
+    start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 9) - 0.2));
+    EXPECT_STATUS(simulated_rover_open(&rover, &world, start, &options), OK);
+    EXPECT_STATUS(drive_trial_approach(&rover, clearance_m), OK);
+    simulated_rover_close(&rover);
+}
+
+static int starts;
+
+static void test_many_starts_are_counted(void **state)
+{
+    (void)state;
+    static const char *const names[TRIAL_VIEWS] = {"picture alone", "map"};
+    int wall_touched = 0, close = 0, commands[TRIAL_VIEWS] = {0}, arrived[TRIAL_VIEWS] = {0},
+        touched[TRIAL_VIEWS] = {0};
+    for (int i = 0; i < starts; i++) {
+        double clearance_m;
+        approach_wall(i, &clearance_m);
+        wall_touched += clearance_m <= 0;
+        close += clearance_m > 0 && clearance_m <= 0.05;
+        for (int view = 0; view < TRIAL_VIEWS; view++) {
+            struct simulated_rover rover;
+            struct trial_result result;
+            EXPECT_STATUS(drive_trial_open(&rover, i), OK);
+            EXPECT_STATUS(drive_trial_run(&rover, (enum trial_view)view, &result), OK);
+            commands[view] += result.arrived ? result.commands : 0;
+            arrived[view] += result.arrived;
+            touched[view] += result.touched;
+            simulated_rover_close(&rover);
+        }
+    }
+    print_message("the wall: %d of %d touched it, %d came within 5 cm without touching\n", wall_touched, starts, close);
+    for (int view = 0; view < TRIAL_VIEWS; view++)
+        print_message("the bent passage, %s: %.1f commands, %d of %d arrived, %d touched\n", names[view],
+                      arrived[view] ? (double)commands[view] / arrived[view] : 0, arrived[view], starts, touched[view]);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1) {
+        const struct CMUnitTest many[] = {cmocka_unit_test(test_many_starts_are_counted)};
+        starts = atoi(argv[1]);
+        return cmocka_run_group_tests(many, NULL, NULL);
+    }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_motion_is_an_arc),
         cmocka_unit_test(test_a_lost_link_stops_the_robot),

@@ -421,7 +421,7 @@ static void test_a_black_panorama(void **state)
     struct rover_options how = rover_default_options();
     how.panorama_height = 128;
     how.view = view_lens;
-    rover_trial_world(3, &world, &start);
+    rover_stage_world(3, &world, &start);
     assert_int_equal(simulated_rover_open(&rover, &world, start, &how), OK);
     struct surroundings *r = &rover.surroundings;
     struct surround_picture black;

@@ -1,4 +1,4 @@
-#include "surround/drive/drive_trial.h"
+#include "tests/support/drive_trial.h"
 
 #include "base/portable_math.h"
 
@@ -404,7 +404,7 @@ enum status drive_trial_open(struct simulated_rover *r, int number)
     struct rover_options how = rover_default_options();
     how.seed = (uint32_t)number + 1;
     how.panorama_height = 128; // its pictures' edges are finer than the driver's cells
-    rover_trial_world(2, &world, &start);
+    rover_stage_world(2, &world, &start);
     start.translation.y = 0.04 * (number % 5) - 0.08;
     start.rotation = quat_from_rotation_vector(v3(0, 0, 0.05 * (number % 7) - 0.15));
     return simulated_rover_open(r, &world, start, &how);
@@ -433,4 +433,33 @@ enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, str
     out->touched = r->touched;
     free(d);
     return status < 0 ? status : OK;
+}
+
+// ---------------------------------------------------------------- approaching
+
+// The driver slows down as it comes closer and stops at CLOSE_M: as close as the depth's noise and the odometry since
+// the last capture allow.
+#define CLOSE_M 0.03
+#define STEP_S  0.2
+#define FASTEST 0.3
+enum { MOST_STEPS = 200 };
+
+enum status drive_trial_approach(struct simulated_rover *r, double *clearance_m)
+{
+    enum status status = OK;
+    for (int i = 0; status == OK && i < MOST_STEPS && !r->touched; i++) {
+        const struct pose body = simulated_rover_pose(r);
+        struct nearest_thing thing;
+        status = simulated_rover_draw(r, operator_viewpoint(VIEWPOINT_ABOVE, body, r->how.size_m));
+        if (status != OK)
+            break;
+        const bool seen = nearest_in_view(&r->surroundings.view, body, r->how.size_m, 0.1, &thing) == OK;
+        const double left = seen ? thing.distance_m - CLOSE_M : 0.3;
+        if (left <= 0.002)
+            break;
+        const double speed = fmin(FASTEST, 0.5 * left / STEP_S);
+        status = simulated_rover_step(r, (struct drive_command){speed, 0}, STEP_S);
+    }
+    *clearance_m = r->touched ? 0 : box_world_clearance(&r->world, r->world_from_body, r->how.size_m);
+    return status;
 }

@@ -25,8 +25,13 @@ struct trial_result {
     double length_m; // driven
 };
 
-// A simulated robot before the bent passage (rover_trial_world(2)), at start `number` from 0 on: starts differ in place
+// A simulated robot before the bent passage (rover_stage_world(2)), at start `number` from 0 on: starts differ in place
 // across the passage, in heading and in the sensors' noise, by fixed steps. The caller closes it. ERR_MEMORY.
 MUST_CHECK enum status drive_trial_open(struct simulated_rover *r, int number);
 // Drives that passage from its start to its end. ERR_MEMORY.
 MUST_CHECK enum status drive_trial_run(struct simulated_rover *r, enum trial_view view, struct trial_result *out);
+
+// The trial of Okura 2014, section 5, by a scripted driver that sees nothing but the nearest distance in the drawn
+// picture from above: it approaches what is ahead as closely as it dares. *clearance_m: the true distance at the end, 0
+// or less: it touched.
+MUST_CHECK enum status drive_trial_approach(struct simulated_rover *r, double *clearance_m);
