@@ -2,11 +2,11 @@
 #include "reenact/render/cylinder_renderer.h"
 
 #include "base/thread_priority.h"
+#include "base/worker_thread.h"
 #include "reenact/skeleton/body_cylinders.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/texture_cache.h"
 
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 
@@ -27,9 +27,8 @@ static const char *const uniform_names[] = {
 
 // The selector of all frames, made on a thread of its own while one of some frames is used.
 struct selector_maker {
-    pthread_t thread;
-    bool runs; // the thread is to be joined
-    atomic_bool stop, ended;
+    struct worker_thread worker;
+    atomic_bool ended;
     struct frame_selector *selector; // once it ended; NULL: it could not be made
 };
 
@@ -47,9 +46,9 @@ struct cylinder_renderer {
 
 // ---------------------------------------------------------------- opening
 
-// Of every `step`-th frame. stop: ends it with NOTHING; may be NULL.
+// Of every `step`-th frame. worker: the thread that makes it, at whose end it ends with NOTHING; may be NULL.
 static enum status make_selector(struct frame_selector **out, const struct take *take, int64_t step,
-                                 const atomic_bool *stop)
+                                 struct worker_thread *worker)
 {
     const int64_t frames = take_frame_count(take);
     enum status status = frame_selector_open(out, frames / step + 1);
@@ -57,7 +56,7 @@ static enum status make_selector(struct frame_selector **out, const struct take 
         const struct take_entry *e = take_entry(take, i);
         if (e->has_color && e->has_skeleton)
             status = frame_selector_add(*out, i, &e->skeleton, take_body(take));
-        if (stop && atomic_load(stop))
+        if (worker && worker_thread_must_end(worker))
             status = NOTHING;
     }
     return status;
@@ -68,7 +67,7 @@ static void *make_whole_selector(void *self)
     struct cylinder_renderer *c = self;
     struct selector_maker *m = &c->maker;
     thread_lower_priority();
-    if (make_selector(&m->selector, c->take, 1, &m->stop) != OK)
+    if (make_selector(&m->selector, c->take, 1, &m->worker) != OK)
         frame_selector_close(&m->selector);
     atomic_store(&m->ended, true);
     return NULL;
@@ -80,23 +79,16 @@ static enum status open_selector(struct cylinder_renderer *c, int64_t frames_fir
     const int64_t step = frames_first > 0 ? (frames + frames_first - 1) / frames_first : 1;
     enum status status = make_selector(&c->selector, c->take, step > 0 ? step : 1, NULL);
     if (status == OK && step > 1) // without a thread those frames are all that there is
-        c->maker.runs = !pthread_create(&c->maker.thread, NULL, make_whole_selector, c);
+        status_ignore(worker_thread_start(&c->maker.worker, make_whole_selector, c, "to prepare all frames"));
     return status;
-}
-
-static void end_maker(struct selector_maker *m)
-{
-    if (m->runs)
-        pthread_join(m->thread, NULL);
-    m->runs = false;
 }
 
 // Takes over the selector of all frames once it is made.
 static void adopt_selector(struct cylinder_renderer *c)
 {
-    if (!c->maker.runs || !atomic_load(&c->maker.ended))
+    if (!c->maker.worker.runs || !atomic_load(&c->maker.ended))
         return;
-    end_maker(&c->maker);
+    worker_thread_stop(&c->maker.worker);
     if (!c->maker.selector)
         return;
     frame_selector_close(&c->selector);
@@ -133,6 +125,7 @@ enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *g
         return fail(ERR_MEMORY, "out of memory");
     c->gpu = gpu;
     c->take = take;
+    worker_thread_open(&c->maker.worker);
     enum status status = open_selector(c, frames_first);
     if (status == OK)
         status = texture_cache_open(&c->textures, gpu, take, max_bytes);
@@ -155,8 +148,7 @@ void cylinder_renderer_close(struct cylinder_renderer **out)
     }
     gpu_program_close(&c->program);
     texture_cache_close(&c->textures);
-    atomic_store(&c->maker.stop, true);
-    end_maker(&c->maker);
+    worker_thread_close(&c->maker.worker);
     frame_selector_close(&c->maker.selector);
     frame_selector_close(&c->selector);
     free(c);
