@@ -252,6 +252,12 @@ static void take_news(struct studio *s, int64_t now_ns)
     state->changed = true;
     if (s->shown.number > 0)
         studio_sensor_ready(state, now_ns);
+    if (*s->shown.points.why_not && !s->no_points_told) { // once; what is tracked from depth alone is less sure
+        char notice[200];
+        snprintf(notice, sizeof notice, "Tracked from depth alone: %.150s", s->shown.points.why_not);
+        studio_say(state, notice, now_ns);
+        s->no_points_told = true;
+    }
     if (s->shown.gestures != s->gestures) {
         s->gestures = s->shown.gestures;
         if (state->page == STUDIO_LIVE || state->page == STUDIO_RECORDING)

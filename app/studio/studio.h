@@ -39,6 +39,7 @@ struct studio {
     enum studio_page scrolled;                              // that page
     struct ui_box plan_part;                                // of the plan that is shown, shares of its width
     int gestures, takes_ready, rooms_ready, rooms_not_kept; // of the snapshot, handled
+    bool no_points_told;                                    // why no body points are looked for
     struct settings_keeper settings;                        // colours and text size; the others are the viewer's
     struct viewer viewer;                                   // page PLAYBACK
     bool playing;

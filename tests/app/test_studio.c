@@ -668,6 +668,32 @@ static void test_a_missing_sensor_is_said(void **state)
     stage_close(&g);
 }
 
+// Without the networks the person is tracked from depth alone; a sentence says why.
+static void test_missing_networks_are_said(void **state)
+{
+    (void)state;
+    static struct stage g;
+    film_world(&g, 0.25, 10);
+    const char *data = getenv("XDG_DATA_HOME");
+    EXPECT_INT(setenv("XDG_DATA_HOME", scratch_file(&g.scratch, "none"), true), 0);
+    EXPECT_STATUS(gpu_open(&g.gpu), OK);
+    stage_size(&g, 800, 1280);
+    char file[300];
+    snprintf(file, sizeof file, "%s", scratch_file(&g.scratch, "film.reenact"));
+    const struct studio_options options = {.file = file, .sensor = folder_of(&g), .body_points = true};
+    EXPECT_STATUS(studio_open(&g.studio, g.gpu, &options), OK);
+    for (int64_t until = clock_now_ns() + 60 * SECOND;
+         !strstr(g.studio.state.notice, "from depth alone") && clock_now_ns() < until;)
+        stage_draw(&g);
+    EXPECT_TRUE(strstr(g.studio.state.notice, "from depth alone") != NULL);
+    studio_close(&g.studio);
+    if (data)
+        EXPECT_INT(setenv("XDG_DATA_HOME", data, true), 0);
+    else
+        EXPECT_INT(unsetenv("XDG_DATA_HOME"), 0);
+    stage_close(&g);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1) {
@@ -690,6 +716,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_a_snapshot_follows_the_sensor),
         cmocka_unit_test(test_sensors_of_different_kinds),
         cmocka_unit_test(test_colours_and_text_size_are_found_again),
+        cmocka_unit_test(test_missing_networks_are_said),
         cmocka_unit_test(test_a_missing_sensor_is_said),
         cmocka_unit_test(test_takes_of_a_film),
         cmocka_unit_test(test_takes_through_openni),
