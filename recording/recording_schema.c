@@ -1,9 +1,12 @@
 // Table definitions, checksums and encoding of every blob of a recording.
 #include "recording/recording_schema.h"
 
+#include "platform/files/file.h"
 #include "recording/little_endian.h"
 
+#include <fcntl.h>
 #include <stdio.h>
+#include <string.h>
 #include <unistd.h>
 
 const char *const recording_tables =
@@ -505,3 +508,26 @@ enum status recording_make_tables(struct database *db)
         status = database_run(db, sql);
     return status == OK ? database_run(db, "COMMIT") : status;
 }
+
+// ------------------------------------------------------------- no other file in its place
+
+// An SQLite file whose application_id is RECORDING_APPLICATION (docs/format.md). Read without SQLite, and never where a
+// descriptor of this process may have locked it: closing it would drop the locks.
+static bool is_recording(const char *path)
+{
+    enum { APPLICATION_AT = 68 };
+    static const char head[16] = "SQLite format 3";
+    uint8_t bytes[72];
+    const int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (file < 0)
+        return false;
+    const bool read_all = read(file, bytes, sizeof bytes) == (ssize_t)sizeof bytes;
+    close(file);
+    uint32_t application = 0;
+    for (int i = 0; i < 4 && read_all; i++)
+        application = application << 8 | bytes[APPLICATION_AT + i];
+    return read_all && !memcmp(bytes, head, sizeof head) && application == RECORDING_APPLICATION;
+}
+
+// In every program that can make or read a recording, so that none can forget it.
+__attribute__((constructor)) static void protect_recordings(void) { file_protect(is_recording, "a recording"); }

@@ -49,19 +49,18 @@ enum status file_read(const char *path, uint8_t **bytes, size_t *count)
 
 // ------------------------------------------------------------- writing
 
-// An SQLite file whose application_id is "Reen" (docs/format.md). Read without SQLite, and never where a descriptor of
-// this process may have locked it: closing it would drop the locks.
-static bool is_recording(const char *path)
+static struct {
+    bool (*is_protected)(const char *path);
+    const char *what;
+} protection;
+
+void file_protect(bool (*is_protected)(const char *path), const char *what)
 {
-    static const char head[16] = "SQLite format 3", mark[4] = {0x52, 0x65, 0x65, 0x6e};
-    char bytes[72];
-    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (file < 0)
-        return false;
-    const bool read_all = read(file, bytes, sizeof bytes) == (ssize_t)sizeof bytes;
-    close(file);
-    return read_all && !memcmp(bytes, head, sizeof head) && !memcmp(bytes + 68, mark, sizeof mark);
+    protection.is_protected = is_protected;
+    protection.what = what;
 }
+
+static bool is_protected(const char *path) { return protection.is_protected && protection.is_protected(path); }
 
 // The folder that `path` lies in.
 static enum status folder_of(const char *path, char folder[FILE_PATH_BYTES])
@@ -117,8 +116,9 @@ enum status file_check_output(const char *path, bool force)
             return fail(ERR_INPUT, "%s is a folder; give the name of a file", path);
         if (!S_ISREG(about.st_mode))
             return access(path, W_OK) ? fail(ERR_IO, "%s cannot be written: %s", path, strerror(errno)) : OK;
-        if (is_recording(path))
-            return fail(ERR_EXISTS, "%s is a recording, which no command overwrites; choose another name", path);
+        if (is_protected(path))
+            return fail(ERR_EXISTS, "%s is %s, which no command overwrites; choose another name", path,
+                        protection.what);
         if (!force)
             return fail(ERR_EXISTS, "%s exists already; choose another name, or write over it with --force", path);
     }
@@ -203,8 +203,8 @@ static void sync_folder(const char *path)
 
 static enum status end_file(const char *path, const char *part, enum status status, bool synced)
 {
-    if (status == OK && is_recording(path))
-        status = fail(ERR_EXISTS, "%s is a recording, which nothing overwrites; choose another name", path);
+    if (status == OK && is_protected(path))
+        status = fail(ERR_EXISTS, "%s is %s, which nothing overwrites; choose another name", path, protection.what);
     if (status == OK && synced) {
         int file = open(part, O_RDONLY | O_CLOEXEC);
         if (file < 0 || fsync(file))

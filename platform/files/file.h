@@ -6,9 +6,13 @@
 // ERR_MISSING, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status file_read(const char *path, uint8_t **bytes, size_t *count);
 
+// Protects files: nothing here and in output.h replaces one for which is_protected answers true, not even with `force`.
+// what: what such a file is, for sentences, with its article; stays borrowed. To be called before main.
+void file_protect(bool (*is_protected)(const char *path), const char *what);
+
 // Writes a new file beside `path`, syncs it and renames it: there is never a partial file, and an existing one is
-// replaced, but never a recording. A link at `path` is replaced, not followed. ERR_IO; ERR_INPUT: the path is too long;
-// ERR_EXISTS: there is a recording.
+// replaced, but never a protected one. A link at `path` is replaced, not followed. ERR_IO; ERR_INPUT: the path is too
+// long; ERR_EXISTS: there is a protected file.
 MUST_CHECK enum status file_write(const char *path, const void *bytes, size_t count);
 // The same without waiting for the disk, for many files that can be made again.
 MUST_CHECK enum status file_write_unsynced(const char *path, const void *bytes, size_t count);
@@ -27,9 +31,9 @@ MUST_CHECK enum status file_name_new(const char *from, const char *to);
 // it to other programs as one. All that follows here and in output.h refuses it. ERR_INPUT.
 MUST_CHECK enum status file_check_name(const char *path);
 
-// Before long work: whether a file can be written there. ERR_EXISTS: there is a recording, which nothing overwrites; or
-// another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be written. Devices and
-// pipes can be written.
+// Before long work: whether a file can be written there. ERR_EXISTS: there is a protected file, which nothing
+// overwrites; or another file, and `force` is not given. ERR_MISSING, ERR_IO: its folder is missing, or cannot be
+// written. Devices and pipes can be written.
 MUST_CHECK enum status file_check_output(const char *path, bool force);
 // Likewise whether files can be written into a folder, which need not exist. ERR_EXISTS: it is not empty, and no
 // `force`.

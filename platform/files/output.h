@@ -6,8 +6,8 @@
 #include <stdio.h>
 
 // Checks, before long work begins, that `path` can be written: its folder is there, and the path names neither the file
-// `input` (by whatever name or link), nor another recording, nor, without `force`, anything else that exists. "-" is
-// fine. `input` may be NULL. ERR_INPUT, ERR_EXISTS, ERR_MISSING, ERR_IO.
+// `input` (by whatever name or link), nor a protected file (file.h), nor, without `force`, anything else that exists.
+// "-" is fine. `input` may be NULL. ERR_INPUT, ERR_EXISTS, ERR_MISSING, ERR_IO.
 MUST_CHECK enum status output_check(const char *path, const char *input, bool force);
 
 struct output;
@@ -16,7 +16,7 @@ struct output;
 MUST_CHECK enum status output_open(struct output **out, const char *path);
 FILE *output_file(const struct output *o);    // to write to; not to be closed
 bool output_can_seek(const struct output *o); // false for a pipe or terminal
-// Ends writing. With OK the file gets its name, replacing another, but never a recording (ERR_EXISTS); with any other
-// `status`, or where it cannot be written, nothing of it remains. Returns the first error. NULL is fine; sets *o =
-// NULL.
+// Ends writing. With OK the file gets its name, replacing another, but never a protected one (ERR_EXISTS); with any
+// other `status`, or where it cannot be written, nothing of it remains. Returns the first error. NULL is fine; sets *o
+// = NULL.
 enum status output_close(struct output **o, enum status status);
