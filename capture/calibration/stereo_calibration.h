@@ -5,6 +5,11 @@
 // image (seven-point quadrature with the projection's area weights), because the image of a circle's centre is not the
 // centroid of its image (Heikkila 2000). Boards may be cut off: which of the lattice's equal places a camera saw
 // follows from the other camera. Pure but for memory; any thread may call.
+//
+// By hand, because OpenCV 4.6 takes the image of a centre for the centroid of a disc, and is told which circle is
+// which. On 400 drawn sets of pairs (tests/capture/test_stereo_sets 200 of seeds 11 and 12) OpenCV, told that, is right
+// as often (always), with a mean error of the focal lengths of 0.118 % against 0.097 % here. Its stereoCalibrate gives
+// no covariance, and says nothing of pairs shuffled, exchanged or of two instants (stereo_judgement.h).
 #pragma once
 #include "base/covariance.h"
 #include "capture/calibration/stereo_circles.h"
