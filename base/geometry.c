@@ -5,7 +5,11 @@ struct vec3 v3_perpendicular(struct vec3 a)
 {
     // Cross product with the axis along which `a` is smallest, so that it cannot vanish.
     double ax = fabs(a.x), ay = fabs(a.y), az = fabs(a.z);
-    struct vec3 other = ax <= ay && ax <= az ? v3(1, 0, 0) : ay <= az ? v3(0, 1, 0) : v3(0, 0, 1);
+    struct vec3 other = v3(0, 0, 1);
+    if (ax <= ay && ax <= az)
+        other = v3(1, 0, 0);
+    else if (ay <= az)
+        other = v3(0, 1, 0);
     struct vec3 p = v3_unit(v3_cross(a, other));
     return v3_dot(p, p) > 0 ? p : v3(1, 0, 0);
 }

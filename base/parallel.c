@@ -1,5 +1,7 @@
 #include "base/parallel.h"
 
+#include "base/clamp.h"
+
 #include <pthread.h>
 
 enum { MAX_THREADS = 16 };
@@ -20,8 +22,7 @@ static void *run_share(void *argument)
 
 void parallel_for(int threads, int count, void (*work)(void *context, int i), void *context)
 {
-    int n = threads < count ? threads : count;
-    n = n < 1 ? 1 : n > MAX_THREADS ? MAX_THREADS : n;
+    const int n = clamp_int(threads < count ? threads : count, 1, MAX_THREADS);
     struct parallel_share shares[MAX_THREADS];
     pthread_t thread[MAX_THREADS];
     bool runs[MAX_THREADS] = {false};

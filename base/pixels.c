@@ -1,5 +1,7 @@
 #include "base/pixels.h"
 
+#include "base/clamp.h"
+
 // ITU-R BT.601 and BT.709; those of the narrow range include the factors 255/219 and 255/224.
 struct yuv_coefficients yuv_coefficients_of(struct yuv_encoding encoding)
 {
@@ -12,8 +14,7 @@ struct yuv_coefficients yuv_coefficients_of(struct yuv_encoding encoding)
 
 static uint8_t clamp(int32_t value) // 16.16 fixed point, rounded half up
 {
-    value = (value + 32768) >> 16;
-    return (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
+    return (uint8_t)clamp_int((value + 32768) >> 16, 0, 255);
 }
 
 static void store_rgb(const struct yuv_coefficients *c, int y, int cb, int cr, uint8_t rgb[3])

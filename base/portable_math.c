@@ -131,7 +131,9 @@ static double first_octant(double y, double x, double *low)
     static const double tail[] = {-1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9, -1.0 / 11, 1.0 / 13, -1.0 / 15, 1.0 / 17};
     const double ratio = y / x;
     static const double middle[] = {0.0984914, 0.3033467, 0.5345111, 0.8206788}; // tan((i + 1/2) pi / 16)
-    const int i = ratio < middle[0] ? 0 : ratio < middle[1] ? 1 : ratio < middle[2] ? 2 : ratio < middle[3] ? 3 : 4;
+    int i = 0;
+    while (i < 4 && !(ratio < middle[i]))
+        i++;
     const double t = i ? (y - tangent[i] * x) / (x + tangent[i] * y) : ratio, z = t * t;
     *low = t * z * polynomial(tail, sizeof tail / sizeof *tail, z);
     if (!i)

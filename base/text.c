@@ -19,7 +19,7 @@ size_t text_character_bytes(const char *text)
     const unsigned char *at = (const unsigned char *)text;
     if (*at < 0x80)
         return *at > 0;
-    const size_t more = *at >= 0xf0 ? 3 : *at >= 0xe0 ? 2 : 1;
+    const size_t more = (size_t)1 + (*at >= 0xe0) + (*at >= 0xf0);
     if (*at < 0xc2 || *at > 0xf4)
         return 0;
     uint32_t code = *at & (0x3fu >> more);
@@ -50,7 +50,9 @@ static uint32_t take_small_letter(const char **at)
     if (!bytes)
         return 0x110000u + *from;
     const uint32_t code = character_code((const char *)from, bytes);
-    return letters ? (uint32_t)towlower_l((wint_t)code, letters) : code < 0x80 ? (uint32_t)tolower((int)code) : code;
+    if (letters)
+        return (uint32_t)towlower_l((wint_t)code, letters);
+    return code < 0x80 ? (uint32_t)tolower((int)code) : code;
 }
 
 bool text_contains(const char *text, const char *part)

@@ -116,8 +116,9 @@ static enum status of_repetitions(struct comparison *c, bool *said)
                         .amount = off,
                         .unit = "times",
                         .weight = 50};
+    const char *missing = off > 1 ? "are missing" : "is missing";
     snprintf(f.sentence, sizeof f.sentence, "%d repetition%s %s: %d instead of %d", (int)off, off > 1 ? "s" : "",
-             got < wanted ? (off > 1 ? "are missing" : "is missing") : "too many", (int)got, (int)wanted);
+             got < wanted ? missing : "too many", (int)got, (int)wanted);
     *said = true;
     return finding_add(c, &f, false);
 }

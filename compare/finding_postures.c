@@ -324,10 +324,10 @@ static void say(const struct judge *g, const struct wrong *w, double *amount, ch
     const double degrees = named ? fabs(w->angle_degrees) : w->degrees;
     const char *side = side_word(g, j->part), *where = direction_word(g, w->difference);
     const bool more = w->angle_degrees > 0;
+    const char *forwards = more ? "further forwards" : "further back", *upwards = more ? "higher" : "lower";
     *amount = named ? w->angle_degrees : w->degrees;
     if (j->part == PART_UPPER_TORSO)
-        snprintf(text, size, "Trunk leans %.0f° %s", degrees,
-                 named ? (more ? "further forwards" : "further back") : where);
+        snprintf(text, size, "Trunk leans %.0f° %s", degrees, named ? forwards : where);
     else if (j->part == PART_HEAD)
         snprintf(text, size, "Head %.0f° %s", w->degrees, where);
     else if (j->carrier == CARRIER_PART && named)
@@ -336,7 +336,7 @@ static void say(const struct judge *g, const struct wrong *w, double *amount, ch
     else if (j->carrier == CARRIER_PART)
         snprintf(text, size, "%s %s %.0f° %s", side, j->limb < 2 ? "forearm" : "shin", w->degrees, where);
     else if (j->limb < 2)
-        snprintf(text, size, "%s upper arm %.0f° %s", side, degrees, named ? (more ? "higher" : "lower") : where);
+        snprintf(text, size, "%s upper arm %.0f° %s", side, degrees, named ? upwards : where);
     else
         snprintf(text, size, "%s thigh %.0f° %s", side, w->degrees, where);
     if (j->part == PART_HEAD || (j->part != PART_UPPER_TORSO && j->limb >= 2 && j->carrier != CARRIER_PART))

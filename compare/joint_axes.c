@@ -90,7 +90,9 @@ static enum posture upright_axis(const struct skeleton *s, bool legs, struct vec
     const bool stands = middle(s, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, &feet) && upper_end(s, &upper) &&
                         lower_end(s, &lower) && thighs_hang(s, trunk);
     *axis = v3_unit(stands ? v3_sub(v3_mix(upper, lower, 0.5), feet) : sum);
-    return !upright ? POSTURE_OTHER : stands ? POSTURE_STANDS : POSTURE_SITS;
+    if (!upright)
+        return POSTURE_OTHER;
+    return stands ? POSTURE_STANDS : POSTURE_SITS;
 }
 
 struct up {
@@ -292,7 +294,12 @@ static void apply(struct joint_samples *s, const struct turn *t)
         }
 }
 
-static double component(struct vec3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+static double component(struct vec3 v, int axis)
+{
+    if (axis == 0)
+        return v.x;
+    return axis == 1 ? v.y : v.z;
+}
 
 static struct vec3 unit_along(int axis, double sign)
 {
@@ -317,8 +324,7 @@ static struct turn turn_for(struct vec3 up, bool mirror)
 {
     // Some level direction; x where it is one, so that little is turned.
     const bool along = v3_distance(up, nearest_axis(up)) < 1e-9;
-    const struct vec3 x = along ? unit_along(fabs(up.x) > 0.5 ? 1 : 0, 1) : v3_perpendicular(up),
-                      down = v3_scale(up, -1);
+    const struct vec3 x = along ? unit_along(fabs(up.x) > 0.5, 1) : v3_perpendicular(up), down = v3_scale(up, -1);
     return (struct turn){{v3_scale(x, mirror ? -1 : 1), down, v3_cross(x, down)}};
 }
 
@@ -326,7 +332,11 @@ static const char *axis_words(struct vec3 up, char out[60])
 {
     const struct vec3 axis = nearest_axis(up);
     const double off = portable_acos(fmin(1, v3_dot(up, axis)));
-    const char letter = fabs(axis.x) > 0.5 ? 'x' : fabs(axis.y) > 0.5 ? 'y' : 'z';
+    char letter = 'z';
+    if (fabs(axis.x) > 0.5)
+        letter = 'x';
+    else if (fabs(axis.y) > 0.5)
+        letter = 'y';
     const int used = snprintf(out, 60, "%c %s", letter, axis.x + axis.y + axis.z > 0 ? "up" : "down");
     if (off > 1e-6)
         snprintf(out + used, 60 - (size_t)used, ", tilted by %.0f degrees", off * 180 / 3.14159265358979323846);
@@ -392,11 +402,9 @@ static void note_axes(struct joint_samples *s, struct vec3 up, int hand)
             joint_note(&s->notes, "%s", backwards);
         return;
     }
+    const char *right_handed = hand ? "" : "; right-handed ones were taken for granted";
     joint_note(&s->notes, "it does not say its axes; by the person's head and feet they are %s%s",
-               axis_words(up, words),
-               hand < 0 ? ", and left-handed by the knees"
-               : hand   ? ""
-                        : "; right-handed ones were taken for granted");
+               axis_words(up, words), hand < 0 ? ", and left-handed by the knees" : right_handed);
 }
 
 static enum status find_out(struct joint_samples *s, const char *path)

@@ -37,13 +37,17 @@ float sample_sigma_m(const struct skeleton *s, enum joint j)
 static int64_t clamped_sum(int64_t a, int64_t b)
 {
     int64_t sum;
-    return !__builtin_add_overflow(a, b, &sum) ? sum : a > 0 ? INT64_MAX : INT64_MIN;
+    if (!__builtin_add_overflow(a, b, &sum))
+        return sum;
+    return a > 0 ? INT64_MAX : INT64_MIN;
 }
 
 static int64_t clamped_difference(int64_t a, int64_t b)
 {
     int64_t difference;
-    return !__builtin_sub_overflow(a, b, &difference) ? difference : a > b ? INT64_MAX : INT64_MIN;
+    if (!__builtin_sub_overflow(a, b, &difference))
+        return difference;
+    return a > b ? INT64_MAX : INT64_MIN;
 }
 
 enum status joint_samples_add(struct joint_samples *s, const struct joint_sample *sample)

@@ -1,5 +1,6 @@
 #include "compare/live_judge.h"
 
+#include "base/clamp.h"
 #include "base/portable_math.h"
 
 #include <assert.h>
@@ -69,8 +70,11 @@ void live_judge_set_reference(struct live_judge *j, const struct movement *refer
 void live_judge_set_window(struct live_judge *j, int32_t first, int32_t end)
 {
     const int32_t count = j->reference->count;
-    first = first < 0 ? 0 : first < count ? first : count - 1;
-    end = end > count ? count : end > first ? end : first + 1;
+    first = clamp_int(first, 0, count - 1);
+    if (end > count)
+        end = count;
+    else if (end <= first)
+        end = first + 1;
     bool any = false;
     for (int32_t i = first; i < end; i++) {
         if (i < j->first || i >= j->end)

@@ -377,7 +377,9 @@ static enum joint mirrored_joint(enum joint j)
     const bool arm = j >= JOINT_LEFT_SHOULDER && j <= JOINT_RIGHT_HAND, leg = j >= JOINT_LEFT_HIP;
     const bool left = arm ? j < JOINT_RIGHT_SHOULDER : j < JOINT_RIGHT_HIP;
     const int across = JOINT_RIGHT_SHOULDER - JOINT_LEFT_SHOULDER;
-    return !arm && !leg ? j : (enum joint)(left ? (int)j + across : (int)j - across);
+    if (!arm && !leg)
+        return j;
+    return (enum joint)(left ? (int)j + across : (int)j - across);
 }
 
 enum status movement_mirror(const struct movement *m, struct movement *out)

@@ -36,7 +36,9 @@ static const char head[] =
 
 static const char *colour(enum verdict v)
 {
-    return v == VERDICT_DIFFERENT ? "different" : v == VERDICT_SAME ? "same" : "unknown";
+    if (v == VERDICT_DIFFERENT)
+        return "different";
+    return v == VERDICT_SAME ? "same" : "unknown";
 }
 
 // The worst verdict within each cell of time, cells of equal verdict joined.
@@ -55,6 +57,16 @@ static enum status verdicts_of(const struct comparison *c, uint8_t **out)
         }
     }
     return OK;
+}
+
+// Seconds between two marks of the time.
+static int time_step_s(double seconds)
+{
+    if (seconds > 120)
+        return 60;
+    if (seconds > 30)
+        return 10;
+    return seconds > 8 ? 2 : 1;
 }
 
 static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
@@ -82,7 +94,7 @@ static void strip(FILE *to, const struct comparison *c, const uint8_t *cell)
                     ROW - 2, colour((enum verdict)row[at]));
         }
     }
-    const int step = seconds > 120 ? 60 : seconds > 30 ? 10 : seconds > 8 ? 2 : 1;
+    const int step = time_step_s(seconds);
     for (int s = 0; s <= (int)seconds; s += step)
         fprintf(to, "<text x=\"%.1f\" y=\"%d\">%d s</text>", LEFT + s * WIDTH / seconds, ROW * PART_COUNT + 15, s);
     fputs("</svg>", to);

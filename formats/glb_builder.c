@@ -8,7 +8,12 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "glTF's numbers are li
 
 enum { ALIGN = 4 };
 
-static size_t component_bytes(enum glb_component c) { return c == GLB_U8 ? 1 : c == GLB_U16 ? 2 : 4; }
+static size_t component_bytes(enum glb_component c)
+{
+    if (c == GLB_U8)
+        return 1;
+    return c == GLB_U16 ? 2 : 4;
+}
 
 void glb_open(struct glb *g)
 {

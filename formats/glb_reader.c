@@ -67,7 +67,13 @@ struct accessor {
 
 static int component_bytes(int type)
 {
-    return type == 5121 ? 1 : type == 5123 ? 2 : type == 5125 || type == 5126 ? 4 : 0; // unsigned, float
+    switch (type) {
+    case 5121: return 1; // unsigned
+    case 5123: return 2;
+    case 5125: return 4;
+    case 5126: return 4; // float
+    default: return 0;
+    }
 }
 
 static bool open_accessor(const struct file *f, int64_t index, struct accessor *out)
@@ -109,7 +115,9 @@ static float component_at(const struct accessor *a, int64_t index, int k)
 static int64_t index_at(const struct accessor *a, int64_t i)
 {
     const uint8_t *p = a->bytes + i * a->stride;
-    return a->component == 5121 ? p[0] : a->component == 5123 ? p[0] | p[1] << 8 : (int64_t)u32_at(p);
+    if (a->component == 5121)
+        return p[0];
+    return a->component == 5123 ? p[0] | p[1] << 8 : (int64_t)u32_at(p);
 }
 
 // ---------------------------------------------------------------- materials

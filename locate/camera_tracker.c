@@ -1,5 +1,6 @@
 #include "locate/camera_tracker.h"
 
+#include "base/clamp.h"
 #include "locate/pose_kalman.h"
 
 #include <stdlib.h>
@@ -40,9 +41,7 @@ struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
     int64_t ahead;
     if (__builtin_sub_overflow(time_ns, m->time_ns, &ahead))
         ahead = time_ns > m->time_ns ? INT64_MAX : INT64_MIN;
-    ahead = ahead > CAMERA_MAX_EXTRAPOLATION_NS    ? CAMERA_MAX_EXTRAPOLATION_NS
-            : ahead < -CAMERA_MAX_EXTRAPOLATION_NS ? -CAMERA_MAX_EXTRAPOLATION_NS
-                                                   : ahead;
+    ahead = clamp_int64(ahead, -CAMERA_MAX_EXTRAPOLATION_NS, CAMERA_MAX_EXTRAPOLATION_NS);
     double t = (double)ahead * 1e-9;
     struct pose by = {quat_from_rotation_vector(v3_scale(m->angular_velocity, t)), v3_scale(m->linear_velocity, t)};
     return pose_multiply(m->world_from_camera, by);

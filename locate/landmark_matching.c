@@ -1,5 +1,6 @@
 #include "locate/landmark_matching.h"
 
+#include "base/clamp.h"
 #include "base/linear_algebra.h"
 
 #include <stdlib.h>
@@ -29,8 +30,8 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
     for (int i = 0; i < index->count; i++) {
         int x = (int)(features[i].at.x * index->across / lens->width),
             y = (int)(features[i].at.y * index->down / lens->height);
-        x = x < 0 ? 0 : x >= index->across ? index->across - 1 : x;
-        y = y < 0 ? 0 : y >= index->down ? index->down - 1 : y;
+        x = clamp_int(x, 0, index->across - 1);
+        y = clamp_int(y, 0, index->down - 1);
         cells[i] = y * index->across + x;
         index->start[cells[i] + 1]++;
     }

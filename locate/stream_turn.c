@@ -85,7 +85,10 @@ static double local_rank(const struct reduced *r, const float *gradient, int x, 
         if (abs(o) < NEAR || u < 0 || v < 0 || u >= r->width || v >= r->height)
             continue;
         const float there = gradient[v * r->width + u];
-        below += there < here ? 1 : there > here ? 0 : 0.5;
+        if (there < here)
+            below += 1;
+        else if (!(there > here))
+            below += 0.5;
         count++;
     }
     return count ? below / count : 0.5;

@@ -1,5 +1,7 @@
 #include "locate/tag_model.h"
 
+#include "base/clamp.h"
+
 void tag_sensor_init(struct tag_sensor *sensor, const struct lens *lens)
 {
     sensor->pixel_x = 1 / lens->fx;
@@ -54,9 +56,8 @@ static struct gaussian_value gaussian_at(const struct tag_sensor *r, double x)
 static void respond_along(const struct tag_sensor *r, double a, const struct edge_window *w, struct axis_response *out)
 {
     double reach = w->width / 2 + 3 * w->blur;
-    int first = (int)floor(a - reach), last = (int)floor(a + reach);
-    first = first < 0 ? 0 : first > TAG_RIM - 1 ? TAG_RIM - 1 : first;
-    last = last < first ? first : last > TAG_RIM - 1 ? TAG_RIM - 1 : last;
+    const int first = clamp_int((int)floor(a - reach), 0, TAG_RIM - 1);
+    const int last = clamp_int((int)floor(a + reach), first, TAG_RIM - 1);
     out->first = first;
     out->count = last - first + 1;
     double below = 0, below_a = 0, below_blur = 0; // of the edge below the cell

@@ -1,4 +1,5 @@
 #include "neural/network.h"
+#include "base/clamp.h"
 #include "base/memory.h"
 #include "base/portable_math.h"
 
@@ -27,7 +28,7 @@ static struct range range_of(enum tflite_activation activation)
                           activation == TFLITE_RELU6 ? 6 : HUGE_VALF};
 }
 
-static float clamp(float x, struct range r) { return x < r.low ? r.low : x > r.high ? r.high : x; }
+static float clamp(float x, struct range r) { return clamp_float(x, r.low, r.high); }
 
 // out[pixel][channel] = bias[channel] + the sum over k of in[pixel][k] weights[k][channel], k rising.
 struct product {

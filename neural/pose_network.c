@@ -191,8 +191,8 @@ static struct detection detection_at(const struct pose_network *n, const float *
     struct detection d;
     for (int k = 0; k < DETECTION_VALUES; k++) {
         const bool size = k == 2 || k == 3;
-        const double middle = size ? 0 : k % 2 ? n->anchor[i].y : n->anchor[i].x;
-        d.value[k] = (double)boxes[DETECTION_VALUES * i + k] / DETECTOR_SIDE + middle;
+        const double middle = k % 2 ? n->anchor[i].y : n->anchor[i].x;
+        d.value[k] = (double)boxes[DETECTION_VALUES * i + k] / DETECTOR_SIDE + (size ? 0 : middle);
     }
     return d;
 }

@@ -151,7 +151,15 @@ struct sparsity {
     uint64_t steps; // so far; a hostile file could repeat itself level by level
 };
 
-static int element_bytes(int type) { return type == 1 ? 4 : type == 2 ? 2 : type == 3 ? 1 : 0; }
+static int element_bytes(int type)
+{
+    switch (type) {
+    case 1: return 4;
+    case 2: return 2;
+    case 3: return 1;
+    default: return 0;
+    }
+}
 
 static struct vector read_indices(struct reader *r, size_t metadata, int type_field, int *bytes)
 {

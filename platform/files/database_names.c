@@ -39,14 +39,14 @@ enum status database_check_name(const char *path)
     static const char *const endings[] = {LOG, JOURNAL};
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
         char *name = database_beside(path, endings[i]);
-        const bool left = name && !is_empty_beside(path, endings[i]);
-        const enum status status =
-            !name  ? fail(ERR_MEMORY, "no memory to make %s", path)
-            : left ? fail(ERR_EXISTS,
+        if (!name)
+            return fail(ERR_MEMORY, "no memory to make %s", path);
+        enum status status = OK;
+        if (!is_empty_beside(path, endings[i]))
+            status = fail(ERR_EXISTS,
                           "%s holds the last part of another file that was called so: put it back beside that file, or "
                           "remove it, or choose another name",
-                          name)
-                   : OK;
+                          name);
         free(name);
         if (status != OK)
             return status;

@@ -83,7 +83,11 @@ enum status database_sides_read(const struct database_sides *s, void *to, size_t
 bool database_sides_have_pages(const struct database_sides *s, int64_t *bytes)
 {
     const struct side *log = &s->side[SIDE_LOG], *journal = &s->side[SIDE_JOURNAL];
-    const struct side *last = log->beside == BESIDE_OWN ? log : journal->beside == BESIDE_OWN ? journal : NULL;
+    const struct side *last = NULL;
+    if (log->beside == BESIDE_OWN)
+        last = log;
+    else if (journal->beside == BESIDE_OWN)
+        last = journal;
     if (last)
         *bytes = (int64_t)last->pages.page_count * last->pages.page_bytes;
     return last;

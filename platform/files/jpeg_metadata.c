@@ -35,10 +35,21 @@ static bool begins_with(const uint8_t *data, size_t count, const char *name, siz
     return count >= bytes && !memcmp(data, name, bytes);
 }
 
+// Whether decoding needs a segment, of another marker than APP0.
+static bool is_needed(uint8_t marker, const uint8_t *data, size_t count)
+{
+    static const char profile[] = "ICC_PROFILE", adobe[] = "Adobe";
+    if (marker == MARKER_APP2)
+        return begins_with(data, count, profile, sizeof profile);
+    if (marker == MARKER_APP14)
+        return begins_with(data, count, adobe, sizeof adobe - 1);
+    return marker != MARKER_COMMENT && !(marker > MARKER_APP0 && marker <= MARKER_APP15);
+}
+
 // The segment's data without its two bytes of length. Puts what decoding needs.
 static void put_segment(struct reader *r, uint8_t marker, const uint8_t *data, size_t count)
 {
-    static const char jfif[] = "JFIF", profile[] = "ICC_PROFILE", adobe[] = "Adobe";
+    static const char jfif[] = "JFIF";
     enum { JFIF_BYTES = 14 }; // up to the thumbnail, the last two its width and height
     uint8_t head[4 + JFIF_BYTES] = {0xff, marker, 0, 2 + JFIF_BYTES};
     if (marker == MARKER_APP0) {
@@ -48,11 +59,7 @@ static void put_segment(struct reader *r, uint8_t marker, const uint8_t *data, s
         put(r, head, sizeof head);
         return;
     }
-    const bool wanted = marker == MARKER_APP2 ? begins_with(data, count, profile, sizeof profile)
-                        : marker == MARKER_APP14
-                            ? begins_with(data, count, adobe, sizeof adobe - 1)
-                            : marker != MARKER_COMMENT && !(marker > MARKER_APP0 && marker <= MARKER_APP15);
-    if (!wanted)
+    if (!is_needed(marker, data, count))
         return;
     head[2] = (uint8_t)((count + 2) >> 8);
     head[3] = (uint8_t)((count + 2) & 0xff);

@@ -33,6 +33,7 @@ const char *address_shown(const char *address, char out[ADDRESS_SHOWN_BYTES])
     const size_t from = authority(whole), length = strcspn(whole + from, "?") + from;
     const size_t most = ADDRESS_SHOWN_BYTES - 8; // the rest is for the signs behind it
     const size_t shown = length < most ? length : most;
-    snprintf(out, ADDRESS_SHOWN_BYTES, "%.*s%s", (int)shown, whole, shown < length ? "…" : whole[length] ? "?…" : "");
+    const char *left_out = whole[length] ? "?…" : "";
+    snprintf(out, ADDRESS_SHOWN_BYTES, "%.*s%s", (int)shown, whole, shown < length ? "…" : left_out);
     return out;
 }

@@ -291,7 +291,10 @@ static size_t texture_bytes(const struct gpu_texture *t)
 {
     if (t->layers)
         return t->bytes;
-    return t->borrowed ? 0 : (size_t)t->width * (size_t)t->height * (t->format == GPU_RGB8 ? 4 : (size_t)t->format);
+    if (t->borrowed)
+        return 0;
+    const size_t pixel_bytes = t->format == GPU_RGB8 ? 4 : (size_t)t->format;
+    return (size_t)t->width * (size_t)t->height * pixel_bytes;
 }
 
 static GLenum layout_of(const struct gpu_texture *t)

@@ -232,7 +232,9 @@ static void translate_key(const SDL_KeyboardEvent *e, struct window_event *out)
     for (size_t i = 0; i < COUNT_OF(keys); i++)
         if (keys[i].from == e->keysym.sym)
             out->key = keys[i].to;
-    out->kind = !out->key ? WINDOW_NO_EVENT : e->type == SDL_KEYUP ? WINDOW_KEY_RELEASED : WINDOW_KEY;
+    out->kind = e->type == SDL_KEYUP ? WINDOW_KEY_RELEASED : WINDOW_KEY;
+    if (!out->key)
+        out->kind = WINDOW_NO_EVENT;
 }
 
 static void translate_window(const SDL_WindowEvent *e, struct window_event *out)
@@ -285,6 +287,15 @@ static void unplug_pad(struct window *s, SDL_JoystickID which)
         }
 }
 
+// A stick's or trigger's deflection, from the edge of its dead zone on.
+static double axis_amount(double raw)
+{
+    const double dead_zone = 0.15;
+    if (raw > dead_zone)
+        return (raw - dead_zone) / (1 - dead_zone);
+    return raw < -dead_zone ? (raw + dead_zone) / (1 - dead_zone) : 0;
+}
+
 static void translate_pad(const SDL_Event *e, struct window_event *out)
 {
     static const enum pad_button buttons[] = {
@@ -310,12 +321,9 @@ static void translate_pad(const SDL_Event *e, struct window_event *out)
         out->kind = WINDOW_PAD_BUTTON;
         out->button = buttons[e->cbutton.button];
     } else if (e->caxis.axis < PAD_AXES) { // in the order of enum pad_axis
-        const double dead_zone = 0.15, raw = e->caxis.value / 32767.0;
         out->kind = WINDOW_PAD_AXIS;
         out->axis = (enum pad_axis)e->caxis.axis;
-        out->amount = raw > dead_zone    ? (raw - dead_zone) / (1 - dead_zone)
-                      : raw < -dead_zone ? (raw + dead_zone) / (1 - dead_zone)
-                                         : 0;
+        out->amount = axis_amount(e->caxis.value / 32767.0);
     }
 }
 

@@ -79,9 +79,11 @@ static void drop_first(struct waiting *w)
 // Puts the image into its track's queue, which owns it from then on.
 static void queue_packet(struct kinect *k, AVPacket *packet)
 {
-    struct waiting *w = packet->stream_index == k->depth.stream   ? &k->depth
-                        : packet->stream_index == k->color.stream ? &k->color
-                                                                  : NULL;
+    struct waiting *w = NULL;
+    if (packet->stream_index == k->depth.stream)
+        w = &k->depth;
+    else if (packet->stream_index == k->color.stream)
+        w = &k->color;
     if (!w) {
         ffmpeg->av_packet_free(&packet);
         return;

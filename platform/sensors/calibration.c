@@ -232,8 +232,11 @@ enum status calibration_write(const char *path, const struct calibration *c)
 static enum status camera_file(const char *id, char *path, size_t size)
 {
     const char *config = getenv("XDG_CONFIG_HOME"), *home = getenv("HOME");
-    int length = config && *config == '/' ? snprintf(path, size, "%s/reenact/cameras/", config)
-                                          : snprintf(path, size, "%s/.config/reenact/cameras/", home ? home : "");
+    int length;
+    if (config && *config == '/')
+        length = snprintf(path, size, "%s/reenact/cameras/", config);
+    else
+        length = snprintf(path, size, "%s/.config/reenact/cameras/", home ? home : "");
     size_t at = length < 0 ? size : (size_t)length;
     for (; *id && at + sizeof ".json" < size; id++)
         path[at++] = isalnum((unsigned char)*id) || *id == '-' || *id == '.' ? *id : '_';

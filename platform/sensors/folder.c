@@ -99,14 +99,19 @@ static bool read_seconds(const char **text, int64_t *time_ns)
     return true;
 }
 
-// Unix times of this century have 10 digits in seconds: more are of a smaller unit.
+// Unix times of this century have 10 digits in seconds: more are of a smaller unit. NULL: they are not.
+static const char *smaller_unit(size_t digits)
+{
+    if (digits >= 18)
+        return "nanoseconds: divide them by 1000000000";
+    if (digits >= 15)
+        return "microseconds: divide them by 1000000";
+    return digits >= 12 ? "milliseconds: divide them by 1000" : NULL;
+}
+
 static enum status refuse_time(const struct image_list *list, const char *dir, const char *line, int number)
 {
-    const size_t digits = strspn(line, "0123456789");
-    const char *unit = digits >= 18   ? "nanoseconds: divide them by 1000000000"
-                       : digits >= 15 ? "microseconds: divide them by 1000000"
-                       : digits >= 12 ? "milliseconds: divide them by 1000"
-                                      : NULL;
+    const char *unit = smaller_unit(strspn(line, "0123456789"));
     if (unit)
         return fail(ERR_INPUT, "%s/%s, line %d: the times are to be in seconds, and '%.40s' looks like %s", dir,
                     list->name, number, line, unit);
@@ -369,9 +374,10 @@ static enum status check_first(struct folder *f, const struct image_list *list, 
     enum status status = OK;
     if (list == &f->color && is_jpeg(bytes, count)) {
         status = jpeg_size(bytes, count, &width, &height);
-        status = status == OK          ? check_size(path, width, height, lens, what)
-                 : status == ERR_INPUT ? damaged(status, path) // of a kind that none of them can be
-                                       : OK;
+        if (status == OK)
+            status = check_size(path, width, height, lens, what);
+        else
+            status = status == ERR_INPUT ? damaged(status, path) : OK; // the former: of a kind that none of them can be
     } else if (file_kind_of(bytes, count, count) && !is_png(bytes, count)) {
         status = refuse_kind(list == &f->color, bytes, count, path);
     } else if (png_size(bytes, count, path, &width, &height) == OK) {

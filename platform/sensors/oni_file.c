@@ -178,11 +178,10 @@ static void oni_close(void *self)
     end_player(f);
     if (f->pictures)
         munmap((void *)(uintptr_t)f->pictures, f->picture_bytes);
-    for (int i = 0; i < 3; i++) {
-        const int descriptor = i == 0 ? f->channel : i == 1 ? f->file : f->memory;
-        if (descriptor >= 0)
-            close(descriptor);
-    }
+    const int descriptors[] = {f->channel, f->file, f->memory};
+    for (size_t i = 0; i < COUNT_OF(descriptors); i++)
+        if (descriptors[i] >= 0)
+            close(descriptors[i]);
     free(f->name);
     free(f);
 }

@@ -51,7 +51,9 @@ static const char *missing_scheme(const char *path, enum source_wanted wanted)
         return "folder";
     if (!kind || wanted != SOURCE_SENSOR)
         return NULL;
-    return strstr(kind, "oni:FILE") ? "oni" : strstr(kind, "mkv:FILE") ? "mkv" : NULL;
+    if (strstr(kind, "oni:FILE"))
+        return "oni";
+    return strstr(kind, "mkv:FILE") ? "mkv" : NULL;
 }
 
 enum status source_open(struct source **out, const char *uri, enum source_wanted wanted)

@@ -89,10 +89,14 @@ struct clock_finding stream_clocks_judge(const struct stream_times *color, const
 static const char *unit_factor(double rate)
 {
     const double times = rate > 1 ? rate : 1 / rate, near_share = 0.1;
-    return fabs(times / 1e3 - 1) < near_share   ? "1000"
-           : fabs(times / 1e6 - 1) < near_share ? "1000000"
-           : fabs(times / 1e9 - 1) < near_share ? "1000000000"
-                                                : NULL;
+    static const struct {
+        double factor;
+        const char *text;
+    } units[] = {{1e3, "1000"}, {1e6, "1000000"}, {1e9, "1000000000"}};
+    for (size_t i = 0; i < COUNT_OF(units); i++)
+        if (fabs(times / units[i].factor - 1) < near_share)
+            return units[i].text;
+    return NULL;
 }
 
 static void say_rate(const struct clock_finding *f, bool listed, char *out, size_t bytes)
