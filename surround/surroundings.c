@@ -13,7 +13,7 @@ enum { DEPTH_STEP = 2 };
 
 struct surroundings_options surroundings_default_options(enum surroundings_kind kind)
 {
-    struct surroundings_options how = {.alignment = alignment_default_options(),
+    struct surroundings_options how = {.surface_m = 0.02,
                                        .depth = depth_default_options(),
                                        .view = view_default_options(),
                                        .photo = true,
@@ -22,7 +22,7 @@ struct surroundings_options surroundings_default_options(enum surroundings_kind 
                                        .threads = 2};
     how.depth.sky = kind == SURROUNDINGS_VEHICLE;
     if (kind == SURROUNDINGS_FILMED) {
-        how.alignment.surface_m = 0.01;
+        how.surface_m = 0.01;
         how.depth.upright = false; // what was not filmed stays plain
         how.depth.reach = 8;
         how.depth.farthest_m = 12;
@@ -43,7 +43,7 @@ static enum status open_parts(struct surroundings *s, const struct lens *view, c
 {
     s->how = *how;
     s->photo.body_from_picture = s->body_from_panorama;
-    enum status status = depth_alignment_open(&s->alignment, &s->how.alignment);
+    enum status status = depth_alignment_open(&s->alignment, s->how.surface_m);
     if (status == OK)
         status = surround_view_open(&s->view, view);
     if (status != OK)
@@ -418,9 +418,9 @@ static enum status collect(struct surroundings *s)
 
 bool surroundings_wants(const struct surroundings *s, struct pose odometry, int64_t since_ns)
 {
-    const struct alignment_options *how = &s->how.alignment;
-    return !s->any_taken || v3_distance(odometry.translation, s->taken_odometry.translation) >= how->move_m ||
-           pose_angle(odometry, s->taken_odometry) >= how->turn || (double)since_ns * 1e-9 >= how->wait_s;
+    const double move_m = 0.6, turn = 20 * 0.017453292519943295, wait_s = 200;
+    return !s->any_taken || v3_distance(odometry.translation, s->taken_odometry.translation) >= move_m ||
+           pose_angle(odometry, s->taken_odometry) >= turn || (double)since_ns * 1e-9 >= wait_s;
 }
 
 struct pose surroundings_bridge(const struct surroundings *s, struct pose odometry)

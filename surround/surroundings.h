@@ -12,7 +12,7 @@
 #include "surround/view/surround_view.h"
 
 struct surroundings_options {
-    struct alignment_options alignment;
+    double surface_m; // side of the voxels in which the captures' points are averaged, 0.02
     struct depth_options depth;
     struct view_options view;
     bool photo;        // align a robot's captures by their pictures, too, not by depth alone
@@ -72,7 +72,7 @@ void surroundings_place_panorama(struct surroundings *s, struct pose body_from_p
 // surroundings_take returns immediately, surroundings_draw uses what is ready. ERR_MEMORY.
 MUST_CHECK enum status surroundings_start_threads(struct surroundings *s);
 
-// Whether it is time for a robot's next capture: alignment_options' way, turn or time since the one taken last.
+// Whether it is time for a robot's next capture: 0.6 m, 20 degrees or 200 s after the one taken last.
 bool surroundings_wants(const struct surroundings *s, struct pose odometry, int64_t since_ns);
 // The body's pose between captures, and while the newest is under way: the last aligned one, moved on by the odometry
 // since.

@@ -302,7 +302,7 @@ static enum status prepare(struct room_worker *w)
     w->has_mesh = has_mesh;
     pthread_mutex_unlock(&w->worker.lock);
     tell(w);
-    how.alignment.surface_m = SURFACE_M;
+    how.surface_m = SURFACE_M;
     how.threads = 1;
     int views = status == OK ? filmed_room_views(&place) : 0;
     if (views && goes_on(w) && filmed_room_open(&w->room, &place, &small, &how) != OK)

@@ -1,6 +1,6 @@
 // The lens of one camera from pictures of a printed board, of circles or of chequers: as stereo_calibration.h
-// calibrates one of a pair, and by hand for its reasons; OpenCV's findCirclesGrid wants the whole board, too. Of circles
-// a part is enough; of chequers all inner corners have to be in sight. Pure but for memory.
+// calibrates one of a pair, and by hand for its reasons; OpenCV's findCirclesGrid wants the whole board, too. Of
+// circles a part is enough; of chequers all inner corners have to be in sight. Pure but for memory.
 #pragma once
 #include "capture/calibration/stereo_calibration.h"
 

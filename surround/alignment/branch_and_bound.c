@@ -5,26 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double PRIOR_SHIFT_M = 0.05, PRIOR_TURN = 0.02;
+
 struct search_options search_default_options(void)
 {
-    return (struct search_options){.cell_m = 0.01,
-                                   .reach = 32,
-                                   .turn_step = 0.25 * 0.017453292519943295,
-                                   .turns = 16,
-                                   .epsilon_m = 0.02,
-                                   .prior_shift_m = 0.05,
-                                   .prior_turn = 0.02};
+    return (struct search_options){.reach = 32, .turns = 16, .prior = 1};
 }
 
-enum status search_grid_make(struct search_grid *grid, const double low[2], const double high[2],
-                             const struct search_options *how)
+enum status search_grid_make(struct search_grid *grid, const double low[2], const double high[2])
 {
-    *grid = (struct search_grid){.x0 = low[0], .y0 = low[1], .cell_m = how->cell_m};
-    const double w = ceil((high[0] - low[0]) / how->cell_m), h = ceil((high[1] - low[1]) / how->cell_m);
+    *grid = (struct search_grid){.x0 = low[0], .y0 = low[1]};
+    const double w = ceil((high[0] - low[0]) / SEARCH_CELL_M), h = ceil((high[1] - low[1]) / SEARCH_CELL_M);
     assert(w > 0 && h > 0);
     if (w > 8192 || h > 8192)
         return fail(ERR_INPUT, "a capture's points spread over more than %d m; is the depth in millimetres?",
-                    (int)(8192 * how->cell_m));
+                    (int)(8192 * SEARCH_CELL_M));
     grid->width = (int)w;
     grid->height = (int)h;
     for (int l = 0; l <= SEARCH_LEVELS; l++)
@@ -42,9 +37,10 @@ void search_grid_free(struct search_grid *grid)
     *grid = (struct search_grid){0};
 }
 
-void search_grid_mark(struct search_grid *grid, double x, double y, double epsilon_m)
+void search_grid_mark(struct search_grid *grid, double x, double y)
 {
-    const double u = (x - grid->x0) / grid->cell_m, v = (y - grid->y0) / grid->cell_m, r = epsilon_m / grid->cell_m;
+    const double u = (x - grid->x0) / SEARCH_CELL_M, v = (y - grid->y0) / SEARCH_CELL_M;
+    const double r = SEARCH_EPSILON_M / SEARCH_CELL_M;
     if (!(u > -r - 1 && v > -r - 1 && u < grid->width + r + 1 && v < grid->height + r + 1))
         return;
     for (int j = (int)floor(v - r); j <= (int)floor(v + r); j++)
@@ -96,18 +92,19 @@ static enum status start(struct search *s, const double (*points)[2], const doub
     if (!s->cells)
         return fail(ERR_MEMORY, "out of memory");
     for (int t = 0; t < turns; t++) {
-        const double angle = guess[2] + (t - how->turns) * how->turn_step;
+        const double angle = guess[2] + (t - how->turns) * SEARCH_TURN_STEP;
         const double c = portable_cos(angle), n = portable_sin(angle);
         int32_t(*out)[2] = s->cells + (size_t)t * (size_t)s->count;
         for (int i = 0; i < s->count; i++) {
             const double x = c * points[i][0] - n * points[i][1] + guess[0];
             const double y = n * points[i][0] + c * points[i][1] + guess[1];
-            out[i][0] = (int32_t)floor((x - s->grid->x0) / how->cell_m);
-            out[i][1] = (int32_t)floor((y - s->grid->y0) / how->cell_m);
+            out[i][0] = (int32_t)floor((x - s->grid->x0) / SEARCH_CELL_M);
+            out[i][1] = (int32_t)floor((y - s->grid->y0) / SEARCH_CELL_M);
         }
     }
     const double share = 65536.0 * 0.01 * s->count;
-    const double shift = how->cell_m / how->prior_shift_m, turn = how->turn_step / how->prior_turn;
+    const double shift = SEARCH_CELL_M / (PRIOR_SHIFT_M * how->prior),
+                 turn = SEARCH_TURN_STEP / (PRIOR_TURN * how->prior);
     s->per_shift = (int64_t)(share * shift * shift) + 1; // at least 1: of equal answers the nearest
     s->per_turn = (int64_t)(share * turn * turn) + 1;
     s->best = (struct search_result){.score = INT64_MIN};
@@ -150,22 +147,6 @@ static void offer(struct search *s, int turn, int x, int y, int hits)
     if (score < s->best.score || (score == s->best.score && !earlier(&s->best, turn, x, y)))
         return;
     s->best = (struct search_result){turn, x, y, hits, score, s->best.lookups};
-}
-
-enum status search_exhaustive(const struct search_grid *grid, const double (*points)[2], int count,
-                              const double guess[3], const struct search_options *how, struct search_result *out)
-{
-    struct search s = {.grid = grid, .how = how, .count = count};
-    const enum status status = start(&s, points, guess);
-    if (status != OK)
-        return status;
-    for (int turn = -how->turns; turn <= how->turns; turn++)
-        for (int y = -how->reach; y <= how->reach; y++)
-            for (int x = -how->reach; x <= how->reach; x++)
-                offer(&s, turn, x, y, hits_of(&s, turn, x, y, 0));
-    free(s.cells);
-    *out = s.best;
-    return OK;
 }
 
 struct node {

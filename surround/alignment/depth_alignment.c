@@ -6,32 +6,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define RADIANS   0.017453292519943295 // a degree
-#define SURFACE_M 0.02
-#define PLANES_M  0.1
+#define OUTLINE_M  0.02
+#define PLANES_M   0.1
+#define LOW_M      0.08 // heights above the floor whose points are compared
+#define HIGH_M     0.85
+#define LEAST_HITS 0.5 // share of a capture's points that must fit; below, the search is widened
 enum { REFINED_POINTS = 12000, WIDENED = 4, FEWEST_POINTS = 30, MOST_OUTLINE = 1500 };
 enum { AHEAD = 16 }; // points whose voxels are fetched while earlier ones are added
 
-struct alignment_options alignment_default_options(void)
+enum status depth_alignment_open(struct depth_alignment *a, double surface_m)
 {
-    return (struct alignment_options){.search = search_default_options(),
-                                      .surface_m = SURFACE_M,
-                                      .low_m = 0.08,
-                                      .high_m = 0.85,
-                                      .least_hits = 0.5,
-                                      .move_m = 0.6,
-                                      .turn = 20 * RADIANS,
-                                      .wait_s = 200};
-}
-
-enum status depth_alignment_open(struct depth_alignment *a, const struct alignment_options *how)
-{
-    *a = (struct depth_alignment){.how = *how, .world_from_body = POSE_IDENTITY, .odometry = POSE_IDENTITY};
-    enum status status = voxel_map_open(&a->surface, how->surface_m);
+    *a = (struct depth_alignment){.world_from_body = POSE_IDENTITY, .odometry = POSE_IDENTITY};
+    enum status status = voxel_map_open(&a->surface, surface_m);
     if (status == OK)
         status = voxel_map_open(&a->planes, PLANES_M);
     if (status == OK)
-        status = voxel_map_open(&a->outline, SURFACE_M);
+        status = voxel_map_open(&a->outline, OUTLINE_M);
     if (status != OK)
         depth_alignment_close(a);
     return status;
@@ -50,26 +40,16 @@ struct pose depth_alignment_bridge(const struct depth_alignment *a, struct pose 
     return pose_multiply(a->world_from_body, pose_multiply(pose_inverse(a->odometry), odometry));
 }
 
-bool depth_alignment_wants(const struct depth_alignment *a, struct pose odometry, int64_t since_ns)
-{
-    return !a->capture_count || v3_distance(odometry.translation, a->odometry.translation) >= a->how.move_m ||
-           pose_angle(odometry, a->odometry) >= a->how.turn || (double)since_ns * 1e-9 >= a->how.wait_s;
-}
-
-static bool compared(const struct alignment_options *how, double height)
-{
-    return height >= how->low_m && height <= how->high_m;
-}
+static bool is_compared(double height) { return height >= LOW_M && height <= HIGH_M; }
 
 // One point for each 2 cm cell of the floor that a capture's compared points cover, in the body's axes.
-static enum status outline_of(const struct depth_alignment *a, const struct depth_points *points, double (**out)[2],
-                              int *count)
+static enum status outline_of(const struct depth_points *points, double (**out)[2], int *count)
 {
     struct voxel_map cells;
-    enum status status = voxel_map_open(&cells, SURFACE_M);
+    enum status status = voxel_map_open(&cells, OUTLINE_M);
     for (int i = 0; status == OK && i < points->count; i++) {
         const double flat[3] = {points->xyz[i][0], points->xyz[i][1], 0};
-        if (compared(&a->how, points->xyz[i][2]))
+        if (is_compared(points->xyz[i][2]))
             status = voxel_map_add(&cells, flat, points->sigma[i], 0);
     }
     double(*list)[2] = status == OK ? malloc((cells.used + 1) * sizeof *list) : NULL;
@@ -107,17 +87,18 @@ static enum status make_grid(const struct depth_alignment *a, const double (*poi
         }
         farthest = fmax(farthest, points[i][0] * points[i][0] + points[i][1] * points[i][1]);
     }
-    const double margin = how->reach * how->cell_m + how->epsilon_m + sqrt(farthest) * how->turns * how->turn_step;
+    const double margin =
+        how->reach * SEARCH_CELL_M + SEARCH_EPSILON_M + sqrt(farthest) * how->turns * SEARCH_TURN_STEP;
     for (int k = 0; k < 2; k++) {
         low[k] -= margin;
         high[k] += margin;
     }
-    const enum status status = search_grid_make(grid, low, high, how);
+    const enum status status = search_grid_make(grid, low, high);
     for (size_t i = 0; status == OK && i < a->outline.size; i++)
         if (a->outline.table[i].key && a->outline.table[i].count >= 2) {
             double mean[3];
             voxel_mean(&a->outline, &a->outline.table[i], mean);
-            search_grid_mark(grid, mean[0], mean[1], how->epsilon_m);
+            search_grid_mark(grid, mean[0], mean[1]);
         }
     if (status == OK)
         search_grid_finish(grid);
@@ -141,19 +122,18 @@ static enum status search_pose(struct depth_alignment *a, const struct depth_poi
 {
     double(*outline)[2];
     int count;
-    enum status status = outline_of(a, points, &outline, &count);
+    enum status status = outline_of(points, &outline, &count);
     const struct vec3 ahead = quat_rotate(pose->rotation, v3(1, 0, 0));
     const double guess[3] = {pose->translation.x, pose->translation.y, portable_atan2(ahead.y, ahead.x)};
-    struct search_options how = a->how.search;
+    struct search_options how = search_default_options();
     if (status == OK && count >= FEWEST_POINTS) {
         status = search_once(a, (const double(*)[2])outline, count, guess, &how);
-        if (status == OK && a->search.hits < a->how.least_hits * count) { // the odometry may have jumped
+        if (status == OK && a->search.hits < LEAST_HITS * count) { // the odometry may have jumped
             how.reach *= WIDENED;
             how.turns *= WIDENED;
-            how.prior_shift_m *= WIDENED;
-            how.prior_turn *= WIDENED;
+            how.prior *= WIDENED;
             status = search_once(a, (const double(*)[2])outline, count, guess, &how);
-            if (status == OK && a->search.hits < a->how.least_hits * count)
+            if (status == OK && a->search.hits < LEAST_HITS * count)
                 status = NOTHING;
         }
     } else if (status == OK)
@@ -161,10 +141,10 @@ static enum status search_pose(struct depth_alignment *a, const struct depth_poi
     free(outline);
     if (status != OK)
         return status;
-    const struct quat turn = quat_from_rotation_vector(v3(0, 0, a->search.turn * how.turn_step));
+    const struct quat turn = quat_from_rotation_vector(v3(0, 0, a->search.turn * SEARCH_TURN_STEP));
     pose->rotation = quat_unit(quat_multiply(turn, pose->rotation));
-    pose->translation.x += a->search.x * how.cell_m;
-    pose->translation.y += a->search.y * how.cell_m;
+    pose->translation.x += a->search.x * SEARCH_CELL_M;
+    pose->translation.y += a->search.y * SEARCH_CELL_M;
     return OK;
 }
 
@@ -194,7 +174,7 @@ static enum status unify(struct depth_alignment *a, const struct depth_points *p
         double *slot = ahead[i % AHEAD], p[3] = {slot[0], slot[1], slot[2]};
         if (i < points->count) {
             world_point((const double(*)[3])m, &pose->translation, points->xyz[i], slot);
-            expect_point(a, slot, compared(&a->how, points->xyz[i][2]));
+            expect_point(a, slot, is_compared(points->xyz[i][2]));
         }
         const int now = i - AHEAD;
         if (now < 0)
@@ -203,7 +183,7 @@ static enum status unify(struct depth_alignment *a, const struct depth_points *p
         status = voxel_map_add(&a->surface, p, sigma, a->capture_count);
         if (status == OK && now % 2 == 0)
             status = voxel_map_add(&a->planes, p, sigma, a->capture_count);
-        if (status == OK && compared(&a->how, points->xyz[now][2])) {
+        if (status == OK && is_compared(points->xyz[now][2])) {
             p[2] = 0;
             status = voxel_map_add(&a->outline, p, sigma, a->capture_count);
         }
@@ -230,7 +210,7 @@ enum status depth_alignment_add(struct depth_alignment *a, const struct depth_po
         status = search_pose(a, points, &pose);
         if (status != OK)
             return status;
-        status = plane_refine(&a->planes, points, REFINED_POINTS, a->how.tilt, &a->more, &pose);
+        status = plane_refine(&a->planes, points, REFINED_POINTS, &a->more, &pose);
         if (status != OK)
             return status;
     }

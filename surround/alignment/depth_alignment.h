@@ -1,7 +1,7 @@
 // Unifies a moving robot's depth: each new capture is aligned with the earlier ones and added to them (Okura 2014,
 // section 3.3). The odometry's motion since the last capture is the guess; branch and bound on the floor's plane by the
 // L0 norm finds the basin; point-to-plane least squares over the map's voxels (Chen and Medioni 1992), on the floor's
-// plane or, where the floor slopes or the robot tilts, in six degrees of freedom, gives the last millimetres.
+// plane, gives the last millimetres.
 //
 // World: the body's axes at the first capture. Pure but for memory; one thread at a time.
 #pragma once
@@ -10,19 +10,8 @@
 #include "surround/alignment/normal_equations.h"
 #include "surround/alignment/voxel_map.h"
 
-struct alignment_options {
-    struct search_options search;
-    double low_m, high_m;        // heights above the floor whose points are compared: 0.08, 0.85
-    double least_hits;           // share of a capture's points that must fit; below, the search is widened, 0.5
-    double surface_m;            // side of the voxels that all points are averaged in, 0.02
-    bool tilt;                   // six degrees of freedom
-    double move_m, turn, wait_s; // when to capture again: moved 0.6 m, turned 20 degrees, or 200 s later
-};
-struct alignment_options alignment_default_options(void);
-
 struct depth_alignment {
-    struct alignment_options how;
-    struct voxel_map surface; // 2 cm: all points
+    struct voxel_map surface; // all points
     struct voxel_map planes;  // 10 cm: for the refinement
     struct voxel_map outline; // 2 cm, z = 0: points of the compared heights
     int capture_count;
@@ -31,12 +20,9 @@ struct depth_alignment {
     struct pose_evidence more;             // beside the planes, for the refinement; set by the caller before an add
 };
 
-// ERR_MEMORY.
-MUST_CHECK enum status depth_alignment_open(struct depth_alignment *a, const struct alignment_options *how);
+// surface_m: side of the voxels that all points are averaged in. ERR_MEMORY.
+MUST_CHECK enum status depth_alignment_open(struct depth_alignment *a, double surface_m);
 void depth_alignment_close(struct depth_alignment *a); // what was zeroed, too
-
-// Whether it is time for a new capture: moved, turned or waited long enough since the last.
-bool depth_alignment_wants(const struct depth_alignment *a, struct pose odometry, int64_t since_ns);
 
 // Aligns and adds a capture. *world_from_body: where it was. NOTHING: the points do not fit the earlier ones, not even
 // after the widened search; then *world_from_body is the odometry's, and the points are not added. ERR_MEMORY.

@@ -54,16 +54,15 @@ static void add_point(struct normal_equations *e, const struct kept_plane *plane
     normal_equations_add(e, plane->normal, arm, r, share * huber / (s * s));
 }
 
-// Adds the prior and holds the degrees that must not move; then the step.
-static void solve(struct normal_equations *e, const struct pose *now, const struct pose *prior, bool tilt,
-                  double step[6])
+// Adds the prior and holds the degrees that leave the floor; then the step.
+static void solve(struct normal_equations *e, const struct pose *now, const struct pose *prior, double step[6])
 {
     const struct quat turned = quat_multiply(prior->rotation, quat_conjugate(now->rotation));
     const struct vec3 back = quat_to_rotation_vector(turned), away = v3_sub(prior->translation, now->translation);
     const double to_prior[6] = {back.x, back.y, back.z, away.x, away.y, away.z};
     for (int a = 0; a < 6; a++) {
         const double sigma = a < 3 ? PRIOR_TURN : PRIOR_SHIFT_M;
-        const bool held = !tilt && (a == 0 || a == 1 || a == 5);
+        const bool held = a == 0 || a == 1 || a == 5;
         const double information = held ? 1e15 : 1 / (sigma * sigma);
         e->h[7 * a] += information;
         e->g[a] += information * (held ? 0 : to_prior[a]);
@@ -99,7 +98,7 @@ static void add_points(const struct refinement *r, const struct pose *now, struc
     }
 }
 
-enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most, bool tilt,
+enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most,
                          const struct pose_evidence *more, struct pose *world_from_body)
 {
     const struct pose prior = *world_from_body;
@@ -114,7 +113,7 @@ enum status plane_refine(const struct voxel_map *planes, const struct depth_poin
         add_points(&r, &now, &e);
         if (more && more->add)
             more->add(more->self, &now, &e);
-        solve(&e, &now, &prior, tilt, step);
+        solve(&e, &now, &prior, step);
         const struct quat turn = quat_from_rotation_vector(v3(step[0], step[1], step[2]));
         world_from_body->rotation = quat_unit(quat_multiply(turn, now.rotation));
         world_from_body->translation = v3_add(now.translation, v3(step[3], step[4], step[5]));

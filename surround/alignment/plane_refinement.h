@@ -4,8 +4,8 @@
 #include "surround/alignment/normal_equations.h"
 #include "surround/alignment/voxel_map.h"
 
-// Moves *world_from_body so that the points lie on the map's planes: about the floor's normal and along the floor, or,
-// with `tilt`, in all six degrees. The pose given is a soft prior (5 cm, 1 degree), for directions that the points
-// leave open. At most about `most` points are used. more: further evidence; NULL: none. ERR_MEMORY.
+// Moves *world_from_body so that the points lie on the map's planes: about the floor's normal and along the floor.
+// The pose given is a soft prior (5 cm, 1 degree), for directions that the points leave open. At most about `most`
+// points are used. more: further evidence; NULL: none. ERR_MEMORY.
 MUST_CHECK enum status plane_refine(const struct voxel_map *planes, const struct depth_points *points, int most,
-                                    bool tilt, const struct pose_evidence *more, struct pose *world_from_body);
+                                    const struct pose_evidence *more, struct pose *world_from_body);
