@@ -181,6 +181,12 @@ static void test_installed_texts_find_each_other(void **state)
     snprintf(folder, sizeof folder, "%s/share/doc/reenact/docs", prefix);
     for (size_t i = 0; i < COUNT_OF(texts); i++)
         check_links(folder, texts[i]);
+    // The page of the headers has the first room's and the last one's, and what they say.
+    snprintf(path, sizeof path, "%s/api.html", folder);
+    page = read_text(path);
+    EXPECT_TRUE(strstr(page, "id=\"base/geometry.h\"") && strstr(page, "id=\"app/commands/command.h\""));
+    EXPECT_TRUE(strstr(page, "struct vec3") && !strstr(page, "_internal.h\""));
+    free(page);
     // What the programs themselves name.
     snprintf(path, sizeof path, "%s/share/man/man1/reenact-capture.1", prefix); // unpacked above
     page = read_text(path);
