@@ -235,7 +235,9 @@ static void print_frame(FILE *out, const struct motion *m, const struct motion_f
 {
     for (int b = 0; b < BONES; b++) {
         const int parent = bones[b].parent;
-        const struct vec3 at = parent == NO_PARENT ? f->root : f->known[b] ? f->at[b] : m->offset[b];
+        struct vec3 at = f->known[b] ? f->at[b] : m->offset[b];
+        if (parent == NO_PARENT)
+            at = f->root;
         if (parent == NO_PARENT || m->moves[b])
             fprintf(out, "%s%.4f %.4f %.4f", b ? " " : "", CM * at.x, CM * at.y, CM * at.z);
         print_rotation(out, parent == NO_PARENT ? f->rotation[b]

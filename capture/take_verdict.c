@@ -76,12 +76,12 @@ static enum status show_frames(struct take *take, const struct take_facts *facts
     struct viewing v = {.take = take, .coach = coach, .facts = facts, .time_ns = 1};
     const int64_t every = look_every(facts);
     enum status status = OK;
-    for (int64_t i = 0; i < facts->frames && status == OK; i++)
-        status = patience && !patience->goes_on(patience->self) ? NOTHING
-                                                                : show_frame(&v, i,
-                                                                             i % every                 ? UNREAD_ALL
-                                                                             : i / every % COLOR_EVERY ? UNREAD_COLOR
-                                                                                                       : UNREAD_NONE);
+    for (int64_t i = 0; i < facts->frames && status == OK; i++) {
+        if (patience && !patience->goes_on(patience->self))
+            return NOTHING;
+        const enum coach_unread color = i / every % COLOR_EVERY ? UNREAD_COLOR : UNREAD_NONE;
+        status = show_frame(&v, i, i % every ? UNREAD_ALL : color);
+    }
     return status;
 }
 

@@ -77,13 +77,20 @@ static void draw_tag(struct page *page, const struct printed_tags *wanted, int32
     page_text(page, x + l.cell, y + l.tile_w + LABEL_MM * 0.55, fmin(3.2, l.tile_w / 14), text);
 }
 
+static double tick_length_mm(int mm)
+{
+    if (mm % 50 == 0)
+        return 4;
+    return mm % 10 == 0 ? 3 : 1.6;
+}
+
 void printed_ruler(struct page *page, struct paper_size size)
 {
     const double y = size.height_mm - PRINT_MARGIN_MM - 5, x = PRINT_MARGIN_MM;
     const double from[2] = {x, y}, to[2] = {x + 100, y};
     page_line(page, from, to, 0.3, 0);
     for (int mm = 0; mm <= 100; mm += 5) {
-        const double low[2] = {x + mm, y}, high[2] = {x + mm, y - (mm % 50 == 0 ? 4 : mm % 10 == 0 ? 3 : 1.6)};
+        const double low[2] = {x + mm, y}, high[2] = {x + mm, y - tick_length_mm(mm)};
         page_line(page, low, high, 0.2, 0);
     }
     page_text(page, x + 104, y - 1.2, 3, "100 mm. If it measures otherwise, print again at");

@@ -114,7 +114,10 @@ static bool measure(struct detector *d, const struct box *component, struct circ
     for (int y = b.y0; y <= b.y1; y++)
         for (int x = b.x0; x <= b.x1; x++) {
             double w = (paper - d->gray[(size_t)y * (size_t)d->width + (size_t)x]) / (paper - ink);
-            w = w > 1 ? 1 : w < 0.06 ? 0 : w; // below 0.06: the paper's noise
+            if (w > 1)
+                w = 1;
+            else if (w < 0.06) // the paper's noise
+                w = 0;
             m += w;
             mx += w * x;
             my += w * y;

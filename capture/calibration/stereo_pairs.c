@@ -65,8 +65,13 @@ static bool fits_turned(struct extent left, struct extent right, int quarter)
 static struct pose whole_motion(const struct stereo_pairs *p, struct extent right, int quarter)
 {
     const int columns = right.columns - 1, rows = right.rows - 1;
-    const double x = quarter == 1 ? rows : quarter == 2 ? columns : 0;
-    const double y = quarter == 2 ? rows : quarter == 3 ? columns : 0;
+    double x = 0, y = 0;
+    switch (quarter) {
+    case 1: x = rows; break;
+    case 2: x = columns, y = rows; break;
+    case 3: y = columns; break;
+    default: break;
+    }
     return stereo_lattice_motion(quarter, x, y, p->board->pitch_m);
 }
 

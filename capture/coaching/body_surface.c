@@ -157,6 +157,14 @@ static double tube_distance(const struct surface_frame *f, double radius, struct
     return v3_length(v3_sub(v, v3_scale(f->z, at))) - radius;
 }
 
+// The cell at this share of a part's length; what lies beyond an end is in the last cell there.
+static int height_of(double share)
+{
+    if (share <= 0)
+        return 0;
+    return share >= 1 ? SURFACE_HEIGHTS - 1 : (int)(share * SURFACE_HEIGHTS);
+}
+
 bool surface_hit_of(const struct surface_pose *pose, struct vec3 p, struct surface_hit *out)
 {
     double best = FAR_M * pose->scale, best_along = 0;
@@ -180,7 +188,7 @@ bool surface_hit_of(const struct surface_pose *pose, struct vec3 p, struct surfa
     const double share = (best_along - f->from) / (f->to - f->from);
     out->part = part;
     out->angle = (int)floor(angle / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES) % SURFACE_ANGLES;
-    out->height = share <= 0 ? 0 : share >= 1 ? SURFACE_HEIGHTS - 1 : (int)(share * SURFACE_HEIGHTS);
+    out->height = height_of(share);
     out->radius_m = v3_length(radial);
     // Near a rounded end the surface leans along the bone.
     const double radius = parts[part].radius_m * pose->scale;

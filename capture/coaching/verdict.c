@@ -87,12 +87,10 @@ static int unseen_sides(const struct coverage *k, char *out, size_t capacity)
         if (side_share(k, sides[i].side) < UNSEEN)
             unseen[count++] = sides[i].from;
     *out = 0;
-    for (int i = 0; i < count; i++)
-        used += snprintf(out + used, capacity - (size_t)used, "%s%s",
-                         !i              ? ""
-                         : i < count - 1 ? ", "
-                                         : " and ",
-                         unseen[i]);
+    for (int i = 0; i < count; i++) {
+        const char *before = i < count - 1 ? ", " : " and ";
+        used += snprintf(out + used, capacity - (size_t)used, "%s%s", i ? before : "", unseen[i]);
+    }
     return count;
 }
 

@@ -265,8 +265,9 @@ void mapper_get_progress(const struct mapper *m, struct mapper_progress *out)
     for (int32_t i = 0; i < map->frame_count; i++)
         for (int32_t k = 1; k < map->frames[i].seen_count; k++) {
             const int32_t a = group[map->frames[i].tag_index[0]], b = group[map->frames[i].tag_index[k]];
-            for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS && a != b; t++)
-                group[t] = group[t] == (a > b ? a : b) ? (a < b ? a : b) : group[t];
+            const int32_t lower = a < b ? a : b, higher = a < b ? b : a;
+            for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS && lower < higher; t++)
+                group[t] = group[t] == higher ? lower : group[t];
         }
     for (int32_t t = 0; t < map->tag_count && t < MAPPER_MAX_TAGS; t++) {
         if (!m->frames_with_tag[map->tags[t].id]) {

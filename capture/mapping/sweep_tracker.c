@@ -327,7 +327,10 @@ static void judge_speed(struct sweep_tracker *t, const struct map_frame *f)
     const struct pose a = pose_inverse(t->last), b = pose_inverse(f->camera_from_world);
     const double moved = pose_angle(a, b) + v3_distance(a.translation, b.translation) / FAR_M;
     const bool fast = moved / passed_s * EXPOSURE_S * t->map.calibration.color.fx > BLUR_PX;
-    t->fast_since_ns = !fast ? 0 : t->fast_since_ns ? t->fast_since_ns : f->time_ns;
+    if (!fast)
+        t->fast_since_ns = 0;
+    else if (!t->fast_since_ns)
+        t->fast_since_ns = f->time_ns;
     t->too_fast = fast && (double)(f->time_ns - t->fast_since_ns) * 1e-9 >= FAST_S;
 }
 
@@ -391,10 +394,11 @@ static const char *direction_of(const struct sweep_plan *p, double x, double y)
         return "marked in the plan";
     double turn = atan2(y - p->y, x - p->x) - p->heading_rad;
     turn -= 2 * PI * floor((turn + PI) / (2 * PI));
-    return fabs(turn) < 0.6        ? "ahead"
-           : fabs(turn) > 0.8 * PI ? "behind you"
-           : turn > 0              ? "to your left"
-                                   : "to your right";
+    if (fabs(turn) < 0.6)
+        return "ahead";
+    if (fabs(turn) > 0.8 * PI)
+        return "behind you";
+    return turn > 0 ? "to your left" : "to your right";
 }
 
 static enum sweep_hint hint_of(const struct sweep_tracker *t, const struct mapper_progress *progress)

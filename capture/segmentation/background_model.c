@@ -74,7 +74,9 @@ static int update_background_cell(struct segmenter *s, int i, int d)
         s->nearer_count[i] = 0;
     }
     segmenter_update_limit(s, i);
-    return !b ? 0 : d <= b + same && d >= b - same ? 1 : -1;
+    if (!b)
+        return 0;
+    return d <= b + same && d >= b - same ? 1 : -1;
 }
 
 void segmenter_update_background(struct segmenter *s)
