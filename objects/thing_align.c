@@ -1,5 +1,6 @@
 #include "objects/thing_align.h"
 
+#include "base/clamp.h"
 #include "base/linear_algebra.h"
 
 #include <string.h>
@@ -139,7 +140,11 @@ static void pixel_slopes(const struct view_frame *f, const struct projected *p, 
     }
     for (int k = 0; k < ALIGN_UNKNOWNS; k++) {
         const struct vec3 axis = f->of_left[k % 3];
-        const struct vec3 m = k < 3 ? v3_cross(axis, p->arm) : k < 6 ? axis : p->arm;
+        struct vec3 m = p->arm;
+        if (k < 3)
+            m = v3_cross(axis, p->arm);
+        else if (k < 6)
+            m = axis;
         slope[k][0] = j[0][0] * m.x + j[1][0] * m.y + j[2][0] * m.z;
         slope[k][1] = j[0][1] * m.x + j[1][1] * m.y + j[2][1] * m.z;
     }
@@ -202,7 +207,7 @@ static bool view_gains(const struct align_input *in, int view, struct alignment 
     for (int c = 0; c < 3 && seen; c++) {
         const double tt = s[c].tt - s[c].t * s[c].t / s[c].w, ti = s[c].ti - s[c].t * s[c].i / s[c].w;
         const double gain = tt > s[c].w ? ti / tt : 1; // a channel without contrast: as it is
-        g->gain[c] = gain < 0.1 ? 0.1 : gain > 4 ? 4 : gain;
+        g->gain[c] = clamp_double(gain, 0.1, 4);
         g->offset[c] = (s[c].i - g->gain[c] * s[c].t) / s[c].w;
     }
     return seen >= LEAST_POINTS;

@@ -1,5 +1,7 @@
 #include "objects/thing_model.h"
 
+#include "base/clamp.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -119,7 +121,7 @@ static void scale_turned(const struct thing *thing, const struct extent *e, stru
     const double sigma = sqrt(1 / (w * w) + 1 / (h * h) + 0.004 * 0.004);
     const double information = 1 / (sigma * sigma) + 1 / (usual_sigma * usual_sigma);
     double growth = (measured / (sigma * sigma) + usual / (usual_sigma * usual_sigma)) / information;
-    growth = growth < usual / 4 ? usual / 4 : growth > usual * 4 ? usual * 4 : growth;
+    growth = clamp_double(growth, usual / 4, usual * 4);
     const double d = radius / growth;
     // what the front's plane shows of the silhouette's half width, and of the upper and lower edge's height
     const double half = d * radius / sqrt(d * d + 2 * d * radius);
@@ -216,8 +218,8 @@ void thing_model_free(struct thing_model *m)
 
 static void bilinear(const struct texture_level *l, double x, double y, float out[3])
 {
-    x = x < 0 ? 0 : x > l->width - 1 ? l->width - 1 : x;
-    y = y < 0 ? 0 : y > l->height - 1 ? l->height - 1 : y;
+    x = clamp_double(x, 0, l->width - 1);
+    y = clamp_double(y, 0, l->height - 1);
     const int x0 = (int)x, y0 = (int)y, x1 = x0 + 1 < l->width ? x0 + 1 : x0, y1 = y0 + 1 < l->height ? y0 + 1 : y0;
     const float fx = (float)(x - x0), fy = (float)(y - y0);
     for (int c = 0; c < 3; c++) {
@@ -236,7 +238,11 @@ static void texture_at(const struct thing_model *m, double x, double y, double s
         size *= 2;
         level++;
     }
-    const double share = spread <= 1 ? 0 : spread >= 2 * size ? 1 : spread / size - 1;
+    double share = spread / size - 1;
+    if (spread <= 1)
+        share = 0;
+    else if (spread >= 2 * size)
+        share = 1;
     float fine[3], coarse[3];
     bilinear(&m->level[level], (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5, fine);
     bilinear(&m->level[level + 1], (x + 0.5) / (2 * size) - 0.5, (y + 0.5) / (2 * size) - 0.5, coarse);

@@ -98,7 +98,9 @@ static enum status thing_from_row(struct statement *s, struct recorded_thing *ou
 
 static struct thing_content *content_of(struct recorded_thing *t, const char *kind)
 {
-    return !strcmp(kind, "image") ? &t->image : !strcmp(kind, "model") ? &t->model : NULL;
+    if (!strcmp(kind, "image"))
+        return &t->image;
+    return !strcmp(kind, "model") ? &t->model : NULL;
 }
 
 struct reading {

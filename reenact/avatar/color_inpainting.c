@@ -1,5 +1,6 @@
 #include "reenact/avatar/color_inpainting.h"
 
+#include "base/clamp.h"
 #include "base/parallel.h"
 
 #include <stdlib.h>
@@ -27,8 +28,7 @@ static const double HEIGHT_BIN_M = 0.01;
 
 static int height_bin_of(const struct height_bins *s, double height)
 {
-    double at = floor((height - s->low) / HEIGHT_BIN_M);
-    return at < 0 ? 0 : at >= s->count ? s->count - 1 : (int)at;
+    return (int)clamp_double(floor((height - s->low) / HEIGHT_BIN_M), 0, s->count - 1);
 }
 
 static enum status height_bins_open(struct height_bins *s, const struct surface_mesh *surface, const uint8_t *filled)

@@ -1,5 +1,6 @@
 #include "reenact/avatar/tsdf.h"
 
+#include "base/clamp.h"
 #include "base/parallel.h"
 #include "reenact/avatar/tsdf_internal.h"
 
@@ -47,7 +48,12 @@ static enum status find_size(struct tsdf *v)
     return OK;
 }
 
-static int clamp_to(double g, int size) { return g > 0 ? g > size ? size : (int)g : 0; }
+static int clamp_to(double g, int size)
+{
+    if (!(g > 0)) // not a number, too
+        return 0;
+    return g > size ? size : (int)g;
+}
 
 // Rasterises a capsule, from a to b: each voxel's distance becomes the minimum of its own and the capsule's; grid
 // points nearer than `reach` are marked in `keep`.
@@ -68,7 +74,7 @@ static void rasterize_capsule(struct tsdf *v, struct vec3 a, struct vec3 b, doub
                 int at = (z * v->size[1] + y) * v->size[0] + x;
                 struct vec3 p = v3_sub(point_at(v, at), a);
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
-                t = t < 0 ? 0 : t > 1 ? 1 : t;
+                t = clamp_double(t, 0, 1);
                 double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
                 v->voxels[at].distance = fminf(v->voxels[at].distance, (float)gap);
                 keep[at] |= gap < reach;

@@ -1,5 +1,7 @@
 #include "reenact/observation/part_label.h"
 
+#include "base/clamp.h"
+
 #include <stdlib.h>
 
 struct part_capsules part_capsules_of(const struct skeleton *skeleton, const struct body *body)
@@ -26,7 +28,7 @@ uint16_t part_label(const struct part_capsules *b, struct vec3 p, double shared_
     for (int i = 0; i < b->count; i++) {
         struct vec3 d = v3_sub(p, b->from[i]);
         double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        t = clamp_double(t, 0, 1);
         gap[i] = v3_length(v3_sub(d, v3_scale(b->along[i], t))) - b->radius[i];
         best = fmin(best, gap[i]);
     }
@@ -49,7 +51,7 @@ int part_nearest(const struct part_capsules *b, struct vec3 p, double outside_m)
         if (v3_dot(from_middle, from_middle) > away * away)
             continue; // the bounding ball is farther than the nearest part
         double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        t = clamp_double(t, 0, 1);
         d = v3_sub(d, v3_scale(b->along[i], t));
         double away2 = v3_dot(d, d), reach = best + b->radius[i];
         if (!(reach > 0) || away2 > reach * reach)

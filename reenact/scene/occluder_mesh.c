@@ -1,6 +1,7 @@
 // Builds the occluder mesh: fuses a TSDF, extracts its surface, bounds it with spheres.
 #include "reenact/scene/occluder_grid.h"
 
+#include "base/clamp.h"
 #include "base/parallel.h"
 
 #include <stdlib.h>
@@ -222,7 +223,7 @@ static void clear_capsule(struct occluder_grid *g, struct vec3 a, struct vec3 b,
             for (int x = from[0]; x < to[0]; x++) {
                 struct vec3 p = v3_sub(v3_add(g->corner, v3(x * g->step, y * g->step, z * g->step)), a);
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
-                t = t < 0 ? 0 : t > 1 ? 1 : t;
+                t = clamp_double(t, 0, 1);
                 if (v3_length(v3_sub(p, v3_scale(along, t))) > radius)
                     continue;
                 size_t at = occluder_grid_index(g, x, y, z);

@@ -122,7 +122,10 @@ static void add_triangle(struct builder *b, struct vec3 eye, const int corner[3]
         b->corners = grown;
         b->corner_room = room;
     }
-    const int first = of[0] < of[1] ? of[0] < of[2] ? 0 : 2 : of[1] < of[2] ? 1 : 2; // the lowest number first
+    int first = 0; // the lowest number first
+    for (int k = 1; k < 3; k++)
+        if (of[k] < of[first])
+            first = k;
     for (int k = 0; k < 3; k++)
         b->corners[b->corner_count++] = (uint32_t)of[(first + k) % 3];
 }
@@ -223,9 +226,9 @@ static enum status attempt(struct builder *b, bool (*keep_going)(void *self), vo
         if (b->place->views[i].depth)
             add_view(b, &b->place->views[i]);
     }
-    return b->failed                    ? fail(ERR_MEMORY, "no memory for the map of the place")
-           : b->full || b->corner_count ? OK
-                                        : NOTHING;
+    if (b->failed)
+        return fail(ERR_MEMORY, "no memory for the map of the place");
+    return b->full || b->corner_count ? OK : NOTHING;
 }
 
 enum status place_mesh_make(struct place_mesh *out, const struct place *place, bool (*keep_going)(void *self),

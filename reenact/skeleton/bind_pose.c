@@ -1,6 +1,8 @@
 // Bind pose from median bone lengths; bone transforms; skin weights by capsule distances.
 #include "reenact/skeleton/bind_pose.h"
 
+#include "base/clamp.h"
+
 #include <stdlib.h>
 
 // Skin weights blend over points up to this much farther from the second bone than from the first. Chosen by hand.
@@ -219,7 +221,7 @@ static double capsule_distance(const struct bind_pose *bind, int p, struct vec3 
 {
     struct vec3 in = v3_sub(at, bind->frame[p].origin);
     const double along = v3_dot(in, bind->frame[p].z), most = bind->own_length[p];
-    const double t = along < 0 ? 0 : along > most ? most : along;
+    const double t = clamp_double(along, 0, most);
     return v3_length(v3_sub(in, v3_scale(bind->frame[p].z, t))) - bind->radius[p];
 }
 

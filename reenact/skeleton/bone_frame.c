@@ -1,6 +1,8 @@
 // Viewer-aligned and body-aligned frames of bones.
 #include "reenact/skeleton/bone_frame.h"
 
+#include "base/clamp.h"
+
 static const double MIN_LENGTH_M = 1e-3;
 
 static bool joint_known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
@@ -137,10 +139,12 @@ static struct vec3 limb_front(const struct skeleton *s, const struct hinged_limb
     struct vec3 bent = v3_scale(v3_unit(v3_cross(hinge, z)), l->bend_sign);
     // From 15 to 45 degrees of bend the hinge takes over.
     double t = (bend - 0.26) / (0.71 - 0.26);
-    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    t = clamp_double(t, 0, 1);
     t = t * t * (3 - 2 * t);
     struct vec3 mixed = v3_mix(from_trunk, bent, t);
-    return v3_length(mixed) > 0.1 ? mixed : t < 0.5 ? from_trunk : bent;
+    if (v3_length(mixed) > 0.1)
+        return mixed;
+    return t < 0.5 ? from_trunk : bent;
 }
 
 bool bone_frame_body_aligned(const struct skeleton *s, enum part p, struct bone_frame *out)

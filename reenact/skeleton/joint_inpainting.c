@@ -62,7 +62,9 @@ static bool inpaint_bone(const struct take *take, int64_t frame, const struct bo
     const bool has_after = nearest_known(take, frame, 1, bone, &after, &until_ns);
     if (!has_before && !has_after)
         return false;
-    const double t = !has_before ? 1 : !has_after ? 0 : (double)since_ns / (double)(since_ns + until_ns);
+    double t = has_before ? 0 : 1;
+    if (has_before && has_after)
+        t = (double)since_ns / (double)(since_ns + until_ns);
     const double gap_ns = (has_before ? (1 - t) * (double)since_ns : 0) + (has_after ? t * (double)until_ns : 0);
     *variance_m2 = WALK_M2_S * gap_ns * 1e-9 * (has_before && has_after ? 0.5 : 1);
     if (!has_before)
@@ -71,7 +73,8 @@ static bool inpaint_bone(const struct take *take, int64_t frame, const struct bo
         after = before;
     const struct vec3 mixed = v3_mix(before, after, t);
     const double length = (1 - t) * v3_length(before) + t * v3_length(after);
-    *out = v3_length(mixed) > 0.1 * length ? v3_scale(v3_unit(mixed), length) : t < 0.5 ? before : after;
+    const struct vec3 nearer = t < 0.5 ? before : after;
+    *out = v3_length(mixed) > 0.1 * length ? v3_scale(v3_unit(mixed), length) : nearer;
     return true;
 }
 
