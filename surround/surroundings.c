@@ -57,7 +57,9 @@ enum status surroundings_open(struct surroundings *s, const char *folder, const 
     const enum status status = surround_set_read(&s->set, folder);
     if (status != OK)
         return status;
-    s->kind = s->set.robot ? SURROUNDINGS_ROBOT : s->set.filmed ? SURROUNDINGS_FILMED : SURROUNDINGS_VEHICLE;
+    s->kind = s->set.filmed ? SURROUNDINGS_FILMED : SURROUNDINGS_VEHICLE;
+    if (s->set.robot)
+        s->kind = SURROUNDINGS_ROBOT;
     s->body_from_panorama = s->set.body_from_panorama;
     const struct surroundings_options usual = surroundings_default_options(s->kind);
     return open_parts(s, &s->set.view, how ? how : &usual);

@@ -178,7 +178,9 @@ static int by_bound(const void *a, const void *b)
         return x->bound > y->bound ? -1 : 1;
     if (x->turn != y->turn)
         return x->turn < y->turn ? -1 : 1;
-    return x->y != y->y ? (x->y < y->y ? -1 : 1) : (x->x > y->x) - (x->x < y->x);
+    if (x->y != y->y)
+        return x->y < y->y ? -1 : 1;
+    return (x->x > y->x) - (x->x < y->x);
 }
 
 // Depth first, the better child first. At most 6 levels deep.

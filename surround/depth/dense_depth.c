@@ -110,7 +110,9 @@ static int32_t farther(const struct surround_picture *p, const struct depth_seed
         return a < 0 ? b : a;
     surround_picture_ray(p, (int)(pixel % (size_t)p->width), (int)(pixel / (size_t)p->width), ray);
     const float x = dot(s->list[a].plane, ray), y = dot(s->list[b].plane, ray);
-    return x <= 0 ? b : y <= 0 ? a : x < y ? a : b;
+    if (x <= 0)
+        return b;
+    return y <= 0 || x < y ? a : b;
 }
 
 // Whether a seed's plane passes behind another's along a pixel's ray.
@@ -182,8 +184,9 @@ static void fill_row(struct surround_picture *p, const struct depth_seeds *s, in
         const int32_t right = end + 1 < p->width ? label[row + (size_t)end + 1] : WATERSHED_FREE;
         for (int x = u; x <= end && (left >= 0 || right >= 0); x++) {
             const size_t pixel = row + (size_t)x;
-            const int beside = left >= 0 && right >= 0 ? 0 : left >= 0 ? x - u : end - x;
-            if (beside <= p->width / 64)
+            const bool between = left >= 0 && right >= 0;
+            const int beside = left >= 0 ? x - u : end - x;
+            if (between || beside <= p->width / 64)
                 give(p, s, label, pixel, farther(p, s, pixel, left, right));
         }
         u = end;

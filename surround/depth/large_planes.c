@@ -51,7 +51,9 @@ static void set_level(struct hough *h)
 static int bin_of(float azimuth, float away)
 {
     const int a = (int)((azimuth + 3.1415927f) / BIN_RAD), d = (int)(away / BIN_M);
-    return d >= DISTANCES ? -1 : (a >= AZIMUTHS ? 0 : a) * DISTANCES + d;
+    if (d >= DISTANCES)
+        return -1;
+    return (a >= AZIMUTHS ? 0 : a) * DISTANCES + d;
 }
 
 static void add_votes(struct hough *h)
@@ -96,7 +98,12 @@ static int best_bin(const float *votes)
     return best;
 }
 
-static float turned(float a) { return a > 3.1415927f ? a - 6.2831853f : a < -3.1415927f ? a + 6.2831853f : a; }
+static float turned(float a)
+{
+    if (a > 3.1415927f)
+        return a - 6.2831853f;
+    return a < -3.1415927f ? a + 6.2831853f : a;
+}
 
 struct line {
     float c, s, away, azimuth; // c x + s y = away

@@ -1,5 +1,7 @@
 #include "surround/depth/point_colors.h"
 
+#include "base/clamp.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,8 +25,8 @@ static float *cell_of(float *nearest, const struct surround_picture *p, const st
 {
     int x = (int)((at->u + 0.5f) * CELLS_ACROSS / (float)p->width);
     int y = (int)((at->v + 0.5f) * CELLS_DOWN / (float)p->height);
-    x = x < 0 ? 0 : x >= CELLS_ACROSS ? CELLS_ACROSS - 1 : x;
-    y = y < 0 ? 0 : y >= CELLS_DOWN ? CELLS_DOWN - 1 : y;
+    x = clamp_int(x, 0, CELLS_ACROSS - 1);
+    y = clamp_int(y, 0, CELLS_DOWN - 1);
     return &nearest[y * CELLS_ACROSS + x];
 }
 
@@ -44,9 +46,8 @@ static void find_nearest(const struct surround_picture *p, const struct world_po
 
 static const uint8_t *pixel_at(const struct surround_picture *p, const struct picture_point *at)
 {
-    int u = (int)floorf(at->u + 0.5f), v = (int)floorf(at->v + 0.5f);
-    u = u < 0 ? 0 : u >= p->width ? p->width - 1 : u;
-    v = v < 0 ? 0 : v >= p->height ? p->height - 1 : v;
+    const int u = clamp_int((int)floorf(at->u + 0.5f), 0, p->width - 1);
+    const int v = clamp_int((int)floorf(at->v + 0.5f), 0, p->height - 1);
     return p->rgb + 3 * ((size_t)v * (size_t)p->width + (size_t)u);
 }
 
@@ -169,9 +170,7 @@ bool point_color_agrees(const struct surround_picture *p, int u, int v, const fl
     if (!rgb[3])
         return true;
     for (int k = 0; k < 9; k++) {
-        int x = u + k % 3 - 1, y = v + k / 3 - 1;
-        if (p->panorama)
-            x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
+        const int x = surround_picture_column(p, u + k % 3 - 1), y = v + k / 3 - 1;
         if (x < 0 || x >= p->width || y < 0 || y >= p->height)
             continue;
         const uint8_t *pixel = p->rgb + 3 * ((size_t)y * (size_t)p->width + (size_t)x);

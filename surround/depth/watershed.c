@@ -48,9 +48,7 @@ static void spread(struct flood *f, int32_t from, int level, int most)
     const int row_step =
         f->p->panorama ? (int)(STEP * f->p->ray_table[2 * (w + v)] + 1) : STEP; // sine of the angle from the zenith
     for (int k = 0; k < 4; k++) {
-        int x = u + (k == 0) - (k == 1), y = v + (k == 2) - (k == 3);
-        if (f->p->panorama)
-            x = x < 0 ? w - 1 : x >= w ? 0 : x;
+        const int x = surround_picture_column(f->p, u + (k == 0) - (k == 1)), y = v + (k == 2) - (k == 3);
         if (x < 0 || x >= w || y < 0 || y >= h)
             continue;
         const int32_t to = y * w + x;

@@ -75,8 +75,7 @@ int picture_store_find(struct picture_store *s, int64_t depth_number)
 // The pixel's number; negative: it is outside.
 static int64_t pixel_at(const struct surround_picture *p, int x, int y)
 {
-    if (p->panorama)
-        x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
+    x = surround_picture_column(p, x);
     return x < 0 || x >= p->width || y < 0 || y >= p->height ? -1 : (int64_t)y * p->width + x;
 }
 

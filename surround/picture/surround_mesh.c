@@ -154,7 +154,11 @@ static void add_triangle(struct maker *m, int a, int b, int c)
     m->indices[m->index_count++] = (uint16_t)c;
 }
 
-static int least_of(int a, int b, int c) { return a < b ? (a < c ? a : c) : b < c ? b : c; }
+static int least_of(int a, int b, int c)
+{
+    const int least = a < b ? a : b;
+    return least < c ? least : c;
+}
 
 // a-b is the longest side; counter-clockwise in the picture.
 static void triangles(struct maker *m, struct node a, struct node b, struct node c)
@@ -218,12 +222,8 @@ static void quarters(struct maker *m, struct node at)
     const bool upright = (cut[0] & cut[2]) | (cut[1] & cut[3]);
     for (int s = 0; s < 2; s++) { // columns, or rows, of quarters
         const bool a = cut[upright ? s : 2 * s], b = cut[upright ? s + 2 : 2 * s + 1];
-        const int *across = upright  ? sides[s]
-                            : a && b ? both
-                                     : sides[b],
-                  *down = !upright ? sides[s]
-                          : a && b ? both
-                                   : sides[b];
+        const int *half = sides[s], *span = a && b ? both : sides[b];
+        const int *across = upright ? half : span, *down = upright ? span : half;
         if (a || b)
             patch(m, at, rays, (int[2]){across[0], down[0]}, (int[2]){across[1], down[1]});
     }

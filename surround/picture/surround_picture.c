@@ -1,5 +1,6 @@
 #include "surround/picture/surround_picture.h"
 
+#include "base/clamp.h"
 #include "surround/picture/picture_lanes.h"
 #include "surround/picture/surround_mesh.h"
 #include "base/portable_math.h"
@@ -185,9 +186,7 @@ static void catmull_rom(float t, float weight[4])
 
 static int column_of(const struct surround_picture *p, int u)
 {
-    if (p->panorama)
-        return u < 0 ? u + p->width : u >= p->width ? u - p->width : u;
-    return u < 0 ? 0 : u >= p->width ? p->width - 1 : u;
+    return clamp_int(surround_picture_column(p, u), 0, p->width - 1);
 }
 
 typedef uint8_t bytes16 __attribute__((vector_size(16)));
@@ -212,7 +211,7 @@ void surround_picture_sample(const struct surround_picture *p, float u, float v,
     catmull_rom(u - (float)x, wx);
     catmull_rom(v - (float)y, wy);
     for (int j = 0; j < 4; j++) {
-        const int row = y + j - 1 < 0 ? 0 : y + j - 1 >= p->height ? p->height - 1 : y + j - 1;
+        const int row = clamp_int(y + j - 1, 0, p->height - 1);
         const uint8_t *from = p->rgb + 3 * (size_t)row * (size_t)p->width;
         four line = {0};
         for (int i = 0; i < 4; i++) {
@@ -222,10 +221,8 @@ void surround_picture_sample(const struct surround_picture *p, float u, float v,
         }
         sum += wy[j] * line;
     }
-    for (int c = 0; c < 3; c++) {
-        const float value = sum[c] * p->gain[c];
-        rgb[c] = value < 0 ? 0 : value > 255 ? 255 : value;
-    }
+    for (int c = 0; c < 3; c++)
+        rgb[c] = clamp_float(sum[c] * p->gain[c], 0, 255);
 }
 
 // Whether b follows a on one surface: little apart, or on the line through what lies before a or after b.

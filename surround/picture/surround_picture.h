@@ -51,6 +51,17 @@ void surround_picture_place(struct surround_picture *p, struct pose world_from_c
 // Needs inverse; fills joined, without DEPTH_EXTRAPOLATED.
 void surround_picture_join(struct surround_picture *p);
 
+// The column that u stands for: a panorama's last column borders on its first, so that u may be up to a width outside.
+// Other pictures do not wrap.
+static inline int surround_picture_column(const struct surround_picture *p, int u)
+{
+    if (!p->panorama)
+        return u;
+    if (u < 0)
+        return u + p->width;
+    return u >= p->width ? u - p->width : u;
+}
+
 // Unit vector in camera axes through a pixel.
 void surround_picture_ray(const struct surround_picture *p, int u, int v, float ray[3]);
 

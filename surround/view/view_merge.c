@@ -1,6 +1,7 @@
 // Which of the layers' depths a pixel has, by the view-dependent depth test.
 #include "surround/view/view_layers.h"
 
+#include "base/clamp.h"
 #include "surround/picture/picture_lanes.h"
 
 // The nearest and farthest of the 3 x 3 pixels around a point decide, so that an edge a pixel off is no contradiction.
@@ -11,9 +12,7 @@ enum sight picture_sight(const struct surround_picture *p, const struct picture_
     float least = 1e9f, most = DEPTH_UNKNOWN;
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++) {
-            int x = u + i, y = v + j;
-            if (p->panorama)
-                x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
+            const int x = surround_picture_column(p, u + i), y = v + j;
             if (x < 0 || x >= p->width || y < 0 || y >= p->height)
                 continue;
             const float inverse = p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
@@ -49,8 +48,8 @@ enum { MOST_ASKED = 8 };  // the nearest pictures are asked what they see of a c
 static void around(const struct surround_picture *p, const struct picture_point *at, size_t pixels[4])
 {
     const int u = floor_of(at->u), v = floor_of(at->v), last = p->width - 1;
-    const size_t left = (size_t)(u >= 0 ? u : p->panorama ? last : 0);
-    const size_t right = (size_t)(u < last ? u + 1 : p->panorama ? 0 : last);
+    const size_t left = (size_t)clamp_int(surround_picture_column(p, u), 0, last);
+    const size_t right = (size_t)clamp_int(surround_picture_column(p, u + 1), 0, last);
     const size_t above = (size_t)(v > 0 ? v : 0) * (size_t)p->width;
     const size_t below = (size_t)(v + 1 < p->height ? v + 1 : p->height - 1) * (size_t)p->width;
     pixels[0] = above + left, pixels[1] = above + right;

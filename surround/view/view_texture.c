@@ -3,6 +3,7 @@
 // lumigraph rendering, section 4).
 #include "surround/view/view_layers.h"
 
+#include "base/clamp.h"
 #include "surround/picture/picture_lanes.h"
 
 #include <stdlib.h>
@@ -116,11 +117,8 @@ static float share_seen(const struct surround_picture *p, const struct picture_p
     const float fu = at->u - (float)u, fv = at->v - (float)v, wanted = 1 / at->distance;
     float sum = 0;
     for (int k = 0; k < 4; k++) {
-        int x = u + (k & 1), y = v + (k >> 1);
-        if (p->panorama)
-            x = x < 0 ? x + p->width : x >= p->width ? x - p->width : x;
-        x = x < 0 ? 0 : x >= p->width ? p->width - 1 : x;
-        y = y < 0 ? 0 : y >= p->height ? p->height - 1 : y;
+        const int x = clamp_int(surround_picture_column(p, u + (k & 1)), 0, p->width - 1);
+        const int y = clamp_int(v + (k >> 1), 0, p->height - 1);
         const float inverse = p->inverse[(size_t)y * (size_t)p->width + (size_t)x];
         if (fabsf(inverse - wanted) <= apart * wanted + 2e-4f)
             sum += (k & 1 ? fu : 1 - fu) * (k >> 1 ? fv : 1 - fv);
