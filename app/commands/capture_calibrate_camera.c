@@ -309,24 +309,40 @@ static enum source_wanted kind_of(const struct camera_arguments *a, const char *
     return a->color_depth || !strncmp(uri, "openni", 6) || !strncmp(uri, "oni:", 4) ? SOURCE_SENSOR : SOURCE_CAMERA;
 }
 
+// What is to be measured: of which input, and by what.
+struct measurement {
+    const char *uri;
+    enum status (*add)(struct calibration_run *r, const struct frame *f);
+    enum status (*solve)(struct calibration_run *r);
+};
+
+static struct measurement measurement_of(const struct camera_arguments *a)
+{
+    if (a->lens)
+        return (struct measurement){a->lens, add_lens, solve_lens};
+    if (a->color_depth)
+        return (struct measurement){a->color_depth, add_color_depth, solve_color_depth};
+    return (struct measurement){a->rolling_shutter, add_rolling, solve_rolling};
+}
+
 static enum status calibrate(struct calibration_run *r)
 {
     const struct camera_arguments *a = r->a;
-    const char *uri = a->lens ? a->lens : a->color_depth ? a->color_depth : a->rolling_shutter;
+    const struct measurement measurement = measurement_of(a);
     struct source_frames frames = {.source = NULL};
     struct source *source = NULL;
     enum status status = a->out ? file_check_output(a->out, a->force) : OK;
     if (status == OK)
-        status = source_open(&source, uri, kind_of(a, uri));
+        status = source_open(&source, measurement.uri, kind_of(a, measurement.uri));
     if (status == OK) {
         r->calibration = *source_calibration(source);
         status = prepare(r);
     }
     frames.source = source;
     if (status == OK)
-        status = feed(r, &frames, a->lens ? add_lens : a->color_depth ? add_color_depth : add_rolling);
+        status = feed(r, &frames, measurement.add);
     if (status == OK)
-        status = a->lens ? solve_lens(r) : a->color_depth ? solve_color_depth(r) : solve_rolling(r);
+        status = measurement.solve(r);
     if (status == OK)
         status = keep_and_print(r, source);
     if (status == OK)

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/studio/studio.h"
+#include "base/clamp.h"
 #include "base/clock.h"
 #include "recording/recording.h"
 #include "platform/files/file.h"
@@ -100,7 +101,7 @@ static enum status loop(struct studio_run *r, int64_t until_ns)
                                                             r->studio.state.text_size, width, height);
         int64_t wait_ns = due_ns - clock_now_ns();
         for (;;) {
-            const int wait_ms = wait_ns > 100000000 ? 100 : wait_ns > 0 ? (int)(wait_ns / 1000000) : 0;
+            const int wait_ms = (int)clamp_int64(wait_ns / 1000000, 0, 100);
             const struct window_event event = window_wait(r->window, wait_ms);
             wait_ns = 0;
             if (event.kind == WINDOW_NO_EVENT || studio_event(&r->studio, &event, px_per_dp, clock_now_ns()))

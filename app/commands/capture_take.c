@@ -227,7 +227,9 @@ int capture_take(int argc, char **argv)
         const enum status status = actions[i].run(&a);
         if (status == NOTHING)
             fprintf(stderr, "%s: the take stays as it is\n", argv[0]);
-        return status == OK ? 0 : status == NOTHING ? 1 : command_failed(argv[0]);
+        if (status == OK)
+            return 0;
+        return status == NOTHING ? 1 : command_failed(argv[0]);
     }
     const char *names[COUNT_OF(actions)];
     for (size_t i = 0; i < COUNT_OF(actions); i++)

@@ -175,7 +175,8 @@ int command_parse_choice(const struct argp_state *state, const char *option, con
         if (!strcmp(value, names[i]))
             return i;
         const size_t used = strlen(list);
-        snprintf(list + used, sizeof list - used, "%s%s", !i ? "" : i + 1 < count ? ", " : " or ", names[i]);
+        const char *before = i + 1 < count ? ", " : " or ";
+        snprintf(list + used, sizeof list - used, "%s%s", i ? before : "", names[i]);
     }
     argp_error(state, "%s takes %s, not '%s'", option, list, value);
     return 0;

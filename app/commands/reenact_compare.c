@@ -108,7 +108,9 @@ static enum status write_text(const char *path, char *text)
 static const char *name_of(const char *path, const char *take)
 {
     const char *slash = strrchr(path, '/');
-    return take ? take : slash ? slash + 1 : path;
+    if (take)
+        return take;
+    return slash ? slash + 1 : path;
 }
 
 // Everything of one run.
@@ -215,10 +217,11 @@ static enum status write_reports(struct compare_run *r)
         return fail(ERR_INPUT, "--csv %s is the page of --html; the page was written, the angles were not", a->csv);
     if (status == OK && a->csv)
         status = write_text(a->csv, report_csv(&r->comparisons[0]));
-    if (status != OK || a->json)
-        return status != OK       ? status
-               : a->attempts == 1 ? write_text(NULL, report_json(&r->comparisons[0]))
-                                  : write_text(NULL, report_json_attempts(r->attempts, a->attempts));
+    if (status != OK)
+        return status;
+    if (a->json)
+        return write_text(NULL, a->attempts == 1 ? report_json(&r->comparisons[0])
+                                                 : report_json_attempts(r->attempts, a->attempts));
     for (int k = 0; k < a->attempts && a->attempts > 1; k++)
         printf("attempt %d, %s: %.0f\n", k + 1, text_shown(r->attempts[k].name, shown), r->comparisons[k].score);
     return write_text(NULL, report_text(&r->comparisons[a->attempts - 1]));

@@ -2,6 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "app/viewer/viewer.h"
+#include "base/clamp.h"
 #include "base/clock.h"
 #include "platform/screen/window.h"
 #include "platform/sensors/source.h"
@@ -190,7 +191,9 @@ static enum status watch_open(struct watch *w)
     const bool keeps = settings_file_path(settings, sizeof settings);
     const struct watch_arguments *a = w->arguments;
     const struct window_options screen = {"Reenact", a->size[0], a->size[1], a->fullscreen, a->rotate / 90, a->dpi};
-    const char *camera = a->camera ? a->camera : a->sensor ? "none" : find_camera();
+    const char *camera = a->camera;
+    if (!camera)
+        camera = a->sensor ? "none" : find_camera();
     enum status status = window_open(&w->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&w->gpu);
@@ -268,9 +271,9 @@ static void handle_events(struct watch *w, int wait_ms)
 static void print_status_change(struct watch *w)
 {
     const struct viewer *t = &w->viewer;
-    const char *hint = view_state_hint(&t->state), *shown = hint                           ? hint
-                                                            : t->placed > w->placed_before ? "the actor in place"
-                                                                                           : w->status_text;
+    const char *hint = view_state_hint(&t->state), *shown = hint;
+    if (!hint)
+        shown = t->placed > w->placed_before ? "the actor in place" : w->status_text;
     if (strcmp(shown, w->status_text))
         printf("shows     %s\n", shown);
     fflush(stdout);
@@ -320,7 +323,7 @@ static enum status watch_loop(struct watch *w)
         int64_t wait_ns = w->hidden ? 500000000 : due_ns - now_ns;
         if (w->until_ns && w->until_ns - now_ns < wait_ns)
             wait_ns = w->until_ns - now_ns;
-        handle_events(w, wait_ns > 500000000 ? 500 : wait_ns > 0 ? (int)((wait_ns + 999999) / 1000000) : 0);
+        handle_events(w, (int)((clamp_int64(wait_ns, 0, 500000000) + 999999) / 1000000));
         now_ns = clock_now_ns();
         if (w->until_ns && now_ns >= w->until_ns)
             return OK;

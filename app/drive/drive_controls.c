@@ -142,11 +142,13 @@ const char *drive_halt_sentence(enum drive_halt why)
 
 static int key_of(int key)
 {
-    return key == WINDOW_KEY_UP      ? KEY_UP
-           : key == WINDOW_KEY_DOWN  ? KEY_DOWN
-           : key == WINDOW_KEY_LEFT  ? KEY_LEFT
-           : key == WINDOW_KEY_RIGHT ? KEY_RIGHT
-                                     : -1;
+    switch (key) {
+    case WINDOW_KEY_UP: return KEY_UP;
+    case WINDOW_KEY_DOWN: return KEY_DOWN;
+    case WINDOW_KEY_LEFT: return KEY_LEFT;
+    case WINDOW_KEY_RIGHT: return KEY_RIGHT;
+    default: return -1;
+    }
 }
 
 static bool on_key(struct drive_controls *c, const struct window_event *e, int64_t now_ns, enum drive_part *tapped)

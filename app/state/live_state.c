@@ -1,5 +1,7 @@
 #include "app/state/live_state.h"
 
+#include "base/clamp.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -98,8 +100,7 @@ static void change_tempo(struct live_state *s, int by)
     for (int i = 1; i < LIVE_TEMPOS; i++)
         if (fabs(live_tempos[i] - s->tempo) < fabs(live_tempos[nearest] - s->tempo))
             nearest = i;
-    nearest += by;
-    live_state_set_tempo(s, live_tempos[nearest < 0 ? 0 : nearest < LIVE_TEMPOS ? nearest : LIVE_TEMPOS - 1]);
+    live_state_set_tempo(s, live_tempos[clamp_int(nearest + by, 0, LIVE_TEMPOS - 1)]);
 }
 
 void live_state_set_tempo(struct live_state *s, double tempo)
@@ -174,7 +175,7 @@ void live_state_review(struct live_state *s, int64_t at_ns)
 {
     if (s->phase != LIVE_SUMMARY || s->review_length_ns <= 0)
         return;
-    s->review_from_ns = at_ns < 0 ? 0 : at_ns > s->review_length_ns ? s->review_length_ns : at_ns;
+    s->review_from_ns = clamp_int64(at_ns, 0, s->review_length_ns);
     s->review_at_ns = s->review_from_ns;
     s->reviewing = true;
 }
@@ -301,8 +302,7 @@ static void tick_review(struct live_state *s, int64_t passed_ns)
 
 int64_t live_state_tick(struct live_state *s, int64_t now_ns)
 {
-    int64_t passed_ns = now_ns - s->tick_ns;
-    passed_ns = passed_ns < 0 ? 0 : passed_ns > 100000000 ? 100000000 : passed_ns; // a longer stall moves no one
+    const int64_t passed_ns = clamp_int64(now_ns - s->tick_ns, 0, 100000000); // a longer stall moves no one
     s->tick_ns = now_ns;
     const bool there = s->person_ns && !person_gone(s);
     switch (s->phase) {
@@ -331,8 +331,7 @@ int live_state_count(const struct live_state *s)
     if (s->phase != LIVE_COUNT_IN)
         return 0;
     const int64_t left_ns = COUNT_NS - (s->tick_ns - s->phase_ns);
-    const int count = (int)((left_ns + 999999999) / 1000000000);
-    return count < 1 ? 1 : count > 3 ? 3 : count;
+    return clamp_int((int)((left_ns + 999999999) / 1000000000), 1, 3);
 }
 
 static bool not_in_room(const struct live_state *s)

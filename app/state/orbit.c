@@ -1,6 +1,6 @@
 #include "app/state/orbit.h"
 
-static double clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+#include "base/clamp.h"
 
 void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notches)
 {
@@ -8,8 +8,8 @@ void orbit_move(struct orbit *orbit, double drag_x, double drag_y, double notche
         return;
     // Gains and limits chosen by hand.
     orbit->angle_rad -= 4 * drag_x;
-    orbit->rise_rad = clamp(orbit->rise_rad + 2 * drag_y, -0.2, 1.4);
-    orbit->distance_m = clamp(orbit->distance_m * pow(0.9, notches), 0.8, 12);
+    orbit->rise_rad = clamp_double(orbit->rise_rad + 2 * drag_y, -0.2, 1.4);
+    orbit->distance_m = clamp_double(orbit->distance_m * pow(0.9, notches), 0.8, 12);
 }
 
 void orbit_look(struct orbit *orbit, enum orbit_view view, double facing_rad, const struct orbit *start)

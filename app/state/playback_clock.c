@@ -1,5 +1,7 @@
 #include "app/state/playback_clock.h"
 
+#include "base/clamp.h"
+
 #include <math.h>
 
 struct playback_clock playback_start(int64_t length_ns, int64_t frames)
@@ -11,7 +13,7 @@ struct playback_clock playback_start(int64_t length_ns, int64_t frames)
 
 static int64_t clamp_to_take(const struct playback_clock *p, int64_t at_ns)
 {
-    return at_ns < 0 ? 0 : at_ns > p->length_ns ? p->length_ns : at_ns;
+    return clamp_int64(at_ns, 0, p->length_ns);
 }
 
 int64_t playback_at(const struct playback_clock *p, int64_t clock_ns)

@@ -13,7 +13,9 @@ static int64_t step_from(struct playback_predictor *p, const struct playback_now
     const bool jumped = !(step > 0 && step < JUMP_NS);
     p->at_ns = now->at_ns;
     p->step_ns = jumped ? 0 : step;
-    return jumped ? now->frame_ns : before > 0 && before < step ? before : step;
+    if (jumped)
+        return now->frame_ns;
+    return before > 0 && before < step ? before : step;
 }
 
 // The first coming frame whose data can still be loaded in time: 1 is the next one.

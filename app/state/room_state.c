@@ -27,5 +27,7 @@ double room_label_opacity(double distance_m, double sigma_m, bool gone)
 {
     const double far = distance_m / HALF_DISTANCE_M, doubt = sigma_m / HALF_SIGMA_M;
     const double share = 1 / (1 + far * far) / (1 + doubt * doubt);
-    return isfinite(share) ? share * (gone ? GONE_SHARE : 1) : 0;
+    if (!isfinite(share))
+        return 0;
+    return gone ? share * GONE_SHARE : share;
 }

@@ -1,5 +1,7 @@
 #include "app/state/view_state.h"
 
+#include "base/clamp.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -105,7 +107,7 @@ static void change_speed(struct view_state *s, int by, int64_t now_ns)
     for (int i = 1; i <= last; i++)
         if (fabs(view_speeds[i] - s->playback.speed) < fabs(view_speeds[nearest] - s->playback.speed))
             nearest = i;
-    int next = nearest + by < 0 ? 0 : nearest + by > last ? last : nearest + by;
+    const int next = clamp_int(nearest + by, 0, last);
     playback_set_speed(&s->playback, now_ns, view_speeds[next]);
 }
 
@@ -275,12 +277,13 @@ static void do_on_watch(struct view_state *s, enum view_action action, int64_t n
 
 bool live_action_of(enum view_action action, enum live_phase phase, enum live_action *out)
 {
-    const bool summary = phase == LIVE_SUMMARY, ready = phase == LIVE_READY;
+    const bool summary = phase == LIVE_SUMMARY;
+    const enum live_action step_on = phase == LIVE_READY ? LIVE_DO_MIRROR : LIVE_DO_MARK_TO;
     switch (action) {
     case DO_PLAY_PAUSE:
     case DO_CHOOSE: *out = LIVE_DO_START; return true;
     case DO_STEP_BACK: *out = summary ? LIVE_DO_BACK_STEP : LIVE_DO_MARK_FROM; return true;
-    case DO_STEP_ON: *out = summary ? LIVE_DO_ON_STEP : ready ? LIVE_DO_MIRROR : LIVE_DO_MARK_TO; return true;
+    case DO_STEP_ON: *out = summary ? LIVE_DO_ON_STEP : step_on; return true;
     case DO_SLOWER: *out = LIVE_DO_SLOWER; return true;
     case DO_FASTER: *out = LIVE_DO_FASTER; return true;
     case DO_LOOP: *out = LIVE_DO_LOOP; return true;
@@ -530,7 +533,8 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
     s->now_ns = now_ns;
     int64_t next = INT64_MAX;
     double wanted = s->orbiting || (s->camera.placed && s->camera.seeing) ? 1 : 0;
-    double presence = s->orbiting ? 1 : toward(s->presence, wanted, passed_s / (wanted > 0 ? APPEAR_S : FADE_S));
+    const double fade_s = wanted > 0 ? APPEAR_S : FADE_S;
+    double presence = s->orbiting ? 1 : toward(s->presence, wanted, passed_s / fade_s);
     s->changed |=
         presence != s->presence || playback_tick(&s->playback, now_ns) || controls != view_state_controls_shown(s);
     s->presence = presence;

@@ -24,7 +24,9 @@ struct ui_box figure_image_box(const struct figure_view *v)
 
 uint32_t verdict_color(const struct theme *t, enum verdict v)
 {
-    return v == VERDICT_SAME ? t->right : v == VERDICT_DIFFERENT ? t->wrong : t->unseen;
+    if (v == VERDICT_SAME)
+        return t->right;
+    return v == VERDICT_DIFFERENT ? t->wrong : t->unseen;
 }
 
 static void dashed_line(const struct brush *b, struct ui_point from, struct ui_point to, double width, uint32_t color)

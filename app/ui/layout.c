@@ -32,7 +32,9 @@ static double sheet_height(const struct view_state *s, double width)
 enum live_marks layout_live_marks(double width, double height)
 {
     static const double BUTTONS_W = 780, ROW_H = 700; // dp; from there on they leave the picture enough
-    return width >= BUTTONS_W ? MARKS_AMONG_BUTTONS : height >= ROW_H ? MARKS_IN_A_ROW : MARKS_IN_SHEET;
+    if (width >= BUTTONS_W)
+        return MARKS_AMONG_BUTTONS;
+    return height >= ROW_H ? MARKS_IN_A_ROW : MARKS_IN_SHEET;
 }
 
 struct ui_box layout_live_sheet(double width, double height)
@@ -118,7 +120,8 @@ struct layout layout_of(double width, double height, const struct view_state *s,
     struct ui_box within = inner((struct ui_box){0, 0, width, height}, MARGIN);
     const double panel_w = fmin(within.w, PANEL_W);
     l.narrow = panel_w < NARROW;
-    const double rows = l.narrow ? TARGET + GAP : 0, trim = s->trim.offered ? TARGET + GAP + (l.narrow ? 28 : 0) : 0;
+    const double rows = l.narrow ? TARGET + GAP : 0, trim_row = TARGET + GAP + (l.narrow ? 28 : 0);
+    const double trim = s->trim.offered ? trim_row : 0;
     const double panel_h = s->moving ? 2 * TARGET + GAP + 28 + rows : TARGET + PLAY + 20 + rows + trim;
     l.panel = cut_bottom(&within, panel_h);
     l.panel = (struct ui_box){l.panel.x + (l.panel.w - panel_w) / 2, l.panel.y, panel_w, panel_h};
@@ -131,9 +134,9 @@ struct layout layout_of(double width, double height, const struct view_state *s,
     if (buttons * (TARGET + GAP) + 2 * GAP > l.top.w) // they go on below
         l.top.h += cut_top(&within, TARGET).h + GAP;
     l.cards = (struct ui_box){within.x, within.y + GAP, fmin(CARD_W, within.w * 0.42), within.h - GAP};
-    l.map = !map     ? (struct ui_box){0, 0, 0, 0}
-            : l.wide ? (struct ui_box){width / 2, 0, width / 2, height}
-                     : (struct ui_box){0, height / 2, width, height / 2};
+    if (map)
+        l.map = l.wide ? (struct ui_box){width / 2, 0, width / 2, height}
+                       : (struct ui_box){0, height / 2, width, height / 2};
     const double under_top = l.top.y + l.top.h + GAP;
     l.shutter = (struct ui_box){l.picture.w - MARGIN - SHUTTER,
                                 fmax(under_top, fmin(l.wide ? (height - SHUTTER) / 2 : low, low - SHUTTER - 2 * GAP)),

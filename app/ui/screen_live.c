@@ -217,7 +217,9 @@ static void time_line(const struct brush *b, const struct live_state *l, const s
 
 static const char *start_text(const struct live_state *l)
 {
-    return l->phase == LIVE_READY ? "Start" : l->phase == LIVE_DOING ? "Stop" : "Wait";
+    if (l->phase == LIVE_READY)
+        return "Start";
+    return l->phase == LIVE_DOING ? "Stop" : "Wait";
 }
 
 // What every screen has room for, and all else where there is.

@@ -89,7 +89,13 @@ void screen_message(const struct brush *b, const struct view_state *s)
     const bool done = m.is_notice && !s->notice_warns;
     const bool calm = !m.is_notice && !view_state_hint_warns(s);
     const uint32_t color = done || tag || calm ? t->accent : t->warn;
-    const enum icon icon = done ? ICON_CHECK : calm ? ICON_BONES : tag ? ICON_TAG : ICON_WARNING;
+    enum icon icon = ICON_WARNING;
+    if (done)
+        icon = ICON_CHECK;
+    else if (calm)
+        icon = ICON_BONES;
+    else if (tag)
+        icon = ICON_TAG;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + box.h / 2}, 28, color);
     ui_text_lines(b->ui, (int)m.face, (struct ui_point){box.x + 58, box.y + (box.h - m.text_h) / 2}, m.text_w + 1,
                   t->text, m.text);

@@ -2,6 +2,7 @@
 // touched, and the attempts of this sitting.
 #include "app/ui/screen_live.h"
 
+#include "base/clamp.h"
 #include "compare/findings.h"
 
 #include <math.h>
@@ -66,7 +67,9 @@ double screen_summary_bottom(double width, double height)
 
 static uint32_t score_color(const struct theme *t, double score)
 {
-    return score >= 70 ? t->right : score >= 45 ? t->warn : t->wrong;
+    if (score >= 70)
+        return t->right;
+    return score >= 45 ? t->warn : t->wrong;
 }
 
 static void draw_arc(const struct brush *b, struct ui_point m, double radius, double share, uint32_t color)
@@ -93,8 +96,8 @@ static void draw_progress(const struct brush *b, const struct live_state *l, str
         const struct live_result *r = &l->results[l->result_count - count + i];
         const double h = r->compared ? fmax(4, most * r->score / 100) : 4;
         const struct ui_box at = {box.x + i * (bar + GAP), box.y + most - h, bar, h};
-        const bool newest = i == count - 1;
-        ui_fill(b->ui, at, 5, r->compared ? faint(score_color(t, r->score), newest ? 1 : 0.45) : faint(t->text, 0.2));
+        const double opacity = i == count - 1 ? 1 : 0.45; // the newest stands out
+        ui_fill(b->ui, at, 5, r->compared ? faint(score_color(t, r->score), opacity) : faint(t->text, 0.2));
     }
     const char *text = !first ? "Attempts of today" : "The first attempt";
     label(b, FACE_SMALL, (struct ui_box){box.x, box.y + box.h - 22, box.w, 22}, t->quiet, text);
@@ -177,7 +180,7 @@ static void step_finding(struct screens *screens, struct view_state *s, const st
         return;
     const int to = screens->finding + s->list_steps;
     s->list_steps = 0;
-    screens->finding = to < 1 ? 1 : to > c->finding_count ? c->finding_count : to;
+    screens->finding = clamp_int(to, 1, c->finding_count);
     live_state_review(&s->live, finding_moment_ns(c, &c->findings[screens->finding - 1]));
 }
 
@@ -221,7 +224,9 @@ static void draw_findings(const struct brush *b, struct screens *screens, struct
     const struct comparison *c = page->comparison;
     panel(b, box, false);
     struct ui_box in = inner(box, 14), head = cut_top(&in, 30);
-    const char *none = page->why_not ? page->why_not : c ? "Nothing differs that the sensor could tell" : "";
+    const char *none = c ? "Nothing differs that the sensor could tell" : "";
+    if (page->why_not)
+        none = page->why_not;
     label(b, FACE_HEAD, head, t->text, "What differs");
     if (!c || !c->finding_count)
         paragraph(b, FACE_BODY, in, t->quiet, none);
@@ -366,10 +371,9 @@ static void draw_figures(const struct brush *b, const struct screens *screens, c
         figure_draw(b, &view, &attempt);
     ui_unclip(b->ui);
     const struct ui_box row = {box.x, box.y + box.h - 40, box.w, 30};
+    const char *actor = page->mirrored && box.w > 330 ? "the actor mirrored" : "the actor";
     label_centred(b, FACE_SMALL, (struct ui_box){row.x, row.y, row.w / 2, row.h}, t->quiet,
-                  box.w < 170                     ? "actor"
-                  : page->mirrored && box.w > 330 ? "the actor mirrored"
-                                                  : "the actor");
+                  box.w < 170 ? "actor" : actor);
     label_centred(b, FACE_SMALL, (struct ui_box){row.x + row.w / 2, row.y, row.w / 2, row.h}, t->quiet, "you");
 }
 
@@ -402,10 +406,9 @@ static void draw_head(const struct brush *b, struct view_state *s, const struct 
              page->mirrored && room ? ", the actor mirrored" : "");
     if (merged)
         draw_buttons(b, s, page, cut_right(&head, 330), now_ns);
+    const char *judging = room ? "Judging the attempt" : "Judging";
     label(b, FACE_HEAD, (struct ui_box){head.x + 8, head.y, head.w - 8, head.h}, b->theme->text,
-          judged ? title
-          : room ? "Judging the attempt"
-                 : "Judging");
+          judged ? title : judging);
 }
 
 void screen_summary(const struct brush *b, struct screens *screens, struct view_state *s, const struct live_page *page,

@@ -6,14 +6,20 @@
 
 static const double CARD = 320, WIDEST = 520, WORDS = 84, BORDER = 28, HEAD = 148;
 
+static const char *card_remark(const struct take_card *card)
+{
+    if (card->trouble)
+        return card->trouble;
+    if (card->judged)
+        return card->verdict;
+    return card->complete ? "" : "interrupted";
+}
+
 // How long it is and what it is worth, as its verdict says everywhere.
 static void draw_words(const struct brush *b, const struct take_card *card, struct ui_box at)
 {
     char text[200];
-    const char *about = card->trouble    ? card->trouble
-                        : card->judged   ? card->verdict
-                        : card->complete ? ""
-                                         : "interrupted";
+    const char *about = card_remark(card);
     if (card->judged && !card->trouble)
         icon_draw(b->ui, card->good ? ICON_CHECK : ICON_WARNING, middle(cut_left(&at, 22)), 18,
                   card->good ? b->theme->accent : b->theme->warn);

@@ -15,7 +15,9 @@ enum status screenshot_path(const char *folder, char *path, size_t capacity)
     char own[400], name[64];
     const char *home = getenv("HOME"), *pictures = getenv("XDG_PICTURES_DIR");
     if (!folder) {
-        const char *base = pictures ? pictures : home ? home : ".";
+        const char *base = pictures ? pictures : home;
+        if (!base)
+            base = ".";
         if (snprintf(own, sizeof own, "%s%s", base, pictures ? "" : "/Pictures") >= (int)sizeof own)
             return fail(ERR_INPUT, "the name of the folder for screenshots is too long");
         folder = own;

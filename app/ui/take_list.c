@@ -128,7 +128,12 @@ enum status take_list_open(struct take_list *l, struct recording *recording, con
 }
 
 // How far a card is out of sight, in cards.
-static int beyond(int i, int first, int end) { return i < first ? first - i : i >= end ? i + 1 - end : 0; }
+static int beyond(int i, int first, int end)
+{
+    if (i < first)
+        return first - i;
+    return i >= end ? i + 1 - end : 0;
+}
 
 enum status take_list_load(struct take_list *l, struct gpu *gpu, struct recording *recording, int first, int end)
 {

@@ -35,10 +35,11 @@ static int nearer_first(const void *a, const void *b)
 
 static const char *answer_text(const struct room_thing *t)
 {
-    return t->gone                      ? " · gone?"
-           : t->answer == ANSWER_ASKING ? " · asking …"
-           : t->answer == ANSWER_NONE   ? " · no answer"
-                                        : "";
+    if (t->gone)
+        return " · gone?";
+    if (t->answer == ANSWER_ASKING)
+        return " · asking …";
+    return t->answer == ANSWER_NONE ? " · no answer" : "";
 }
 
 // in_map: its viewpoint is far from everything and looks in from outside; labels fade and are hidden in the picture

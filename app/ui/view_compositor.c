@@ -192,12 +192,11 @@ static void draw_skeleton(const struct brush *b, const struct take_view_image *p
             if (seen[bone.from] && seen[bone.to])
                 ui_line(b->ui, at[bone.from], at[bone.to], thickness, color);
         }
-        for (int j = 0; j < JOINT_COUNT; j++)
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const uint32_t inner_color = p->skeleton.confidence[j] < 1 ? b->theme->warn : 0xffffffff;
             if (seen[j])
-                ui_disc(b->ui, at[j], pass ? 5 : 6.8,
-                        pass && p->skeleton.confidence[j] < 1 ? faint(b->theme->warn, presence)
-                        : pass                                ? faint(0xffffffff, presence)
-                                                              : color);
+                ui_disc(b->ui, at[j], pass ? 5 : 6.8, pass ? faint(inner_color, presence) : color);
+        }
     }
 }
 

@@ -255,7 +255,13 @@ static void color_code(const uint8_t code[3], uint8_t rgba[4])
     double away_s = (256 * code[1] + code[2]) / 100.0, t = away_s / (away_s + 1);
     for (int c = 0; c < 3; c++) {
         double borrowed = recent[c] + t * (distant[c] - recent[c]);
-        double color = code[0] < 40 ? 0 : code[0] < 128 ? now[c] : code[0] < 212 ? borrowed : filled[c];
+        double color = filled[c];
+        if (code[0] < 40)
+            color = 0;
+        else if (code[0] < 128)
+            color = now[c];
+        else if (code[0] < 212)
+            color = borrowed;
         rgba[c] = (uint8_t)(color * opacity / 255);
     }
     rgba[3] = code[0] < 40 ? 0 : (uint8_t)opacity;

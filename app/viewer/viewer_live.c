@@ -2,6 +2,7 @@
 
 #include "app/live/live_occlusion.h"
 #include "app/live/pose_figure.h"
+#include "base/clamp.h"
 #include "base/clock.h"
 #include "compare/findings.h"
 
@@ -22,7 +23,7 @@ static const int64_t FROZEN_NS = 1500000000;
 static int32_t frame_at(const struct viewer_live *l, int64_t take_ns)
 {
     const int32_t f = (int32_t)lround((double)(take_ns - l->offset_ns) * 1e-9 * MOVEMENT_RATE_HZ);
-    return f < 0 ? 0 : f < l->reference.count ? f : l->reference.count - 1;
+    return clamp_int(f, 0, l->reference.count - 1);
 }
 
 static int64_t take_time_of(const struct viewer_live *l, double frame)
@@ -328,7 +329,9 @@ static void fill_ghost(struct viewer *v)
         return;
     const int32_t at = frame_at(l, s->at_ns), now = l->page.verdicts ? look->reference : at;
     int32_t next = now + (int32_t)(NEXT_S * MOVEMENT_RATE_HZ);
-    next = s->phase == LIVE_COUNT_IN ? at : next < l->end ? next : l->end - 1;
+    next = next < l->end ? next : l->end - 1;
+    if (s->phase == LIVE_COUNT_IN)
+        next = at;
     const struct movement_frame *frames = reference_of(l, s->mirrored)->frames;
     if (pose_figure_make(&l->person, &frames[now], &frames[next], &l->ghost))
         l->page.ghost = &l->ghost;

@@ -116,6 +116,13 @@ static enum status take_mesh(struct viewer *v)
     return status;
 }
 
+static enum answer answer_about(const struct viewer_room *r, int thing)
+{
+    if (knowledge_asker_asks(r->asker, thing))
+        return ANSWER_ASKING;
+    return r->things.known.things[thing].trouble[0] ? ANSWER_NONE : ANSWER_KEPT;
+}
+
 static void update_answers(struct viewer *v)
 {
     struct viewer_room *r = &v->room;
@@ -128,9 +135,7 @@ static void update_answers(struct viewer *v)
         knowledge_asker_ask(r->asker, card, &r->things.known.things[card]);
     r->asked_thing = card;
     for (int i = 0; i < r->things.known.count; i++)
-        r->things.shown[i].answer = knowledge_asker_asks(r->asker, i)      ? ANSWER_ASKING
-                                    : r->things.known.things[i].trouble[0] ? ANSWER_NONE
-                                                                           : ANSWER_KEPT;
+        r->things.shown[i].answer = answer_about(r, i);
 }
 
 static void update_path(struct viewer *v)
