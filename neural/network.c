@@ -1,4 +1,5 @@
 #include "neural/network.h"
+
 #include "base/clamp.h"
 #include "base/memory.h"
 #include "base/portable_math.h"
