@@ -338,7 +338,7 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     const struct filling first = filling_of(&g, world);
     expect_filled("first picture", first, 0.1);
     EXPECT_AT_MOST(first.open, 0.5 * first.unfilmed);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < (SANITIZED ? 2 : 4); i++) { // any side runs the same code
         g.viewer.state.orbit.angle_rad = angle + i * 1.5707963267948966;
         glass_wait_idle(&g);
         wait_filmed(&g);
@@ -348,7 +348,30 @@ static void test_the_map_fills_what_was_not_filmed(void **state)
     world_close(&world);
 }
 
-static void test_an_orbit_shows_the_filmed_room(void **state)
+// While the viewpoint moves, each frame shows the room from its own viewpoint, whatever the worker does meanwhile.
+static void expect_room_moves(struct glass *g)
+{
+    struct view_state *s = &g->viewer.state;
+    const int64_t number = room_worker_latest(g->viewer.room.worker)->number;
+    const size_t pixels = (size_t)g->width * (size_t)g->height;
+    uint8_t *moved = malloc(4 * pixels), *made = malloc(4 * pixels);
+    s->orbit.angle_rad += 0.05; // some centimetres aside
+    glass_draw(g);
+    EXPECT_TRUE(g->viewer.image.filmed);
+    const bool bent = room_worker_latest(g->viewer.room.worker)->number == number;
+    glass_read(g);
+    memcpy(moved, g->rgba, 4 * pixels);
+    wait_filmed(g);
+    glass_read(g);
+    memcpy(made, g->rgba, 4 * pixels);
+    const double off = glass_difference(g, moved);
+    print_message("bent to the new viewpoint: %d; off by %.2f from the picture made for it\n", bent, off);
+    EXPECT_AT_MOST(off, 9); // measured 1.64
+    free(moved);
+    free(made);
+}
+
+static void test_an_orbit_shows_and_moves_the_filmed_room(void **state)
 {
     (void)state;
     struct glass g;
@@ -364,9 +387,10 @@ static void test_an_orbit_shows_the_filmed_room(void **state)
     const double off = difference_to_truth(&g, world, &filmed);
     print_message("%.2f of the picture was filmed, off by %.1f grey levels from what a camera would see\n", filmed,
                   off);
-    EXPECT_AT_LEAST(filmed, 0.5);
-    EXPECT_AT_MOST(off, 14);
+    EXPECT_AT_LEAST(filmed, 0.5); // measured 0.95
+    EXPECT_AT_MOST(off, 14);      // measured 4.4
     EXPECT_TRUE(g.viewer.image.filmed && g.viewer.request.in_room);
+    expect_room_moves(&g);
     // Where nothing was filmed the ground and its hatching are seen: the layer is transparent there.
     glass_read(&g);
     uint8_t *with = malloc((size_t)g.width * (size_t)g.height * 4);
@@ -380,35 +404,6 @@ static void test_an_orbit_shows_the_filmed_room(void **state)
     free(with);
     glass_close(&g);
     world_close(&world);
-}
-
-// While the viewpoint moves, each frame shows the room from its own viewpoint, whatever the worker does meanwhile.
-static void test_the_room_moves_with_the_viewpoint(void **state)
-{
-    (void)state;
-    struct glass g;
-    open_glass(&g, LONG / SHARE, SHORT / SHARE, NULL);
-    struct view_state *s = &g.viewer.state;
-    pause_at(&g, 0.5);
-    wait_filmed(&g);
-    const int64_t number = room_worker_latest(g.viewer.room.worker)->number;
-    const size_t pixels = (size_t)g.width * (size_t)g.height;
-    uint8_t *moved = malloc(4 * pixels), *made = malloc(4 * pixels);
-    s->orbit.angle_rad += 0.05; // some centimetres aside
-    glass_draw(&g);
-    EXPECT_TRUE(g.viewer.image.filmed);
-    const bool bent = room_worker_latest(g.viewer.room.worker)->number == number;
-    glass_read(&g);
-    memcpy(moved, g.rgba, 4 * pixels);
-    wait_filmed(&g);
-    glass_read(&g);
-    memcpy(made, g.rgba, 4 * pixels);
-    const double off = glass_difference(&g, moved);
-    print_message("bent to the new viewpoint: %d; off by %.2f from the picture made for it\n", bent, off);
-    EXPECT_AT_MOST(off, 9);
-    free(moved);
-    free(made);
-    glass_close(&g);
 }
 
 // ---------------------------------------------------------------- what hides things
@@ -569,9 +564,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_a_touch_opens_what_is_known),
         cmocka_unit_test(test_typing_finds_a_thing),
         cmocka_unit_test(test_the_map_is_beside_the_picture),
-        cmocka_unit_test(test_an_orbit_shows_the_filmed_room),
+        cmocka_unit_test(test_an_orbit_shows_and_moves_the_filmed_room),
         cmocka_unit_test(test_the_map_fills_what_was_not_filmed),
-        cmocka_unit_test(test_the_room_moves_with_the_viewpoint),
         cmocka_unit_test(test_what_the_actor_hides_is_an_outline),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -139,7 +139,7 @@ static void test_right_sweep_is_not_blamed(void **state)
     struct map_advice advice;
     struct wrong half_percent = right;
     half_percent.focal = 1.005;
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < (SANITIZED ? 1 : 2); i++) {
         EXPECT_STATUS(map_wrongly(i ? &half_percent : &right, &r, &advice), OK);
         printf("lens %.3f long: fault %d, depth ratio %.3f\n", i ? 1.005 : 1, (int)r.lens.fault, r.depth_ratio);
         EXPECT_INT(r.lens.fault, LENS_FITS);
@@ -191,7 +191,7 @@ static void test_useless_maps_are_refused(void **state)
         {{.focal = 1.6, .unit = 1, .sides = 1}, "focal length"},
         {{.focal = 1, .unit = 1, .sides = 0.7}, "list of tags"},
     };
-    for (size_t i = 0; i < COUNT_OF(sweeps); i += SANITIZED ? 2 : 1) {
+    for (size_t i = 0; i < COUNT_OF(sweeps); i += SANITIZED ? 3 : 1) {
         struct mapper_report r;
         struct map_advice advice;
         EXPECT_STATUS(map_wrongly(&sweeps[i].how, &r, &advice), ERR_INPUT);
@@ -285,9 +285,9 @@ static void test_still_sensor_is_mapped_from_some_pictures(void **state)
     printf("%d of %d pictures used, %d placed, %d landmarks\n", (int)report.frames, (int)report.frames_seen,
            (int)report.frames_placed, (int)place.point_count);
     EXPECT_INT(report.frames_seen, STILL);
-    EXPECT_AT_MOST(report.frames, STILL / 2);
+    EXPECT_AT_MOST(report.frames, STILL / 2); // measured 15
     EXPECT_INT(report.frames_placed, report.frames);
-    EXPECT_AT_LEAST(place.point_count, 100);
+    EXPECT_AT_LEAST(place.point_count, 100); // measured 497
     place_free(&place);
     mapper_close(&m);
     free(color);

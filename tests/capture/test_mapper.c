@@ -262,12 +262,12 @@ static void test_room_is_mapped(void **state)
     const struct mapper_report *report = &m.report;
     double error = m.tags_off_m, off = tags_mahalanobis_squared(place, world_tags(r.world, &count), m.world_from_place);
     printf("squared Mahalanobis distance of the tags: %.1f, expected 6\n", off);
-    EXPECT_AT_LEAST(off, 3);
+    EXPECT_AT_LEAST(off, 3); // measured 3.8
     EXPECT_AT_MOST(off, 9);
     printf("%d of %d images placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n",
            (int)report->frames_placed, (int)report->frames, (int)place->tag_count, error * 1e3, (int)place->point_count,
            place->rms_px, place->rms_m * 1e3);
-    EXPECT_AT_LEAST(report->frames_placed, 35);
+    EXPECT_AT_LEAST(report->frames_placed, 35); // measured 36
     EXPECT_AT_LEAST(report->tags_mapped, r.tag_count - 1);
     EXPECT_INT(place->tag_count, report->tags_mapped);
     EXPECT_INT(report->tags_unseen, 1);
@@ -276,10 +276,10 @@ static void test_room_is_mapped(void **state)
     EXPECT_INT(report->first_unlisted, unlisted);
     EXPECT_TRUE(report->floor_from_depth);
     EXPECT_INT(report->tags_wrong_side, 0);
-    EXPECT_AT_MOST(error, 0.002);
-    EXPECT_AT_LEAST(place->rms_px, 0.001);
+    EXPECT_AT_MOST(error, 0.002);          // measured 1.03 mm
+    EXPECT_AT_LEAST(place->rms_px, 0.001); // measured 0.013 px
     EXPECT_AT_MOST(place->rms_px, 0.03);
-    EXPECT_AT_LEAST(place->point_count, 3000);
+    EXPECT_AT_LEAST(place->point_count, 3000); // measured 3866
     EXPECT_AT_MOST(place->point_count, 4000);
     EXPECT_AT_LEAST(place->view_count, 15);
     EXPECT_AT_MOST(place->view_count, 40);
@@ -299,8 +299,8 @@ static void test_tags_give_scale_without_depth(void **state)
     printf("without depth: %d of %d images placed, %d tags within %.2f mm rms, %d points\n",
            (int)m.report.frames_placed, (int)m.report.frames, (int)place->tag_count, m.tags_off_m * 1e3,
            (int)place->point_count);
-    EXPECT_AT_MOST(m.tags_off_m, 0.003);
-    EXPECT_AT_LEAST(place->point_count, 200);
+    EXPECT_AT_MOST(m.tags_off_m, 0.003);      // measured 1.46 mm
+    EXPECT_AT_LEAST(place->point_count, 200); // measured 307
     check_viewer(&r, place, m.world_from_place, 0.012, 0.12);
     EXPECT_TRUE(!m.report.floor_from_depth);
     EXPECT_NEAR(place->rms_m, 0, 0);
@@ -332,9 +332,10 @@ static void test_wrong_sides_are_named(void **state)
     const int32_t wrong = 3, id = r.tags[wrong].id;
     const double side_m = r.tags[wrong].side_m;
     const double shares[] = {0.5, 0.85, 1.15};
+    const int step = SANITIZED ? 2 : 1;
     for (size_t i = 0; i < COUNT_OF(shares); i += SANITIZED ? COUNT_OF(shares) : 1) {
         r.tags[wrong].side_m = shares[i] * side_m;
-        struct mapping_result m = map_room(&r, r.tag_count, 1, 1.01);
+        struct mapping_result m = map_room(&r, r.tag_count, step, 1.01);
         printf("tag %d listed as %.3f m: %d wrong, it looks %.4f m wide, in truth %.3f m; %d tags within %.2f mm\n",
                (int)id, r.tags[wrong].side_m, (int)m.report.tags_wrong_side, m.report.measured_m, side_m,
                (int)m.place.tag_count, m.tags_off_m * 1e3);
@@ -350,7 +351,7 @@ static void test_wrong_sides_are_named(void **state)
     r.tags[wrong].side_m = side_m;
     for (int32_t i = 0; i < r.tag_count; i++) // a printer that fitted the page
         r.tags[i].side_m *= 0.9;
-    struct mapping_result m = map_room(&r, r.tag_count, 1, 1);
+    struct mapping_result m = map_room(&r, r.tag_count, step, 1);
     printf("all listed too small: %d wrong, %d tags mapped, looks %.4f m, listed %.4f m\n",
            (int)m.report.tags_wrong_side, (int)m.place.tag_count, m.report.measured_m, m.report.listed_side_m);
     EXPECT_TRUE(m.report.all_wrong_side);

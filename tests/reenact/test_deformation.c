@@ -96,8 +96,8 @@ static void test_deformation_follows_nonrigid_motion(void **state)
     compare(&s, &seen, &after_mm, &beside_after);
     print_message("off by %.1f mm, deformed %.1f mm; beside the person %.2f %%, deformed %.2f %%\n", before_mm,
                   after_mm, 100 * beside_before, 100 * beside_after);
-    EXPECT_AT_MOST(after_mm, before_mm * 0.4);
-    EXPECT_AT_MOST(beside_after, beside_before * 0.3);
+    EXPECT_AT_MOST(after_mm, before_mm * 0.4);         // measured 5.0 of 15.9 mm
+    EXPECT_AT_MOST(beside_after, beside_before * 0.3); // measured 0.11 of 0.64 %
     deformation_case_close(&s);
 }
 
@@ -117,8 +117,8 @@ static void test_deformation_keeps_good_fit(void **state)
         most = fmax(most, shift);
     }
     print_message("shifted by %.1f mm, at most %.1f mm\n", 1000 * mean, 1000 * most);
-    EXPECT_AT_MOST(1000 * mean, 3);
-    EXPECT_AT_LEAST(1000 * most, 0.1);
+    EXPECT_AT_MOST(1000 * mean, 3);    // measured 1.8 mm
+    EXPECT_AT_LEAST(1000 * most, 0.1); // measured 5.8 mm
     memset(s.observed.part, DEPTH_FRAME_BACKGROUND, (size_t)s.observed.width * (size_t)s.observed.height);
     deformation_fit(s.deformation, &model, &s.observed, &s.transforms, NULL);
     most = 0;
@@ -189,8 +189,8 @@ static void test_deformation_follows_sliding_cloth(void **state)
     const double found_m = shifted_down(&s);
     print_message("slid by %.1f mm; found from shape alone %.1f mm, with colours %.1f mm\n", 1e3 * lower_m,
                   1e3 * blind_m, 1e3 * found_m);
-    EXPECT_NEAR(found_m, lower_m, 0.002);
-    EXPECT_AT_MOST(fabs(blind_m), 0.001);
+    EXPECT_NEAR(found_m, lower_m, 0.002); // measured 11.4 of 12.0 mm
+    EXPECT_AT_MOST(fabs(blind_m), 0.001); // measured 0.0 mm
     deformation_case_close(&s);
 }
 

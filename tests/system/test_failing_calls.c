@@ -30,7 +30,7 @@ struct command {
     const char *argv[ARGUMENTS_MAX];
 };
 
-enum { USUALLY = 2 }; // calls of a kind
+enum { USUALLY = SANITIZED ? 1 : 2 }; // calls of a kind
 
 struct site {
     char number[20], stack[512];
@@ -63,6 +63,8 @@ static struct process_result run(const char *const *argv, const char *kind, cons
     setenv("FAIL_COUNT", counted, 1);
     remove(counted);
     struct process_result said = process_run(argv);
+    if (strstr(said.err, "Sanitizer") || strstr(said.err, "runtime error:"))
+        said.exit_code = -1; // what it found is no sentence
     unsetenv("LD_PRELOAD");
     unsetenv("MALLOC_PERTURB_");
     return said;
@@ -281,6 +283,13 @@ static void fail_each(const struct command *command, const char *kind)
     free(sites.at);
 }
 
+// With sanitizers alloc or sqlite of some commands, in turn, and not the last ones, which take minutes there. What was
+// taken with new is not told from a leak there, for their operator delete does not call free.
+static bool is_tried(size_t command, size_t kind)
+{
+    return !SANITIZED || (command < 15 && kind != 1 && kind == command % 3);
+}
+
 static void test_commands(void **state)
 {
     (void)state;
@@ -325,11 +334,11 @@ static void test_commands(void **state)
     uint8_t *before, *after;
     size_t size, size_after;
     EXPECT_STATUS(file_read(rehearsal.file, &before, &size), OK);
-    for (size_t i = 0; i < COUNT_OF(commands); i++) {
-        fail_each(&commands[i], "alloc");
-        fail_each(&commands[i], "new");
-        fail_each(&commands[i], "sqlite");
-    }
+    const char *const kinds[] = {"alloc", "new", "sqlite"};
+    for (size_t i = 0; i < COUNT_OF(commands); i++)
+        for (size_t k = 0; k < COUNT_OF(kinds); k++)
+            if (seconds > 0 || is_tried(i, k))
+                fail_each(&commands[i], kinds[k]);
     EXPECT_STATUS(file_read(rehearsal.file, &after, &size_after), OK);
     EXPECT_TRUE(size == size_after && !memcmp(before, after, size)); // none of them changes what it reads
     EXPECT_INT(defects, 0);
@@ -374,6 +383,17 @@ static int tear_down(void **state)
     return 0;
 }
 
+// The address sanitizer's allocator comes behind the one that fails. Blocks of the loader are leaks to it then; what
+// the programs themselves leak is counted here.
+static void allow_order(void)
+{
+    const char *given = getenv("ASAN_OPTIONS");
+    char options[512];
+    snprintf(options, sizeof options, "%s%sverify_asan_link_order=0:detect_leaks=0", given ? given : "",
+             given ? ":" : "");
+    setenv("ASAN_OPTIONS", options, 1);
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_commands)};
@@ -386,5 +406,7 @@ int main(int argc, char **argv)
     if (argc > 4)
         only_kind = argv[4];
     print_message("seed %llu\n", (unsigned long long)seed);
+    if (SANITIZED)
+        allow_order();
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
