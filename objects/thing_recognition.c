@@ -21,15 +21,14 @@ struct recognizer {
     struct recognition_options options;
 };
 
+static const double LEAST_SCORE = 0.8, LEAST_VISIBLE = 0.6; // of a sighting, in each view
+// thing_align.h. Tint: daylight against lamplight after a camera's white balance. The factor was chosen on the flat
+// things of data set `desk`.
+static const double MOST_TINT = 1.4, VARIANCE_FACTOR = 144;
+
 struct recognition_options recognition_default_options(void)
 {
-    return (struct recognition_options){.least_score = 0.8,
-                                        .least_visible = 0.6,
-                                        .most_tint = 1.4,
-                                        .nearest_m = 0.15,
-                                        .farthest_m = 4,
-                                        .kept = 6,
-                                        .variance_factor = 144};
+    return (struct recognition_options){.nearest_m = 0.15, .farthest_m = 4, .kept = 6};
 }
 
 enum status recognizer_open(struct recognizer **out, const struct thing_list *things,
@@ -202,7 +201,7 @@ static enum status find_hypotheses(struct search *s, int thing, int *count)
                 return fail(ERR_MEMORY, "no memory to look for '%s'", t->name);
             const struct align_input in = {samples, THING_FLAT, s->views, s->view_count, level, {0, 0.05}, 1};
             h.score = thing_score(&in, view, &h.pose);
-            if (h.pose.visible[view] >= s->r->options.least_visible)
+            if (h.pose.visible[view] >= LEAST_VISIBLE)
                 *count = keep(t, s->best, *count, s->r->options.kept, &h);
         }
     }
@@ -266,7 +265,7 @@ static bool align_fine(const struct recognizer *r, int thing, enum thing_shape s
     for (int level = level_for(&r->things->things[thing], &views[0], depth_in(&views[0], a), SPAN_PX); level >= 0;
          level--) {
         thing_sample(&r->models[thing], px_per_metre(&views[0], depth_in(&views[0], a), level), SAMPLES_MOST, samples);
-        const struct align_input in = {samples, shape, views, view_count, level, *size, r->options.variance_factor};
+        const struct align_input in = {samples, shape, views, view_count, level, *size, VARIANCE_FACTOR};
         if (!thing_align(&in, FINE_STEPS, a))
             return false;
     }
@@ -298,7 +297,7 @@ static bool turn_best(const struct search *s, int thing, struct alignment *a)
     for (size_t k = 0; k < COUNT_OF(turns); k++) {
         const struct align_input in = {s->samples, THING_TURNED, s->views, s->view_count, level, {0, 0.05}, 1};
         struct alignment now = turned_about_axis(m, &start, turns[k]);
-        if (thing_align(&in, COARSE_STEPS, &now) && least_visible(&now, s->view_count) > s->r->options.least_visible &&
+        if (thing_align(&in, COARSE_STEPS, &now) && least_visible(&now, s->view_count) > LEAST_VISIBLE &&
             least_score(&now, s->view_count) > best) {
             best = least_score(&now, s->view_count);
             *a = now;
@@ -317,8 +316,8 @@ static double most_tint(const struct alignment *a, int views)
 
 static bool is_right(const struct recognizer *r, const struct alignment *a, int views)
 {
-    return least_score(a, views) >= r->options.least_score && least_visible(a, views) >= r->options.least_visible &&
-           most_tint(a, views) <= r->options.most_tint && a->left_from_thing.translation.z >= r->options.nearest_m &&
+    return least_score(a, views) >= LEAST_SCORE && least_visible(a, views) >= LEAST_VISIBLE &&
+           most_tint(a, views) <= MOST_TINT && a->left_from_thing.translation.z >= r->options.nearest_m &&
            a->left_from_thing.translation.z <= r->options.farthest_m;
 }
 
@@ -423,19 +422,19 @@ enum status recognizer_find(const struct recognizer *r, const struct thing_view 
 
 // log p(residuals | turned) - log p(residuals | flat): the number of independent residuals times the log of the ratio
 // of the noises that are left.
-static double turned_evidence(const struct recognizer *r, const struct detection *d)
+static double turned_evidence(const struct detection *d)
 {
     enum { POINTS = 1000 }; // about as many residuals are there, at every distance
     const struct alignment *flat = &d->by[THING_FLAT], *turned = &d->by[THING_TURNED];
     if (!d->found[THING_FLAT] || !d->found[THING_TURNED])
         return d->found[THING_TURNED] ? 20 : -20;
-    return POINTS / r->options.variance_factor * portable_log(flat->noise / turned->noise);
+    return POINTS / VARIANCE_FACTOR * portable_log(flat->noise / turned->noise);
 }
 
 void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const struct detection *d)
 {
     double covariance[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];
-    t->turned_evidence += turned_evidence(r, d);
+    t->turned_evidence += turned_evidence(d);
     for (int shape = 0; shape < THING_SHAPES; shape++) {
         const double sigma = r->models[d->thing].scale[shape].size_sigma;
         if (!d->found[shape] || !invert_symmetric(d->by[shape].information, ALIGN_UNKNOWNS, covariance))
@@ -452,7 +451,7 @@ void thing_traits_add(struct thing_traits *t, const struct recognizer *r, const 
 enum status recognizer_refine(const struct recognizer *r, const struct detection *d, const struct thing_traits *traits,
                               const struct thing_view *views, int view_count, struct sighting *out)
 {
-    const double evidence = traits ? traits->turned_evidence : turned_evidence(r, d);
+    const double evidence = traits ? traits->turned_evidence : turned_evidence(d);
     enum thing_shape shape = evidence > 0 ? THING_TURNED : THING_FLAT;
     const double sigma = r->models[d->thing].scale[shape].size_sigma;
     struct size_prior size = {0, sigma};

@@ -11,12 +11,8 @@
 struct recognizer; // the models of all things; only read once it is made: any number of threads may use it
 
 struct recognition_options {
-    double least_score;           // of a sighting, in each view; 0.8
-    double least_visible;         // share of the thing in each view; 0.6
-    double most_tint;             // thing_align.h; 1.4: daylight against lamplight after a camera's white balance
     double nearest_m, farthest_m; // 0.15, 4
     int kept;                     // hypotheses of each thing that are aligned; 6
-    double variance_factor;       // thing_align.h; 144, chosen on the flat things of data set `desk`
 };
 struct recognition_options recognition_default_options(void);
 

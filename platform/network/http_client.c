@@ -7,7 +7,7 @@
 #include <string.h>
 #include <strings.h>
 
-struct http_limits http_default_limits(void) { return (struct http_limits){3000, 10000, 4 << 20, 3, NULL, NULL}; }
+struct http_limits http_default_limits(void) { return (struct http_limits){3000, 10000, 4 << 20, NULL, NULL}; }
 
 #ifdef HAVE_CURL
 
@@ -203,6 +203,8 @@ static enum status server_error(long code, const char *url)
     }
 }
 
+enum { MOST_REDIRECTS = 3 }; // within the server
+
 static enum status follow(CURL *c, const char *url, const struct http_limits *limits, struct transfer *t)
 {
     char at[ADDRESS_MOST], next[ADDRESS_MOST], shown[ADDRESS_SHOWN_BYTES];
@@ -211,7 +213,7 @@ static enum status follow(CURL *c, const char *url, const struct http_limits *li
     if ((size_t)snprintf(at, sizeof at, "%s", url) >= sizeof at)
         return fail(ERR_INPUT, "the address %s is too long", shown);
     address_hide_user(at);
-    for (int i = 0; i <= limits->most_redirects; i++) {
+    for (int i = 0; i <= MOST_REDIRECTS; i++) {
         enum status status = request(c, at, limits, t, &code, next);
         if (status != OK)
             return status;
@@ -220,8 +222,8 @@ static enum status follow(CURL *c, const char *url, const struct http_limits *li
         address_hide_user(next);
         if (!is_web(next) || !same_server(at, next))
             return fail(ERR_INPUT, "%s redirects to another server (scheme, host or port)", shown);
-        if (i == limits->most_redirects)
-            return fail(ERR_INPUT, "%s redirects more than %d times", shown, limits->most_redirects);
+        if (i == MOST_REDIRECTS)
+            return fail(ERR_INPUT, "%s redirects more than %d times", shown, MOST_REDIRECTS);
         snprintf(at, sizeof at, "%s", next);
     }
     t->answer->unchanged = code == 304;

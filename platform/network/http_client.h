@@ -7,7 +7,6 @@
 struct http_limits {
     int connect_ms, total_ms; // 3000, 10000
     size_t most_bytes;        // of the answer's body: 4 MiB
-    int most_redirects;       // within the server: 3
     const char *login; // an address on this server whose user and password go with the request; NULL: the url's own
     const char *authorities; // file of certificates to trust instead of the system's; NULL: the system's
 };

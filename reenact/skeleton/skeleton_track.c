@@ -82,11 +82,6 @@ void skeleton_track_close(struct skeleton_track **m)
     *m = NULL;
 }
 
-size_t skeleton_track_bytes(const struct skeleton_track *m)
-{
-    return sizeof *m + sizeof *m->frames * (size_t)(take_frame_count(m->take) + 1);
-}
-
 // The first usable frame after time_ns; m->count: there is none.
 static int64_t first_after(const struct skeleton_track *m, int64_t time_ns)
 {

@@ -15,7 +15,6 @@ struct skeleton_track;
 MUST_CHECK enum status skeleton_track_open(struct skeleton_track **out, const struct take *take,
                                            const struct take_skeletons *skeletons);
 void skeleton_track_close(struct skeleton_track **m); // NULL is fine; sets *m = NULL
-size_t skeleton_track_bytes(const struct skeleton_track *m);
 
 struct track_sample {
     int64_t frame;                 // the recorded frame nearest in time

@@ -8,7 +8,6 @@
 struct take_skeletons {
     const struct take *take;
     struct skeleton **inpainted; // of each frame; NULL: nothing was inpainted there
-    int64_t inpainted_count;
 };
 
 // Keeps a copy only where inpainting changed a joint.
@@ -24,7 +23,6 @@ static enum status keep_if_changed(struct take_skeletons *s, int64_t frame)
     if (!s->inpainted[frame])
         return fail(ERR_MEMORY, "out of memory");
     *s->inpainted[frame] = inpainted;
-    s->inpainted_count++;
     return OK;
 }
 
@@ -60,10 +58,4 @@ const struct skeleton *take_skeletons_at(const struct take_skeletons *s, int64_t
 {
     const struct skeleton *recorded = &take_entry(s->take, frame)->skeleton;
     return s->inpainted[frame] ? s->inpainted[frame] : recorded;
-}
-
-size_t take_skeletons_bytes(const struct take_skeletons *s)
-{
-    return sizeof *s + sizeof *s->inpainted * (size_t)(take_frame_count(s->take) + 1) +
-           sizeof(struct skeleton) * (size_t)s->inpainted_count;
 }

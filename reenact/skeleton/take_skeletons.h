@@ -14,5 +14,3 @@ void take_skeletons_close(struct take_skeletons **s); // NULL is fine; sets *s =
 
 // Joints of one frame in its colour camera's axes, as inpaint_skeleton gives them. Valid until take_skeletons_close.
 const struct skeleton *take_skeletons_at(const struct take_skeletons *s, int64_t frame);
-
-size_t take_skeletons_bytes(const struct take_skeletons *s);

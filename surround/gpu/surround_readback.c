@@ -1,4 +1,4 @@
-// The drawn image read back, whole or its depth alone, and a box tinted over it.
+// The drawn image's depth read back, and a box tinted over it.
 #include "reenact/render/shaders.h"
 #include "surround/gpu/surround_renderer_internal.h"
 
@@ -25,40 +25,6 @@ enum status surround_renderer_open_overlay(struct surround_renderer *r)
     text.uniforms = sample_names;
     text.uniform_count = 1;
     return status == OK ? gpu_program_open(&r->sample_program, r->gpu, &text) : status;
-}
-
-// As unpack_inverse_z in surround_depth.glsl.
-static float inverse_z_of(const uint8_t *s)
-{
-    return s[3] ? (float)((s[0] * 65536.0 + s[1] * 256.0 + s[2]) / 16777215.0 / VIEW_NEAREST_M) : DEPTH_UNKNOWN;
-}
-
-static void place(const struct surround_renderer *r, struct surround_view *view)
-{
-    view->world_from_view = r->world_from_view;
-    quat_to_matrix(r->world_from_view.rotation, view->axes);
-}
-
-enum status surround_renderer_read(struct surround_renderer *r, struct surround_view *view)
-{
-    const size_t pixels = (size_t)r->lens.width * (size_t)r->lens.height;
-    uint8_t *rgba = malloc(8 * pixels);
-    if (!rgba)
-        return fail(ERR_MEMORY, "out of memory");
-    uint8_t *surface = rgba + 4 * pixels;
-    assert(view->lens.width == r->lens.width && view->lens.height == r->lens.height);
-    place(r, view);
-    enum status status = gpu_target_read(r->image, rgba);
-    if (status == OK)
-        status = gpu_target_read(r->surface, surface);
-    for (size_t i = 0; i < pixels && status == OK; i++) {
-        memcpy(view->rgb + 3 * i, rgba + 4 * i, 3);
-        view->source[i] = rgba[4 * i + 3] ? SOURCE_SEEN : SOURCE_UNSEEN;
-        view->inverse_z[i] = inverse_z_of(surface + 4 * i);
-        view->first[i] = (int16_t)(surface[4 * i + 3] - 1);
-    }
-    free(rgba);
-    return status;
 }
 
 // Of the middle of each step x step pixels.
@@ -103,7 +69,8 @@ enum status surround_renderer_read_depth(struct surround_renderer *r, int step, 
     if (status == OK && !rgba)
         status = fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
-        place(r, view);
+        view->world_from_view = r->world_from_view;
+        quat_to_matrix(r->world_from_view.rotation, view->axes);
         gpu_program_set(r->sample_program, 0, step_px, 1);
         gpu_draw(&(struct gpu_job){.target = r->sample,
                                    .program = r->sample_program,
@@ -112,7 +79,7 @@ enum status surround_renderer_read_depth(struct surround_renderer *r, int step, 
         status = gpu_target_read(r->sample, rgba);
     }
     for (size_t i = 0; i < pixels && status == OK; i++) {
-        view->inverse_z[i] = inverse_z_of(rgba + 4 * i);
+        view->inverse_z[i] = surround_inverse_z(rgba + 4 * i);
         view->source[i] = rgba[4 * i + 3] ? SOURCE_SEEN : SOURCE_UNSEEN;
     }
     free(rgba);

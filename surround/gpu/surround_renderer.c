@@ -270,8 +270,7 @@ static enum status draw_surfaces(struct surround_renderer *r, const struct surro
 static enum status draw_texture(struct surround_renderer *r, const struct surround_image *image, const float lens[4],
                                 const float camera[8], const float *pictures)
 {
-    const float look[4] = {(float)image->hatched, (float)(1 / image->lens.fx), (float)image->how.resolution_cost,
-                           NEAREST_M};
+    const float look[4] = {(float)image->hatched, (float)(1 / image->lens.fx), (float)VIEW_RESOLUTION_COST, NEAREST_M};
     const int count = program_size(r->count);
     const enum status status = fit_texture_program(r, count);
     if (status != OK)

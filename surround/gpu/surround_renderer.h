@@ -52,7 +52,3 @@ void surround_renderer_tint(struct surround_renderer *r, const struct surround_b
 // where its size is another. Waits for that image alone if it is called before the next one is drawn. NOTHING: none
 // was drawn yet. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status surround_renderer_read_depth(struct surround_renderer *r, int step, struct surround_view *view);
-
-// The last image as surround_view_draw fills it; *view is open and of the image's size. Waits for the graphics card.
-// ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status surround_renderer_read(struct surround_renderer *r, struct surround_view *view);

@@ -1,5 +1,6 @@
 // What the files of the surroundings' renderer share.
 #pragma once
+#include "reenact/render/shaders.h"
 #include "surround/gpu/picture_store.h"
 #include "surround/gpu/surround_renderer.h"
 
@@ -35,4 +36,10 @@ static inline void surround_rows_of(struct pose a_from_b, float rows[12])
             rows[4 * i + k] = (float)m[i][k];
         rows[4 * i + 3] = (float)shift[i];
     }
+}
+
+// As unpack_inverse_z in surround_depth.glsl.
+static inline float surround_inverse_z(const uint8_t *s)
+{
+    return s[3] ? (float)((s[0] * 65536.0 + s[1] * 256.0 + s[2]) / 16777215.0 / VIEW_NEAREST_M) : DEPTH_UNKNOWN;
 }

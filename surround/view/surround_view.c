@@ -8,12 +8,7 @@
 
 struct view_options view_default_options(void)
 {
-    return (struct view_options){.geometry_pictures = 6,
-                                 .texture_pictures = 2,
-                                 .depth_test = true,
-
-                                 .apart = 0.04,
-                                 .resolution_cost = 0.3};
+    return (struct view_options){.geometry_pictures = 6, .texture_pictures = 2, .depth_test = true, .apart = 0.04};
 }
 
 enum status surround_view_open(struct surround_view *view, const struct lens *lens)

@@ -70,26 +70,24 @@ static struct ways compare_ways(const struct shaded *s, const struct surround_pi
 }
 
 // What is lost where a picture's pixel is `coarse` of the view's.
-static four cost_of_coarse(const struct texture *t, four coarse)
+static four cost_of_coarse(four coarse)
 {
-    return (float)t->how->resolution_cost * FOUR_SELECT(coarse > 0.5f, coarse - 0.5f, FOUR(0.0f));
+    return (float)VIEW_RESOLUTION_COST * FOUR_SELECT(coarse > 0.5f, coarse - 0.5f, FOUR(0.0f));
 }
 
 // Angle between the view's and the picture's ray, and resolution short of the view's, in radians.
-static four cost_of(const struct texture *t, const struct surround_picture *p, const struct shaded *s,
-                    const struct ways *w, four distance)
+static four cost_of(const struct surround_picture *p, const struct shaded *s, const struct ways *w, four distance)
 {
     const four angle = four_atan2(four_sqrt(w->across2), w->along);
-    return angle + cost_of_coarse(t, angle_of_pixel(p) * distance / s->pixel_m);
+    return angle + cost_of_coarse(angle_of_pixel(p) * distance / s->pixel_m);
 }
 
 // Whether cost_of surely is `limit` or more, from bounds that cost less: an angle is larger than its sine. The slack is
 // for rounding and for four_atan2's error of 1e-5.
-static four_ints costs_more(const struct texture *t, const struct surround_picture *p, const struct shaded *s,
-                            const struct ways *w, four limit)
+static four_ints costs_more(const struct surround_picture *p, const struct shaded *s, const struct ways *w, four limit)
 {
     const four coarse = angle_of_pixel(p) * four_sqrt(w->length2) / s->pixel_m * 0.9999f;
-    const four left = limit + 1e-4f - cost_of_coarse(t, coarse);
+    const four left = limit + 1e-4f - cost_of_coarse(coarse);
     return (left <= 0) | ((w->along < 0) & (left < 1.5f)) |
            (w->across2 > left * left * s->distance2 * w->length2 * 1.0001f);
 }
@@ -140,7 +138,7 @@ static void best_pictures(const struct texture *t, const int at[4][2], struct ch
         surround_picture_distances(p, s.world, camera, &where);
         surround_picture_find_four(p, camera, &where);
         const struct ways ways = compare_ways(&s, p);
-        const four cost = cost_of(t, p, &s, &ways, where.distance);
+        const four cost = cost_of(p, &s, &ways, where.distance);
         for (int l = 0; l < 4; l++) {
             struct choice one = {i, cost[l], {where.u[l], where.v[l], where.distance[l]}};
             if (!s.known[l] || !where.inside[l])
@@ -207,11 +205,11 @@ static void ask(const struct texture *t, struct shading *s, int picture, four_in
     const int most = t->how->texture_pictures + 1;
     struct four_points at;
     four camera[3];
-    asked &= ~costs_more(t, p, &s->points, &ways, s->limit);
+    asked &= ~costs_more(p, &s->points, &ways, s->limit);
     if (!four_any(asked))
         return;
     surround_picture_distances(p, s->points.world, camera, &at);
-    const four cost = cost_of(t, p, &s->points, &ways, at.distance);
+    const four cost = cost_of(p, &s->points, &ways, at.distance);
     asked &= cost < s->limit; // what follows only adds to the cost
     if (!four_any(asked))
         return;

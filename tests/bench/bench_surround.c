@@ -11,6 +11,7 @@
 #include "surround/gpu/surround_renderer.h"
 #include "tests/bench/point_splats.h"
 #include "tests/support/road_scene.h"
+#include "tests/support/surround_readback.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -160,7 +161,7 @@ static enum status draw_by_card(const struct contender *c, struct pose at,
 static enum status read_back(const struct contender *c)
 {
     struct surround_view *view = &c->all->views[1].view;
-    return c->engine == CARD          ? surround_renderer_read(c->all->renderer, view)
+    return c->engine == CARD          ? surround_readback(c->all->renderer, view)
            : c->engine == CARD_POINTS ? point_splats_read(c->all->splats, view)
                                       : OK;
 }

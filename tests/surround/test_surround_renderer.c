@@ -3,8 +3,9 @@
 // wrong, pictures that come and go.
 #include "tests/support/test.h"
 
-#include "tests/support/box_room.h"
 #include "surround/gpu/surround_renderer.h"
+#include "tests/support/box_room.h"
+#include "tests/support/surround_readback.h"
 
 static const struct lens view_lens = {.width = 320, .height = 240, .fx = 200, .fy = 200, .cx = 159.5, .cy = 119.5};
 enum { PIXELS = 320 * 240 };
@@ -43,7 +44,7 @@ static void draw(struct stage *s, struct pose eye, int count, int most_uploads)
     assert_int_equal(surround_view_rank(eye, list, count), OK);
     assert_int_equal(surround_renderer_draw(s->renderer, &image, list, count, &texture), OK);
     assert_non_null(texture);
-    assert_int_equal(surround_renderer_read(s->renderer, &s->room.view), OK);
+    assert_int_equal(surround_readback(s->renderer, &s->room.view), OK);
 }
 
 static double psnr(const uint8_t *a, const uint8_t *b)
@@ -162,7 +163,7 @@ static void test_what_is_only_extrapolated_is_unseen(void **state)
         assert_int_equal(surround_view_draw(&s.room.view, image.world_from_view, list, NEAR + 1, &image.how), OK);
         memcpy(source, s.room.view.source, sizeof source);
         assert_int_equal(surround_renderer_draw(s.renderer, &image, list, NEAR + 1, &texture), OK);
-        assert_int_equal(surround_renderer_read(s.renderer, &s.room.view), OK);
+        assert_int_equal(surround_readback(s.renderer, &s.room.view), OK);
         for (int i = 0; i < PIXELS; i++) {
             by_processor += source[i] == SOURCE_UNSEEN;
             by_card += s.room.view.source[i] == SOURCE_UNSEEN;
