@@ -1,6 +1,22 @@
 // Small things about text: UTF-8, and times as decimal seconds. Pure functions, safe from any thread.
 #pragma once
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
 #include "base/status.h"
+
+// ---------------------------------------------------------------- html
+
+// Putting text and pictures into an HTML page that is a file of its own. Any thread may call; whether the file took it
+// says ferror().
+
+// What has a meaning in HTML is escaped, in attributes, too; '?' stands for bytes that are not UTF-8.
+void html_put_text(FILE *to, const char *text);
+
+// Base64 (RFC 4648, section 4), as in a data: address.
+void html_put_base64(FILE *to, const uint8_t *bytes, size_t count);
+
+// ---------------------------------------------------------------- text
 
 // Bytes of the well-formed UTF-8 character (RFC 3629: no overlong forms, no surrogates, at most U+10FFFF) at `at`, 1 to
 // 4, which is not the end of the text; 0: there is none.

@@ -3,8 +3,8 @@
 #include "base/portable_math.h"
 
 #include "base/depth_noise.h"
-#include "capture/median.h"
-#include "recording/pose_score.h"
+#include "capture/export.h"
+#include "recording/place.h"
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
 #include "capture/depth_cause.h"
 
-#include "capture/gravity_align.h"
+#include "capture/sensor_pose.h"
 #include "capture/tracking/tracker.h"
 
 #include <stdlib.h>

@@ -6,10 +6,29 @@
 //
 // *damaged: frames of which an image is damaged; it is left out, and the rest written. ERR_CORRUPT, where all are.
 #pragma once
+#include <stdlib.h>
 #include "base/progress.h"
 #include "recording/recording.h"
-
 #include <stdio.h>
+
+// ---------------------------------------------------------------- median
+
+// The median of measured values. Pure.
+
+static inline int median_compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Sorts the values. Of an even count the upper of the two middle ones; 0 of none.
+static inline double median_of(double *values, size_t count)
+{
+    qsort(values, count, sizeof *values, median_compare);
+    return count ? values[count / 2] : 0;
+}
+
+// ---------------------------------------------------------------- export
 
 enum export_axes {
     EXPORT_SENSOR, // the colour camera's: x right, y down, z forward
@@ -45,7 +64,7 @@ MUST_CHECK enum status export_film_mp4(struct take *take, FILE *out, bool seekab
 // A TUM RGB-D folder that platform/sensors/folder.c reads: rgb/, depth/ and mask/ with their lists, associations.txt
 // (time and file of colour, time and file of depth), calibration.json, trajectory.txt (world_from_camera of frames
 // whose sensor was located) and joints.csv. Colour images are the sensor's own, coded pixels byte for byte, without
-// what a file holds beside them (platform/files/jpeg_metadata.h): an orientation would turn them beside their depth.
+// what a file holds beside them (platform/files/jpeg.h): an orientation would turn them beside their depth.
 // Written as `dir`.part, renamed when whole. ERR_EXISTS: dir exists. NOTHING: the watch said to stop; nothing remains
 // then, nor after an error.
 MUST_CHECK enum status export_folder(struct take *take, const char *dir, const struct progress_watch *watch,

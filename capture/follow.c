@@ -1,7 +1,6 @@
 #include "capture/follow.h"
 
 #include "capture/point_finder.h"
-#include "capture/point_motion.h"
 #include "capture/segmentation/background_depth.h"
 
 #include <stdio.h>

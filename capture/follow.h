@@ -4,7 +4,7 @@
 // Method: the sensor is located in the place (sensor_pose.h). Once it is, and again when it was moved, the place's
 // depth from there (background_depth.h) and the floor go to the tracker (tracker.h), which segments and tracks the
 // person with them, and with body points of the colour images where there are some. Points of an earlier image are
-// moved to where they are by now (point_motion.h). Without a place or colour, everything works from depth alone.
+// moved to where they are by now (point_finder.h). Without a place or colour, everything works from depth alone.
 //
 // Body points come either from the follower's own thread, which looks at the newest image when it is free, so that no
 // frame waits for it (point_finder.h), or from the caller, before each frame.

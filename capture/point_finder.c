@@ -1,13 +1,155 @@
 #include "capture/point_finder.h"
 
 #include "base/clock.h"
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
-#include "capture/body_points.h"
+#include "base/threads.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- body points
+
+// The mean of all channels, 0..255, below which an image is too dark; chosen by hand. A room in which a sensor's colour
+// image shows anything has 40 and more.
+enum { DARK = 16, SAMPLE_EVERY = 97 };
+
+static bool is_dark(const uint8_t *rgb, size_t bytes)
+{
+    size_t sum = 0, count = 0;
+    for (size_t i = 0; i < bytes; i += SAMPLE_EVERY, count++)
+        sum += rgb[i];
+    return sum < DARK * count;
+}
+
+static const enum pose_point_name pose_point[BODY_POINT_COUNT] = {
+    [BODY_POINT_NOSE] = POSE_NOSE,
+    [BODY_POINT_LEFT_EYE] = POSE_LEFT_EYE,
+    [BODY_POINT_RIGHT_EYE] = POSE_RIGHT_EYE,
+    [BODY_POINT_LEFT_EAR] = POSE_LEFT_EAR,
+    [BODY_POINT_RIGHT_EAR] = POSE_RIGHT_EAR,
+    [BODY_POINT_LEFT_SHOULDER] = POSE_LEFT_SHOULDER,
+    [BODY_POINT_RIGHT_SHOULDER] = POSE_RIGHT_SHOULDER,
+    [BODY_POINT_LEFT_ELBOW] = POSE_LEFT_ELBOW,
+    [BODY_POINT_RIGHT_ELBOW] = POSE_RIGHT_ELBOW,
+    [BODY_POINT_LEFT_WRIST] = POSE_LEFT_WRIST,
+    [BODY_POINT_RIGHT_WRIST] = POSE_RIGHT_WRIST,
+    [BODY_POINT_LEFT_HIP] = POSE_LEFT_HIP,
+    [BODY_POINT_RIGHT_HIP] = POSE_RIGHT_HIP,
+    [BODY_POINT_LEFT_KNEE] = POSE_LEFT_KNEE,
+    [BODY_POINT_RIGHT_KNEE] = POSE_RIGHT_KNEE,
+    [BODY_POINT_LEFT_ANKLE] = POSE_LEFT_ANKLE,
+    [BODY_POINT_RIGHT_ANKLE] = POSE_RIGHT_ANKLE,
+    [BODY_POINT_LEFT_HEEL] = POSE_LEFT_HEEL,
+    [BODY_POINT_RIGHT_HEEL] = POSE_RIGHT_HEEL,
+    [BODY_POINT_LEFT_TOE] = POSE_LEFT_TOE,
+    [BODY_POINT_RIGHT_TOE] = POSE_RIGHT_TOE,
+};
+
+enum status body_points_of_image(struct pose_network *n, const uint8_t *rgb, int width, int height,
+                                 struct body_points *out)
+{
+    struct pose_points found;
+    memset(out, 0, sizeof *out);
+    if (is_dark(rgb, 3 * (size_t)width * (size_t)height))
+        return NOTHING;
+    enum status status = pose_network_find(n, rgb, width, height, &found);
+    if (status < 0)
+        return status;
+    out->person = status == OK;
+    for (int k = 0; out->person && k < BODY_POINT_COUNT; k++) {
+        const struct pose_point *p = &found.point[pose_point[k]];
+        out->at[k] = (struct body_point){(float)p->x_px, (float)p->y_px, (float)p->visibility};
+    }
+    return OK;
+}
+
+// ---------------------------------------------------------------- point motion
+
+static const enum joint joint_of[BODY_POINT_COUNT] = {
+    [BODY_POINT_NOSE] = JOINT_HEAD,
+    [BODY_POINT_LEFT_EYE] = JOINT_HEAD,
+    [BODY_POINT_RIGHT_EYE] = JOINT_HEAD,
+    [BODY_POINT_LEFT_EAR] = JOINT_HEAD,
+    [BODY_POINT_RIGHT_EAR] = JOINT_HEAD,
+    [BODY_POINT_LEFT_SHOULDER] = JOINT_LEFT_SHOULDER,
+    [BODY_POINT_RIGHT_SHOULDER] = JOINT_RIGHT_SHOULDER,
+    [BODY_POINT_LEFT_ELBOW] = JOINT_LEFT_ELBOW,
+    [BODY_POINT_RIGHT_ELBOW] = JOINT_RIGHT_ELBOW,
+    [BODY_POINT_LEFT_WRIST] = JOINT_LEFT_HAND,
+    [BODY_POINT_RIGHT_WRIST] = JOINT_RIGHT_HAND,
+    [BODY_POINT_LEFT_HIP] = JOINT_LEFT_HIP,
+    [BODY_POINT_RIGHT_HIP] = JOINT_RIGHT_HIP,
+    [BODY_POINT_LEFT_KNEE] = JOINT_LEFT_KNEE,
+    [BODY_POINT_RIGHT_KNEE] = JOINT_RIGHT_KNEE,
+    [BODY_POINT_LEFT_ANKLE] = JOINT_LEFT_FOOT,
+    [BODY_POINT_RIGHT_ANKLE] = JOINT_RIGHT_FOOT,
+    [BODY_POINT_LEFT_HEEL] = JOINT_LEFT_FOOT,
+    [BODY_POINT_RIGHT_HEEL] = JOINT_RIGHT_FOOT,
+    [BODY_POINT_LEFT_TOE] = JOINT_LEFT_FOOT,
+    [BODY_POINT_RIGHT_TOE] = JOINT_RIGHT_FOOT,
+};
+
+void point_motion_add(struct point_motion *m, int64_t time_ns, const struct skeleton *skeleton)
+{
+    struct tracked_frame *to = &m->at[m->next];
+    *to = (struct tracked_frame){.time_ns = time_ns, .person = skeleton};
+    if (skeleton) {
+        memcpy(to->joint, skeleton->joint, sizeof to->joint);
+        memcpy(to->confidence, skeleton->confidence, sizeof to->confidence);
+    }
+    m->next = (m->next + 1) % POINT_MOTION_FRAMES;
+    m->count += m->count < POINT_MOTION_FRAMES;
+}
+
+void point_motion_clear(struct point_motion *m) { m->count = 0; }
+
+// The frame that was added `back` before the last; NULL: there is none.
+static const struct tracked_frame *frame_back(const struct point_motion *m, int back)
+{
+    return back < m->count ? &m->at[(m->next + POINT_MOTION_FRAMES - 1 - back) % POINT_MOTION_FRAMES] : NULL;
+}
+
+static const struct tracked_frame *frame_at(const struct point_motion *m, int64_t time_ns)
+{
+    for (int back = 0; back < m->count; back++)
+        if (frame_back(m, back)->time_ns == time_ns)
+            return frame_back(m, back);
+    return NULL;
+}
+
+// Where the joint is at now_ns, by its last two frames. Known in the last one.
+static struct vec3 predicted(const struct point_motion *m, enum joint j, int64_t now_ns)
+{
+    const struct tracked_frame *last = frame_back(m, 0), *before = frame_back(m, 1);
+    if (!before || !(before->confidence[j] > 0) || before->time_ns >= last->time_ns)
+        return last->joint[j];
+    const double share = (double)(now_ns - last->time_ns) / (double)(last->time_ns - before->time_ns);
+    return v3_mix(before->joint[j], last->joint[j], 1 + share);
+}
+
+bool point_motion_apply(const struct point_motion *m, const struct lens *color, int64_t from_ns, int64_t now_ns,
+                        struct body_points *points)
+{
+    if (from_ns == now_ns)
+        return true;
+    const struct tracked_frame *from = frame_at(m, from_ns), *last = frame_back(m, 0);
+    if (!from || now_ns < from_ns || now_ns - from_ns > POINT_MOTION_MOST_NS)
+        return false;
+    for (int k = 0; k < BODY_POINT_COUNT && points->person; k++) {
+        const enum joint j = joint_of[k];
+        if (!(from->confidence[j] > 0 && last->confidence[j] > 0))
+            continue;
+        const struct vec3 then = from->joint[j], now = predicted(m, j, now_ns);
+        if (!(then.z > 0 && now.z > 0))
+            continue;
+        const struct pixel p = lens_project(color, then), q = lens_project(color, now);
+        points->at[k].x_px += (float)(q.x - p.x);
+        points->at[k].y_px += (float)(q.y - p.y);
+    }
+    return true;
+}
+
+// ---------------------------------------------------------------- point finder
 
 // As the recorder looks (recorder.c); and each look is followed by REST times as long without one.
 enum { LOOK_EVERY = 3, REST = 3 };

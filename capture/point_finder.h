@@ -1,12 +1,55 @@
-// Body points of a sensor's colour images (body_points.h), found by a network on a thread of its own at lower priority,
+// Body points of a sensor's colour images, found by a network on a thread of its own at lower priority,
 // so that no frame waits for them. It looks at the newest image when it is free: at most at every LOOK_EVERY_th, and
-// for at most a quarter of the time. The points are there one or more frames after their image; point_motion.h makes up
-// for that.
+// for at most a quarter of the time. The points are there one or more frames after their image; point_motion below
+// makes up for that.
 //
 // Where the networks are missing nothing is looked for, and point_finder_query says why. One thread calls all
 // functions. Memory: one image, and the network's.
 #pragma once
 #include "capture/body/point_evidence.h"
+#include "neural/pose_network.h"
+#include "recording/skeleton.h"
+
+// ---------------------------------------------------------------- body points
+
+// Body points of a colour image, as the tracker takes them (tracker_set_body_points), found by a pre-trained network.
+
+// Looks for a person's points in the next image of a film (else call pose_network_restart before); rgb: width x height,
+// 3 bytes a pixel. OK: *out says where they are, or that there is no person. NOTHING: the image is too dark to tell,
+// and the tracker is to be given none.
+MUST_CHECK enum status body_points_of_image(struct pose_network *n, const uint8_t *rgb, int width, int height,
+                                            struct body_points *out);
+
+// ---------------------------------------------------------------- point motion
+
+// Body points of an image that is some frames old, moved to where they are by now: each goes by what its joint has gone
+// in the image since, as tracked, and as it goes on at constant velocity from the last tracked frame to the next. Pure.
+
+enum { POINT_MOTION_FRAMES = 12 };
+#define POINT_MOTION_MOST_NS INT64_C(300000000) // older points are of no use
+
+struct tracked_frame {
+    int64_t time_ns;
+    bool person;
+    struct vec3 joint[JOINT_COUNT]; // colour camera's axes
+    float confidence[JOINT_COUNT];
+};
+
+struct point_motion {
+    struct tracked_frame at[POINT_MOTION_FRAMES]; // a ring
+    int next, count;
+};
+
+// skeleton: colour camera's axes; NULL: no person.
+void point_motion_add(struct point_motion *m, int64_t time_ns, const struct skeleton *skeleton);
+void point_motion_clear(struct point_motion *m);
+
+// Moves the points of the image at `from_ns` to now_ns, which is not before it. False: they are too old, or of no frame
+// that was added, unless it is now_ns's own. Points whose joints were not known then and last stay where they are.
+bool point_motion_apply(const struct point_motion *m, const struct lens *color, int64_t from_ns, int64_t now_ns,
+                        struct body_points *points);
+
+// ---------------------------------------------------------------- point finder
 
 struct point_finder;
 

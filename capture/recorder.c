@@ -2,22 +2,81 @@
 #include "capture/recorder.h"
 
 #include "base/clock.h"
-#include "base/queue.h"
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
-#include "capture/body_points.h"
+#include "base/threads.h"
+#include "capture/point_finder.h"
 #include "capture/body_radii.h"
 #include "capture/follow.h"
-#include "capture/recorder_item.h"
-#include "capture/take_frames.h"
-#include "capture/take_smoothing.h"
+#include "capture/take_verdict.h"
 #include "capture/tracking/skeleton_smoother.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
+#include "platform/sensors/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// Owns copies of the sensor's images. NULL: it gave none.
+struct recorder_item {
+    int64_t time_ns;
+    uint8_t *color, *jpeg, *mask;
+    uint16_t *depth;
+    size_t jpeg_bytes;
+    struct pose world_from_camera;
+    bool located, has_skeleton, body_changed, has_points, after_pause;
+    struct body_points points;
+    struct skeleton skeleton;
+    struct body body;
+};
+
+// ---------------------------------------------------------------- recorder item
+
+// NULL is fine
+static void recorder_item_free(struct recorder_item *item)
+{
+    if (!item)
+        return;
+    free(item->color);
+    free(item->jpeg);
+    free(item->mask);
+    free(item->depth);
+    free(item);
+}
+
+static void *copy_bytes(const void *bytes, size_t count)
+{
+    void *to = malloc(count);
+    return to ? memcpy(to, bytes, count) : NULL;
+}
+
+// With copies of the frame's images, and a mask of zeros where there is depth. NULL: out of memory.
+static struct recorder_item *recorder_item_from_frame(const struct frame *frame, const struct calibration *calibration)
+{
+    struct recorder_item *item = calloc(1, sizeof *item);
+    if (!item)
+        return NULL;
+    item->time_ns = frame->time_ns;
+    item->world_from_camera = POSE_IDENTITY;
+    bool whole = true;
+    if (frame->color)
+        whole &= (item->color = copy_bytes(frame->color, 3 * lens_pixels(&calibration->color))) != NULL;
+    if (frame->jpeg) {
+        whole &= (item->jpeg = copy_bytes(frame->jpeg, frame->jpeg_bytes)) != NULL;
+        item->jpeg_bytes = frame->jpeg_bytes;
+    }
+    if (frame->depth) {
+        whole &=
+            (item->depth = copy_bytes(frame->depth, sizeof *frame->depth * lens_pixels(&calibration->depth))) != NULL;
+        whole &= (item->mask = calloc(lens_pixels(&calibration->depth), 1)) != NULL;
+    }
+    if (!whole) {
+        recorder_item_free(item);
+        return NULL;
+    }
+    return item;
+}
+
+// ---------------------------------------------------------------- recorder
 
 // Capacity of the queues before the two worker threads. At 640 x 480 a frame takes 1.9 MB; two seconds of a 30 Hz
 // sensor can wait before a frame is dropped.

@@ -1,11 +1,136 @@
 // Averages the poses of a sensor at rest, and decides by repeated checks that it was moved.
 #include "capture/sensor_pose.h"
 
-#include "capture/gravity_align.h"
-#include "locate/mirrored_tags.h"
+#include "base/portable_math.h"
 #include "locate/tag_corners.h"
+#include "locate/tag_model.h"
 
 #include <stdlib.h>
+
+// ---------------------------------------------------------------- gravity align
+
+// Gravity from the floor plane.
+
+// Up directions that differ by less agree: the accuracy of a plane fitted to a noisy floor. Chosen by hand.
+static const double LEVEL_RAD = 0.004;
+
+// How far from z = 0 a levelled plane may lie and still be the floor. Chosen by hand.
+static const double FLOOR_M = 0.12;
+
+enum { CELLS_ACROSS = 80, CELLS_MAX = 80 * 80 };
+
+bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct floor_plane *out)
+{
+    static _Thread_local struct grid_ray rays[CELLS_MAX];
+    static _Thread_local uint16_t cells[CELLS_MAX];
+    int step = lens->width > CELLS_ACROSS ? lens->width / CELLS_ACROSS : 1;
+    int across = lens->width / step, down = lens->height / step;
+    while (across * down > CELLS_MAX)
+        down--; // an image higher than wide: its lowest rows are not used
+    for (int y = 0; y < down; y++)
+        for (int x = 0; x < across; x++) {
+            int px = x * step + step / 2, py = y * step + step / 2;
+            struct vec3 ray = lens_ray(lens, (struct pixel){px, py});
+            rays[y * across + x] = (struct grid_ray){(float)ray.x, (float)ray.y};
+            cells[y * across + x] = depth[(size_t)py * (size_t)lens->width + (size_t)px];
+        }
+    return floor_plane_fit(cells, rays, across, down, out);
+}
+
+// Rotates world_from_camera about `pivot` (world axes: the centre of the tags, which
+// keep their positions in the image) until the floor is level. False, and no change,
+// where pose and floor agree already, or where the plane would then
+// not lie at z = 0 and so is not the floor.
+static bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot,
+                               const struct floor_plane *floor_in_camera)
+{
+    struct vec3 up = quat_rotate(world_from_camera->rotation, floor_in_camera->up);
+    if (v3_dot(up, v3(0, 0, 1)) > portable_cos(LEVEL_RAD))
+        return false;
+    struct quat rotation = quat_between(up, v3(0, 0, 1));
+    struct pose level = {
+        quat_unit(quat_multiply(rotation, world_from_camera->rotation)),
+        v3_add(pivot, quat_rotate(rotation, v3_sub(world_from_camera->translation, pivot))),
+    };
+    if (fabs(level.translation.z - floor_in_camera->height_m) > FLOOR_M)
+        return false;
+    *world_from_camera = level;
+    return true;
+}
+
+// ---------------------------------------------------------------- sensor tilt
+
+static const double DEGREES = 180 / 3.14159265358979323846;
+// What compare/joint_samples.c takes for standing, and up to which tilt.
+static const double STANDS_S = 1, STANDS_DEGREES = 35;
+static const double LEVEL_DEGREES = 8; // a tilt that changes no finding: a part is different from 10 degrees on
+
+static bool stands(const struct take *take)
+{
+    struct vec3 sum = {0, 0, 0}, axis;
+    double seconds = 0;
+    for (int64_t i = 0; i + 1 < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        const double step_s = ((double)take_entry(take, i + 1)->time_ns - (double)e->time_ns) * 1e-9;
+        if (!e->has_skeleton || step_s > 0.2 || !skeleton_standing_axis(&e->skeleton, &axis))
+            continue;
+        sum = v3_add(sum, v3_scale(axis, step_s));
+        seconds += step_s;
+    }
+    return seconds >= STANDS_S && v3_dot(v3_unit(sum), v3(0, -1, 0)) > portable_cos(STANDS_DEGREES / DEGREES);
+}
+
+static bool shows_person(const struct take *take)
+{
+    for (int64_t i = 0; i < take_frame_count(take); i++)
+        if (take_entry(take, i)->has_skeleton)
+            return true;
+    return false;
+}
+
+enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out)
+{
+    enum { LOOKS = 5 };
+    const struct calibration *c = take_calibration(take);
+    const int64_t count = take_frame_count(take);
+    struct vec3 sum = {0, 0, 0};
+    enum status status = OK;
+    int seen = 0;
+    *out = (struct sensor_tilt){.matters = !take_is_located(take) && shows_person(take) && !stands(take)};
+    for (int k = 0; k < LOOKS && out->matters && c->depth.width > 0 && status == OK; k++) {
+        struct take_images images;
+        struct floor_plane floor;
+        status = take_read(take, count * (2 * k + 1) / (2 * LOOKS), TAKE_DEPTH, &images);
+        if (status == OK && images.depth && gravity_align_floor(&c->depth, images.depth, &floor)) {
+            sum = v3_add(sum, floor.up);
+            seen++;
+        }
+        status = status == ERR_CORRUPT ? OK : status;
+    }
+    out->known = seen > LOOKS / 2;
+    const struct vec3 up = quat_rotate(c->color_from_depth.rotation, v3_unit(sum));
+    out->degrees = out->known ? portable_acos(fmin(1, fmax(-1, -up.y))) * DEGREES : 0;
+    return status;
+}
+
+void sensor_tilt_say(const struct sensor_tilt *t, struct take_verdict *out)
+{
+    if (!t->matters)
+        return;
+    if (!t->known)
+        verdict_say(
+            out, 0,
+            "how the sensor is tilted is not known: stand upright for a second, have the floor in the picture, or "
+            "map the room, to be compared rightly");
+    else if (t->degrees > LEVEL_DEGREES)
+        verdict_say(
+            out, USE_COMPARE,
+            "the sensor is tilted by %.0f degrees: put it level, stand upright for a second, or map the room, to "
+            "be compared rightly",
+            t->degrees);
+}
+
+// ---------------------------------------------------------------- sensor pose
 
 // After the first frames, one frame in so many is checked: twice a second at 30 Hz. More often while there is a
 // candidate as accurate as the mean, because until it is accepted the pose is wrong. Chosen by hand.

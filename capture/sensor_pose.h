@@ -5,7 +5,37 @@
 // on get the new pose. Everything depends on frame numbers, not on time, so that the same frames give the same poses.
 // One handle, one thread.
 #pragma once
+#include "capture/segmentation/floor_plane.h"
+#include "base/lens.h"
+#include "recording/recorded_verdict.h"
 #include "locate/locator.h"
+
+// ---------------------------------------------------------------- gravity align
+
+// Aligns a camera's pose to gravity by the floor in its depth image. A few tags on one wall leave the camera's tilt
+// uncertain, because tilting and raising it move them alike in the image; thousands of depth samples of the floor do
+// not. Method: RANSAC plane (floor_plane.h), then the smallest rotation that makes it level. Pure; scratch memory is
+// per thread.
+
+// The floor plane in the depth image, depth camera's axes; false: no floor found.
+bool gravity_align_floor(const struct lens *depth_lens, const uint16_t *depth, struct floor_plane *out);
+
+// ---------------------------------------------------------------- sensor tilt
+
+// How far a sensor without a place was tilted or rolled from level: by the floor in its depth images. Who compares
+// takes the person's standing for it (compare/joint_samples.h), and without that, takes the sensor as held level.
+
+struct sensor_tilt {
+    bool matters; // it has no place, and nobody stands upright for a second in sight of a sensor that is nearly level
+    bool known;   // a floor is seen
+    double degrees;
+};
+
+// Reads at most five depth images. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status sensor_tilt_find(struct take *take, struct sensor_tilt *out);
+void sensor_tilt_say(const struct sensor_tilt *t, struct take_verdict *out);
+
+// ---------------------------------------------------------------- sensor pose
 
 enum { SENSOR_POSE_WARM_UP = 10 }; // frames with colour that are averaged before the pose should be used
 
@@ -28,7 +58,7 @@ MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct p
 void sensor_pose_close(struct sensor_pose **s);
 
 // Processes the next frame; each frame once, in order. OK also when nothing was found in it.
-// `depth` may be NULL; otherwise the pose is aligned to the floor (gravity_align.h). ERR_MEMORY, ERR_SOLVER: the pose
+// `depth` may be NULL; otherwise the pose is aligned to the floor. ERR_MEMORY, ERR_SOLVER: the pose
 // is unchanged.
 MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
 

@@ -5,8 +5,39 @@
 // The joints of all frames count. Images are looked at ten times a second, of a take shorter than VERDICT_LOOKS_LEAST
 // such looks more often, of one longer than VERDICT_LOOKS_MOST less.
 #pragma once
+#include "capture/recorder.h"
+#include "capture/tracking/skeleton_smoother.h"
 #include "capture/coaching/coach.h"
 #include "recording/recorded_verdict.h"
+
+// ---------------------------------------------------------------- take frames
+
+// The frames of a take as they come from its source: damaged ones are counted and left out, those of a pause thrown
+// away, and the pause is closed in the frames' times.
+
+struct take_clock {
+    int64_t frames, first_ns, last_ns; // of the take
+    int64_t closed_ns;                 // what pauses took from the source's times
+    bool after_pause;                  // the frame is the first one after a pause
+};
+
+// OK: *frame with its time in the take, which rises; borrowed as source_next's. NOTHING: the end, or stopped. Errors as
+// source_next.
+MUST_CHECK enum status take_frames_next(struct take_clock *clock, struct source *source,
+                                        const struct recorder_options *options, struct frame *frame,
+                                        struct recorder_result *result);
+
+// ---------------------------------------------------------------- take smoothing
+
+// The backward pass after a take was recorded: its depth is read again from the end to the beginning, and its online
+// joints are replaced by smoothed ones (skeleton_smoother.h).
+
+// `name` is the take that the writer ended last, and `smoother` has seen all of its frames. NOTHING: stopped; the take
+// keeps the online joints, as after any error. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status take_smooth(struct smoother *smoother, struct tracker *tracker, struct recording_writer *writer,
+                                   const char *name, const struct recorder_options *options);
+
+// ---------------------------------------------------------------- take verdict
 
 // Chosen by hand. MOST: 30 s of film; what a longer one adds was mostly seen before.
 enum { VERDICT_LOOKS_LEAST = 60, VERDICT_LOOKS_MOST = 300 };

@@ -1,9 +1,469 @@
 #include "compare/alignment.h"
 
-#include "compare/alignment_bound.h"
-#include "compare/alignment_internal.h"
+#include "compare/difference.h"
 
 #include <stdlib.h>
+#include <string.h>
+
+// feature_cost, for loops.
+static inline int32_t cost_of(const struct feature_frame *a, const struct feature_frame *b)
+{
+    const int16_t *restrict x = a->number, *restrict y = b->number;
+    int32_t sum = 0;
+    for (int k = 0; k < FEATURE_NUMBERS; k++) {
+        const int16_t d = (int16_t)(x[k] - y[k]);
+        sum += d * d;
+    }
+    return sum;
+}
+
+// A price that no path has; costs can be added to it.
+#define ALIGNMENT_INFINITE (INT64_MAX / 4)
+
+// Cells of row i: columns begin[i] .. end[i] - 1; empty rows are allowed. Backpointers of row i begin at offset[i].
+struct alignment_window {
+    int32_t *begin, *end;
+    int64_t *offset;
+    int64_t cells;
+};
+
+// May a path through cell (i, j) whose price is `price` when it leaves the cell still win? NULL in align_in_window:
+// always.
+struct alignment_bound {
+    int64_t best;          // price of a known path
+    const int64_t *rest;   // of the blocks of the window: at least this follows
+    const int64_t *offset; // [row block]: where in `rest` that row's first block is
+    const int32_t *begin;  // [row block]: the column block that it is
+    int block;             // frames in a block
+};
+
+// ---------------------------------------------------------------- alignment bound
+
+// Lower bounds of paths through blocks of frames: which cells of the dynamic programme a path of at most a known price
+// can go through.
+//
+// A level cuts both movements into blocks of so many frames. No pair of frames from two blocks costs less than the
+// distance of the boxes that hold the blocks' frames (as LB_Keogh for whole sequences, Keogh & Ratanamahatana 2005). Of
+// a path through a block of rows and columns, the frames of A before it are paid for on a chain of blocks that never
+// goes back, or left out; so are the frames of B; and so is what comes after. Two passes of a dynamic programme give
+// the least such sums for every block. What remains of a coarse level is all that the next finer one looks at, so that
+// similar movements cost little more than their length.
+
+struct block_level {
+    int block;             // frames
+    int32_t rows, columns; // blocks
+    int32_t *begin, *end;  // [rows]: columns that a path can go through
+    int64_t *offset;       // [rows]: of column begin[row] in the arrays below
+    int64_t cells;
+    int32_t *least;          // the boxes' distance
+    int64_t *before, *after; // at least this much is paid in other rows and columns
+};
+
+struct alignment_window;
+
+static void cells_close(struct alignment_window *w);
+
+// ---------------------------------------------------------------- alignment window
+
+// The dynamic programme of alignment.h over the cells of a window.
+
+int32_t feature_cost(const struct feature_frame *a, const struct feature_frame *b) { return cost_of(a, b); }
+
+void alignment_free(struct alignment *a)
+{
+    free(a->pairs);
+    *a = (struct alignment){0};
+}
+
+static enum status cells_open(struct alignment_window *w, int32_t rows)
+{
+    *w = (struct alignment_window){.begin = calloc((size_t)rows, sizeof *w->begin),
+                                   .end = calloc((size_t)rows, sizeof *w->end),
+                                   .offset = calloc((size_t)rows, sizeof *w->offset)};
+    if (w->begin && w->end && w->offset)
+        return OK;
+    cells_close(w);
+    return fail(ERR_MEMORY, "no memory to align two movements");
+}
+
+static void cells_close(struct alignment_window *w)
+{
+    free(w->begin);
+    free(w->end);
+    free(w->offset);
+    *w = (struct alignment_window){0};
+}
+
+// offsets and cells from begin and end
+static void cells_count(struct alignment_window *w, int32_t rows)
+{
+    w->cells = 0;
+    for (int32_t i = 0; i < rows; i++) {
+        w->offset[i] = w->cells;
+        if (w->end[i] > w->begin[i])
+            w->cells += w->end[i] - w->begin[i];
+    }
+}
+
+enum { FROM_BOTH, FROM_A, FROM_B, FROM_START };
+
+struct programme {
+    const struct features *a, *b;
+    const struct alignment_prices *prices;
+    const struct alignment_window *w;
+    const struct alignment_bound *bound;
+    int64_t *above, *here; // prices of the row before and of this one, by column; infinite where not computed
+    uint8_t *from;
+    int64_t best, cells;
+    int32_t best_a, best_b;
+    int32_t alive_begin, alive_end; // columns of the row before between which prices are finite
+};
+
+// One row of cells. Everything that does not depend on the column is kept out of the loop, which is where the time
+// goes.
+static void fill_row(struct programme *p, int32_t i)
+{
+    const struct alignment_bound *bound = p->bound;
+    const struct alignment_prices prices = *p->prices;
+    const int32_t window = p->w->begin[i], end = p->w->end[i], block = bound ? bound->block : end + 1;
+    const struct feature_frame copy = p->a->frames[i], *row = &copy; // what the loop writes cannot change it
+    const int64_t *rest = bound ? bound->rest + bound->offset[i / block] - bound->begin[i / block] : NULL;
+    const int64_t tail = (int64_t)prices.skip_a * (p->a->count - 1 - i) + (int64_t)prices.skip_b * (p->b->count - 1);
+    const int64_t start = (int64_t)prices.skip_a * i + (int64_t)prices.skip_b * window,
+                  most = bound ? bound->best : ALIGNMENT_INFINITE;
+    // Where no path can start any more, cells are reached only from the row before.
+    const int32_t begin = start > most && p->alive_begin > window ? p->alive_begin : window;
+    int64_t skipped_b = (int64_t)prices.skip_b * begin, skipped = (int64_t)prices.skip_a * i + skipped_b;
+    uint8_t *from = p->from + p->w->offset[i] - window;
+    int64_t left = ALIGNMENT_INFINITE, above_left = begin ? p->above[begin - 1] : ALIGNMENT_INFINITE;
+    int32_t alive_begin = end, alive_end = begin;
+    for (int32_t first = begin, next; first < end; first = next) {
+        next = (first / block + 1) * block < end ? (first / block + 1) * block : end;
+        const int64_t limit = rest ? bound->best - rest[first / block] : ALIGNMENT_INFINITE;
+        for (int32_t j = first; j < next; j++, skipped += prices.skip_b, skipped_b += prices.skip_b) {
+            const int64_t above = p->above[j], before = above_left < skipped ? above_left : skipped,
+                          beside = above <= left ? above : left;
+            const int32_t c = cost_of(row, &p->b->frames[j]);
+            const int64_t both = before + 2 * (int64_t)c, one = beside + c + prices.step;
+            const uint8_t from_both = above_left <= skipped ? FROM_BOTH : FROM_START,
+                          from_one = above <= left ? FROM_A : FROM_B;
+            int64_t price = one < both ? one : both;
+            from[j] = one < both ? from_one : from_both;
+            if (price + tail - skipped_b < p->best) {
+                p->best = price + tail - skipped_b;
+                p->best_a = i;
+                p->best_b = j;
+            }
+            price = price > limit ? ALIGNMENT_INFINITE : price;
+            p->cells++;
+            p->here[j] = left = price;
+            above_left = above;
+            if (price != ALIGNMENT_INFINITE) {
+                alive_begin = j < alive_begin ? j : alive_begin;
+                alive_end = j + 1;
+            } else if (j > p->alive_end && skipped > most) {
+                next = end;
+                break;
+            }
+        }
+    }
+    p->alive_begin = alive_begin;
+    p->alive_end = alive_end;
+}
+
+static void clear_row(const struct alignment_window *w, int32_t i, int64_t *row)
+{
+    for (int32_t j = w->begin[i]; j < w->end[i]; j++)
+        row[j] = ALIGNMENT_INFINITE;
+}
+
+static enum status trace_back(const struct programme *p, struct alignment *out)
+{
+    int32_t i = p->best_a, j = p->best_b, count = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        i = p->best_a;
+        j = p->best_b;
+        int32_t at = count;
+        for (bool started = false; !started;) {
+            if (pass)
+                out->pairs[--at] = (struct alignment_pair){i, j};
+            else
+                count++;
+            const uint8_t from = p->from[p->w->offset[i] + j - p->w->begin[i]];
+            started = from == FROM_START;
+            i -= from == FROM_BOTH || from == FROM_A;
+            j -= from == FROM_BOTH || from == FROM_B;
+        }
+        if (!pass && !(out->pairs = malloc((size_t)count * sizeof *out->pairs)))
+            return fail(ERR_MEMORY, "no memory to align two movements");
+    }
+    out->count = count;
+    out->price = p->best;
+    out->cells = p->cells;
+    return OK;
+}
+
+// The best path within the window. ERR_INPUT: there is none. ERR_MEMORY.
+static enum status align_in_window(const struct features *a, const struct features *b,
+                                   const struct alignment_prices *prices, const struct alignment_window *w,
+                                   const struct alignment_bound *bound, struct alignment *out)
+{
+    struct programme p = {.a = a,
+                          .b = b,
+                          .prices = prices,
+                          .w = w,
+                          .bound = bound,
+                          .best = ALIGNMENT_INFINITE,
+                          .alive_begin = 0,
+                          .alive_end = b->count};
+    p.above = malloc((size_t)b->count * sizeof *p.above);
+    p.here = malloc((size_t)b->count * sizeof *p.here);
+    p.from = malloc((size_t)(w->cells > 0 ? w->cells : 1));
+    *out = (struct alignment){0};
+    enum status status = p.above && p.here && p.from ? OK : fail(ERR_MEMORY, "no memory to align two movements");
+    for (int32_t j = 0; j < b->count && status == OK; j++)
+        p.above[j] = p.here[j] = ALIGNMENT_INFINITE;
+    for (int32_t i = 0; i < a->count && status == OK; i++) {
+        fill_row(&p, i);
+        if (i > 0)
+            clear_row(w, i - 1, p.above);
+        int64_t *swap = p.above;
+        p.above = p.here;
+        p.here = swap;
+    }
+    if (status == OK && p.best == ALIGNMENT_INFINITE)
+        status = fail(ERR_INPUT, "the movements cannot be aligned");
+    if (status == OK)
+        status = trace_back(&p, out);
+    free(p.above);
+    free(p.here);
+    free(p.from);
+    return status;
+}
+
+// ---------------------------------------------------------------- alignment bound
+
+// FINEST: frames in a block of the finest level; each coarser one has COARSER times as many, until it is at most MOST
+// blocks wide and high. Chosen by time on the alignments of reenact-bench compare and growth.
+enum { FINEST = 6, COARSER = 2, MOST = 24, LEVELS = 12 };
+
+static struct feature_box *boxes_of(const struct features *f, int block, int32_t blocks)
+{
+    struct feature_box *boxes = malloc((size_t)blocks * sizeof *boxes);
+    for (int32_t k = 0; boxes && k < blocks; k++) {
+        const int32_t first = k * block;
+        boxes[k] = feature_box_of(f, first, f->count - first > block ? first + block : f->count);
+    }
+    return boxes;
+}
+
+// zeroed is fine
+static void block_level_close(struct block_level *l)
+{
+    free(l->begin);
+    free(l->end);
+    free(l->offset);
+    free(l->least);
+    free(l->before);
+    free(l->after);
+    *l = (struct block_level){0};
+}
+
+// ------------------------------------------------------------- the window
+
+// What a path of at most `best` can go through of that row, as an interval; empty: begin = end.
+static void alive_columns(const struct block_level *l, int32_t row, int64_t best, int32_t *begin, int32_t *end)
+{
+    *begin = *end = 0;
+    for (int32_t column = l->begin[row]; column < l->end[row]; column++) {
+        const int64_t at = l->offset[row] + column - l->begin[row];
+        if (l->before[at] + l->after[at] > best)
+            continue;
+        *begin = *end ? *begin : column;
+        *end = column + 1;
+    }
+}
+
+// The frames' cells in those blocks; w: opened for a->count rows.
+static void block_level_window(const struct block_level *l, int64_t best, const struct features *a,
+                               const struct features *b, struct alignment_window *w)
+{
+    for (int32_t row = 0; row < l->rows; row++) {
+        int32_t begin, end;
+        alive_columns(l, row, best, &begin, &end);
+        for (int32_t i = row * l->block; end && i < (row + 1) * l->block && i < a->count; i++) {
+            w->begin[i] = begin * l->block;
+            w->end[i] = end * l->block < b->count ? end * l->block : b->count;
+        }
+    }
+    cells_count(w, a->count);
+}
+
+// coarser NULL: all columns.
+static enum status level_open(struct block_level *l, const struct features *a, const struct features *b,
+                              const struct block_level *coarser, int64_t best)
+{
+    l->rows = (a->count + l->block - 1) / l->block;
+    l->columns = (b->count + l->block - 1) / l->block;
+    l->begin = calloc((size_t)l->rows, sizeof *l->begin);
+    l->end = calloc((size_t)l->rows, sizeof *l->end);
+    l->offset = calloc((size_t)l->rows, sizeof *l->offset);
+    if (!l->begin || !l->end || !l->offset)
+        return fail(ERR_MEMORY, "no memory to align two movements");
+    for (int32_t row = 0; row < l->rows; row++) {
+        int32_t begin = 0, end = l->columns;
+        if (coarser && row % COARSER == 0)
+            alive_columns(coarser, row / COARSER, best, &begin, &end);
+        if (coarser && row % COARSER) {
+            l->begin[row] = l->begin[row - 1];
+            l->end[row] = l->end[row - 1];
+        } else {
+            l->begin[row] = coarser ? begin * COARSER : 0;
+            l->end[row] = !coarser || end * COARSER > l->columns ? l->columns : end * COARSER;
+        }
+        l->offset[row] = l->cells;
+        l->cells += l->end[row] - l->begin[row];
+    }
+    const size_t cells = (size_t)l->cells + 1;
+    l->least = malloc(cells * sizeof *l->least);
+    l->before = malloc(cells * sizeof *l->before);
+    l->after = malloc(cells * sizeof *l->after);
+    return l->least && l->before && l->after ? OK : fail(ERR_MEMORY, "no memory to align two movements");
+}
+
+static enum status fill_costs(struct block_level *l, const struct features *a, const struct features *b)
+{
+    struct feature_box *rows = boxes_of(a, l->block, l->rows), *columns = boxes_of(b, l->block, l->columns);
+    const bool have = rows && columns;
+    for (int32_t row = 0; row < l->rows && have; row++)
+        for (int32_t column = l->begin[row]; column < l->end[row]; column++)
+            l->least[l->offset[row] + column - l->begin[row]] = feature_box_cost(&rows[row], &columns[column]);
+    free(rows);
+    free(columns);
+    return have ? OK : fail(ERR_MEMORY, "no memory to align two movements");
+}
+
+// ------------------------------------------------------------- the chains
+
+// One pass over the blocks, from the first to the last or back. Both movements are counted in the pass's direction.
+struct pass {
+    const struct block_level *l;
+    const struct alignment_prices *prices;
+    int32_t a_count, b_count; // frames
+    bool back;
+    int64_t *sum;          // what is filled: of the level's cells
+    int64_t *above, *here; // [columns]: the least price of the rows up to one on chains that end in each column
+    int64_t *column;       // [columns]: of the columns up to this one, on chains that end in the rows so far
+    int32_t above_begin, above_end;
+};
+
+static int64_t smaller(int64_t a, int64_t b) { return a < b ? a : b; }
+
+// Frames in block k, and in all before it (or after it, where the pass goes back).
+static int32_t frames_in(const struct pass *p, int32_t k, int32_t count)
+{
+    const int32_t first = k * p->l->block;
+    return count - first < p->l->block ? count - first : p->l->block;
+}
+
+static int32_t frames_before(const struct pass *p, int32_t k, int32_t count)
+{
+    return p->back ? count - k * p->l->block - frames_in(p, k, count) : k * p->l->block;
+}
+
+// A chain goes on through a block of `frames`, or begins in it, where some of these may still be left out.
+static int64_t go_on(int64_t chain, int64_t skipped, int32_t frames, int32_t cost, int32_t skip)
+{
+    return smaller(chain + (int64_t)frames * cost, skipped + (int64_t)frames * (cost < skip ? cost : skip));
+}
+
+static void pass_row(struct pass *p, int32_t row)
+{
+    const struct block_level *l = p->l;
+    const int32_t begin = l->begin[row], count = l->end[row] - begin, step = p->back ? -1 : 1;
+    const int32_t rows = frames_in(p, row, p->a_count);
+    const int64_t skipped_a = (int64_t)p->prices->skip_a * frames_before(p, row, p->a_count);
+    int64_t chain_a = ALIGNMENT_INFINITE; // the least of the row before, up to this column
+    int32_t next = p->back ? p->above_end - 1 : p->above_begin;
+    for (int32_t k = 0; k < count; k++) {
+        const int32_t column = p->back ? l->end[row] - 1 - k : begin + k, before = column - step;
+        const int64_t at = l->offset[row] + column - begin;
+        const int32_t cost = l->least[at], columns = frames_in(p, column, p->b_count);
+        const int64_t skipped_b = (int64_t)p->prices->skip_b * frames_before(p, column, p->b_count);
+        for (; next >= p->above_begin && next < p->above_end && (p->back ? next >= column : next <= column);
+             next += step)
+            chain_a = smaller(chain_a, p->above[next]);
+        const int64_t chain_b = before >= 0 && before < l->columns ? p->column[before] : ALIGNMENT_INFINITE;
+        p->sum[at] = smaller(chain_a, skipped_a) + smaller(chain_b, skipped_b);
+        p->here[column] = go_on(chain_a, skipped_a, rows, cost, p->prices->skip_a);
+        p->column[column] = smaller(p->column[column], go_on(chain_b, skipped_b, columns, cost, p->prices->skip_b));
+    }
+    p->above_begin = begin;
+    p->above_end = l->end[row];
+    int64_t *swap = p->above;
+    p->above = p->here;
+    p->here = swap;
+}
+
+static void pass_all(struct pass *p)
+{
+    for (int32_t column = 0; column < p->l->columns; column++)
+        p->column[column] = ALIGNMENT_INFINITE;
+    p->above_begin = p->above_end = 0;
+    for (int32_t k = 0; k < p->l->rows; k++)
+        pass_row(p, p->back ? p->l->rows - 1 - k : k);
+}
+
+static enum status add_chains(struct block_level *l, const struct features *a, const struct features *b,
+                              const struct alignment_prices *prices)
+{
+    int64_t *scratch = malloc(3 * (size_t)l->columns * sizeof *scratch);
+    if (!scratch)
+        return fail(ERR_MEMORY, "no memory to align two movements");
+    struct pass p = {.l = l,
+                     .prices = prices,
+                     .a_count = a->count,
+                     .b_count = b->count,
+                     .sum = l->before,
+                     .above = scratch,
+                     .here = scratch + l->columns,
+                     .column = scratch + 2 * (size_t)l->columns};
+    pass_all(&p);
+    p.back = true;
+    p.sum = l->after;
+    pass_all(&p);
+    free(scratch);
+    return OK;
+}
+
+// The finest level, for paths of at most `best`. ERR_MEMORY.
+static enum status bound_paths(const struct features *a, const struct features *b,
+                               const struct alignment_prices *prices, int64_t best, struct block_level *out)
+{
+    struct block_level coarser = {0};
+    const int32_t longer = a->count > b->count ? a->count : b->count;
+    int block = FINEST;
+    for (int k = 0; k < LEVELS && longer / block > MOST; k++)
+        block *= COARSER;
+    enum status status = OK;
+    *out = (struct block_level){0};
+    for (bool first = true; status == OK && block >= FINEST; block /= COARSER, first = false) {
+        block_level_close(&coarser);
+        coarser = *out;
+        *out = (struct block_level){.block = block};
+        status = level_open(out, a, b, first ? NULL : &coarser, best);
+        if (status == OK)
+            status = fill_costs(out, a, b);
+        if (status == OK)
+            status = add_chains(out, a, b, prices);
+    }
+    block_level_close(&coarser);
+    if (status != OK)
+        block_level_close(out);
+    return status;
+}
+
+// ---------------------------------------------------------------- alignment
 
 enum { CORRIDOR = 10, SMALLEST = 24 };
 static const int64_t MOST_EXACT_CELLS = (int64_t)1 << 27;

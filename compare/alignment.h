@@ -57,7 +57,7 @@ MUST_CHECK enum status align_plain(const struct features *a, const struct featur
                                    const struct alignment_prices *prices, struct alignment *out);
 
 // The same price, several times faster. An upper bound comes from an alignment in a corridor; blocks of frames, from
-// coarse to fine, are left out where lower bounds prove that every path through them costs more (alignment_bound.h).
+// coarse to fine, are left out where lower bounds prove that every path through them costs more (alignment.c).
 // Movements whose product is above 2^27 frames are aligned in a corridor about the alignment of every second frame
 // (Salvador & Chan 2007, FastDTW), which is not always the optimum; `exact` says so. Errors as align_plain.
 MUST_CHECK enum status align(const struct features *a, const struct features *b, const struct alignment_prices *prices,

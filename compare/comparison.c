@@ -2,14 +2,14 @@
 
 #include "compare/findings.h"
 
-#include "base/parallel.h"
+#include "base/threads.h"
 
 #include <stdlib.h>
 
 // Prices of alignment.h as mean squared chords of a part's direction. A frame is left out at an end where it is more
 // than 32 degrees off in every part; cheaper, and what is wrong would be left out instead of judged (chosen
-// on UI-PRMD and KIMORE as score.h's constants). Getting into position is taken out afterwards (pieces.h). A step that
-// only one movement takes costs what 8 degrees do; by hand.
+// on UI-PRMD and KIMORE as score.h's constants). Getting into position is taken out afterwards (repetitions.h). A step
+// that only one movement takes costs what 8 degrees do; by hand.
 static const double SKIP = 0.3, STEP = 0.02;
 // By hand: B is taken for a mirror image if that fits to 0.75 of the price, and B itself is worse than 8 degrees off.
 static const double MIRROR_GAIN = 0.75, MIRROR_LEAST = 0.02;

@@ -1,8 +1,7 @@
 // Two movements compared: a reference A and an attempt B. What the command prints, and the app will show.
 #pragma once
-#include "compare/angles.h"
-#include "compare/pieces.h"
-#include "compare/repetition_judge.h"
+#include "compare/movement.h"
+#include "compare/repetitions.h"
 #include "compare/score.h"
 
 enum finding_kind { FINDING_POSTURE, FINDING_RANGE, FINDING_TIMING, FINDING_MISSING, FINDING_EXTRA, FINDING_MIRRORED };

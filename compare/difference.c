@@ -1,8 +1,285 @@
 #include "compare/difference.h"
 
+#include "base/threads.h"
 #include "base/portable_math.h"
 
 #include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- feature box
+
+struct feature_box feature_box_of(const struct features *f, int32_t first, int32_t end)
+{
+    struct feature_box box;
+    memcpy(box.low, f->frames[first].number, sizeof box.low);
+    memcpy(box.high, f->frames[first].number, sizeof box.high);
+    for (int32_t i = first + 1; i < end; i++)
+        for (int n = 0; n < FEATURE_NUMBERS; n++) {
+            const int16_t x = f->frames[i].number[n];
+            box.low[n] = x < box.low[n] ? x : box.low[n];
+            box.high[n] = x > box.high[n] ? x : box.high[n];
+        }
+    return box;
+}
+
+int32_t feature_box_cost(const struct feature_box *a, const struct feature_box *b)
+{
+    int32_t sum = 0;
+    for (int n = 0; n < FEATURE_NUMBERS; n++) {
+        const int16_t below = (int16_t)(a->low[n] - b->high[n]), above = (int16_t)(b->low[n] - a->high[n]);
+        int16_t d = below > above ? below : above;
+        d = d > 0 ? d : 0;
+        sum += d * d;
+    }
+    return sum;
+}
+
+// ---------------------------------------------------------------- limb times
+
+const struct body_joint body_joints[BODY_JOINTS] = {
+    {PART_UPPER_TORSO, CARRIER_NONE, PART_UPPER_TORSO, ANGLE_LEAN, -1},
+    {PART_HEAD, CARRIER_TRUNK, PART_HEAD, ANGLE_HEAD, -1},
+    {PART_LEFT_UPPER_ARM, CARRIER_TRUNK, PART_HEAD, ANGLE_LEFT_SHOULDER, 0},
+    {PART_LEFT_FOREARM, CARRIER_PART, PART_LEFT_UPPER_ARM, ANGLE_LEFT_ELBOW, 0},
+    {PART_RIGHT_UPPER_ARM, CARRIER_TRUNK, PART_HEAD, ANGLE_RIGHT_SHOULDER, 1},
+    {PART_RIGHT_FOREARM, CARRIER_PART, PART_RIGHT_UPPER_ARM, ANGLE_RIGHT_ELBOW, 1},
+    {PART_LEFT_THIGH, CARRIER_NONE, PART_HEAD, ANGLE_LEFT_HIP, 2},
+    {PART_LEFT_SHIN, CARRIER_PART, PART_LEFT_THIGH, ANGLE_LEFT_KNEE, 2},
+    {PART_RIGHT_THIGH, CARRIER_NONE, PART_HEAD, ANGLE_RIGHT_HIP, 3},
+    {PART_RIGHT_SHIN, CARRIER_PART, PART_RIGHT_THIGH, ANGLE_RIGHT_KNEE, 3},
+};
+
+static struct vec3 vector(const float d[3]) { return v3(d[0], d[1], d[2]); }
+
+static bool direction(const struct movement_frame *f, const struct body_joint *j, struct vec3 *d, double *sigma)
+{
+    if (j->part == PART_UPPER_TORSO)
+        return trunk_direction(f, d, sigma);
+    *d = vector(f->direction[j->part]);
+    *sigma = f->sigma[j->part];
+    return f->known >> j->part & 1;
+}
+
+// Columns of m: across (left), along x across, along: the trunk's direction and the shoulders' line.
+static bool chest(const struct movement_frame *f, double m[3][3], double *sigma)
+{
+    struct vec3 along;
+    if (!(f->known >> PART_COUNT & 1) || !trunk_direction(f, &along, sigma))
+        return false;
+    const struct vec3 shoulders = vector(f->shoulders),
+                      across = v3_unit(v3_sub(shoulders, v3_scale(along, v3_dot(shoulders, along)))),
+                      ahead = v3_cross(along, across);
+    const struct vec3 columns[3] = {across, ahead, along};
+    for (int k = 0; k < 3; k++) {
+        m[0][k] = columns[k].x;
+        m[1][k] = columns[k].y;
+        m[2][k] = columns[k].z;
+    }
+    return v3_length(across) > 0.5;
+}
+
+// The rotation that takes A's chest to B's; by the trunk's direction alone where the shoulders are unknown.
+static struct quat chest_rotation(const struct movement_frame *a, const struct movement_frame *b, double *variance)
+{
+    double x[3][3], y[3][3], rotation[3][3];
+    double sigma_x = 0, sigma_y = 0;
+    struct vec3 from, to;
+    struct quat q = {0, 0, 0, 1};
+    if (chest(a, x, &sigma_x) && chest(b, y, &sigma_y)) {
+        for (int r = 0; r < 3; r++)
+            for (int k = 0; k < 3; k++)
+                rotation[r][k] = y[r][0] * x[k][0] + y[r][1] * x[k][1] + y[r][2] * x[k][2];
+        q = quat_from_matrix(rotation);
+    } else if (trunk_direction(a, &from, &sigma_x) && trunk_direction(b, &to, &sigma_y)) {
+        q = quat_between(from, to);
+    }
+    *variance += sigma_x * sigma_x + sigma_y * sigma_y;
+    return q;
+}
+
+// How A's chest has to be turned onto B's, and what that adds to a variance.
+struct chest_turn {
+    struct quat rotation;
+    double variance;
+};
+
+static struct chest_turn chest_turn_of(const struct movement_frame *a, const struct movement_frame *b)
+{
+    struct chest_turn t = {.variance = 0};
+    t.rotation = chest_rotation(a, b, &t.variance);
+    return t;
+}
+
+static bool needs_chest(const struct body_joint *j)
+{
+    return j->carrier == CARRIER_TRUNK || j->limb == 0 || j->limb == 1;
+}
+
+// turn: used where needs_chest().
+static bool difference_with(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+                            const struct chest_turn *turn, double difference[3], double *sigma)
+{
+    struct vec3 x, y;
+    double sigma_x, sigma_y;
+    if (!direction(a, j, &x, &sigma_x) || !direction(b, j, &y, &sigma_y))
+        return false;
+    double variance = sigma_x * sigma_x + sigma_y * sigma_y;
+    if (needs_chest(j)) {
+        const struct quat q = turn->rotation;
+        variance += j->carrier == CARRIER_TRUNK ? turn->variance : 0;
+        x = quat_rotate(q, x);
+        if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by))
+            x = quat_rotate(
+                quat_between(quat_rotate(q, vector(a->direction[j->carried_by])), vector(b->direction[j->carried_by])),
+                x);
+    } else if (j->carrier == CARRIER_PART && (a->known & b->known & 1u << j->carried_by)) {
+        x = quat_rotate(quat_between(vector(a->direction[j->carried_by]), vector(b->direction[j->carried_by])), x);
+    }
+    if (j->carrier == CARRIER_PART)
+        variance += (double)a->sigma[j->carried_by] * a->sigma[j->carried_by] +
+                    (double)b->sigma[j->carried_by] * b->sigma[j->carried_by];
+    const struct vec3 d = v3_sub(y, x);
+    difference[0] = d.x;
+    difference[1] = d.y;
+    difference[2] = d.z;
+    *sigma = sqrt(variance);
+    return true;
+}
+
+bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+                      double difference[3], double *sigma)
+{
+    struct chest_turn turn = {{0, 0, 0, 1}, 0};
+    if (needs_chest(j))
+        turn = chest_turn_of(a, b);
+    return difference_with(a, b, j, &turn, difference, sigma);
+}
+
+// ------------------------------------------------------------- the limb's own time
+
+enum { SHIFTS_HALF = 15, SHIFTS = 2 * SHIFTS_HALF + 1, SMALL_HALF = 4, WINDOW_HALF = 30, RING = 64 };
+// Instants whose costs are made at once, by how many threads at most, and so few that a thread costs more than it
+// gains.
+enum { BLOCK = 1024, SHARES = 4, LEAST_FOR_THREAD = 256 };
+// Of attempts above ten minutes fewer frames are looked at, down to five a second: a window of two seconds holds ten.
+enum { MANY_FRAMES = 18000, MOST_STRIDE = 6 };
+// Squared chords of two parts: only where they are 8 degrees off each does it matter when the limb moves.
+static const double LEAST_COST = 2 * 0.0195;
+// By hand: a lateness explains a difference if less than this share of it remains.
+static const double EXPLAINED = 0.55;
+// A difference that is known to 5 degrees counts half; by hand.
+static const double TRUSTED = 0.0076;
+
+// What the limbs cost at a frame of the attempt, for every shift.
+static void add_costs(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t f,
+                      float cost[SHIFTS][LIMBS])
+{
+    for (int s = 0; s < SHIFTS; s++) {
+        double sum[LIMBS] = {0}, d[3], sigma;
+        if (!isnan(t->reference[f])) {
+            const struct movement_frame x = movement_at(a, (double)t->reference[f] + (s - SHIFTS_HALF));
+            const struct chest_turn turn = chest_turn_of(&x, &b->frames[f]);
+            for (int k = 0; k < BODY_JOINTS; k++)
+                if (body_joints[k].limb >= 0 && difference_with(&x, &b->frames[f], &body_joints[k], &turn, d, &sigma))
+                    sum[body_joints[k].limb] +=
+                        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * TRUSTED / (TRUSTED + sigma * sigma);
+        }
+        for (int limb = 0; limb < LIMBS; limb++)
+            cost[s][limb] = (float)sum[limb];
+    }
+}
+
+// Sums of the costs before each of the last RING instants.
+struct sums {
+    double before[RING][SHIFTS][LIMBS];
+};
+
+static void push(struct sums *s, int32_t at, float cost[SHIFTS][LIMBS])
+{
+    for (int k = 0; k < SHIFTS; k++)
+        for (int limb = 0; limb < LIMBS; limb++)
+            s->before[(at + 1) % RING][k][limb] = s->before[at % RING][k][limb] + cost[k][limb];
+}
+
+// The shift of one limb over the instants first..end - 1.
+static int8_t choose(const struct sums *s, int32_t first, int32_t end, int limb, bool *late)
+{
+    float cost[SHIFTS];
+    int small = 0, large = 0;
+    for (int k = 0; k < SHIFTS; k++)
+        cost[k] = (float)((s->before[end % RING][k][limb] - s->before[first % RING][k][limb]) / (end - first));
+    const float zero = cost[SHIFTS_HALF];
+    float small_cost = zero, large_cost = zero;
+    for (int k = -SHIFTS_HALF; k <= SHIFTS_HALF; k++) {
+        const float c = cost[k + SHIFTS_HALF];
+        if (abs(k) <= SMALL_HALF && c < small_cost) {
+            small_cost = c;
+            small = k;
+        }
+        if (c < large_cost) {
+            large_cost = c;
+            large = k;
+        }
+    }
+    *late = abs(large) > SMALL_HALF && zero > LEAST_COST && large_cost < EXPLAINED * zero;
+    return (int8_t)(*late ? large : small);
+}
+
+// Costs of the next instants, made ahead by several threads.
+struct cost_block {
+    const struct movement *a, *b;
+    const struct timeline *timeline;
+    int32_t stride, first, end; // instants
+    float cost[BLOCK][SHIFTS][LIMBS];
+};
+
+static void cost_share(void *context, int share)
+{
+    struct cost_block *k = context;
+    const int32_t end = k->first + (share + 1) * (BLOCK / SHARES);
+    for (int32_t n = k->first + share * (BLOCK / SHARES); n < end && n < k->end; n++)
+        add_costs(k->a, k->b, k->timeline, n * k->stride, k->cost[n - k->first]);
+}
+
+enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
+                        struct limb_shift *out[LIMBS])
+{
+    const int32_t stride = t->count / MANY_FRAMES < MOST_STRIDE ? 1 + t->count / MANY_FRAMES : MOST_STRIDE,
+                  count = (t->count + stride - 1) / stride, half = WINDOW_HALF / stride;
+    struct sums *sums = calloc(1, sizeof *sums);
+    struct cost_block *block = calloc(1, sizeof *block);
+    if (!sums || !block) {
+        free(sums);
+        free(block);
+        return fail(ERR_MEMORY, "no memory for the limbs' times");
+    }
+    block->a = a;
+    block->b = b;
+    block->timeline = t;
+    block->stride = stride;
+    for (int32_t n = 0, ahead = 0; n < count; n++) {
+        const int32_t first = n > half ? n - half : 0, end = n + half + 1 < count ? n + half + 1 : count;
+        for (; ahead < end; ahead++) {
+            if (ahead == block->end) {
+                block->first = ahead;
+                block->end = ahead + BLOCK < count ? ahead + BLOCK : count;
+                parallel_for((block->end - ahead) / LEAST_FOR_THREAD, SHARES, cost_share, block);
+            }
+            push(sums, ahead, block->cost[ahead - block->first]);
+        }
+        for (int limb = 0; limb < LIMBS; limb++) {
+            struct limb_shift chosen;
+            chosen.frames = choose(sums, first, end, limb, &chosen.late);
+            for (int32_t f = n * stride; f < (n + 1) * stride && f < t->count; f++)
+                out[limb][f] = chosen;
+        }
+    }
+    free(sums);
+    free(block);
+    return OK;
+}
+
+// ---------------------------------------------------------------- difference
 
 const char *verdict_name(enum verdict v)
 {

@@ -1,6 +1,23 @@
 // The difference of two aligned movements, instant by instant of the attempt B.
 #pragma once
+#include "compare/alignment.h"
 #include "compare/movement.h"
+
+// ---------------------------------------------------------------- feature box
+
+// The smallest box that holds several feature frames: what a lower bound of their costs is computed from.
+
+struct feature_box {
+    int16_t low[FEATURE_NUMBERS], high[FEATURE_NUMBERS]; // as feature_frame.number
+};
+
+// Of the frames first .. end - 1; at least one.
+struct feature_box feature_box_of(const struct features *f, int32_t first, int32_t end);
+
+// No pair of frames from the two boxes costs less (feature_cost).
+int32_t feature_box_cost(const struct feature_box *a, const struct feature_box *b);
+
+// ---------------------------------------------------------------- difference
 
 enum verdict { VERDICT_UNKNOWN, VERDICT_SAME, VERDICT_DIFFERENT };
 const char *verdict_name(enum verdict v); // "unknown", "same", "different"
@@ -39,3 +56,37 @@ struct movement_frame movement_at(const struct movement *m, double frame);
 // it would be right for independent frames and an exact sigma; by hand).
 void part_differences(const struct movement *a, const struct movement *b, const struct timeline *t, int32_t frame,
                       struct part_difference out[PART_COUNT]);
+
+// ---------------------------------------------------------------- limb times
+
+// One joint's difference between two aligned movements, at the limb's own time.
+//
+// A joint's part is looked at against what carries it: head and upper arms against the chest (the trunk's direction and
+// the shoulders' line), thighs against the hips, forearms and shins against upper arms and thighs. A's direction is
+// turned as A's carrier has to be turned onto B's; what remains is the joint's own difference.
+
+enum carrier { CARRIER_NONE, CARRIER_TRUNK, CARRIER_PART };
+
+struct body_joint {
+    enum part part;
+    enum carrier carrier;
+    enum part carried_by; // where CARRIER_PART
+    enum body_angle angle;
+    int limb; // 0..3: left arm, right arm, left leg, right leg; -1: none
+};
+enum { BODY_JOINTS = 10, LIMBS = 4 };
+extern const struct body_joint body_joints[BODY_JOINTS];
+
+// Difference of the part's directions, B - A, upright frame. sigma: of its length, rad. False: a part is unknown.
+bool joint_difference(const struct movement_frame *a, const struct movement_frame *b, const struct body_joint *j,
+                      double difference[3], double *sigma);
+
+struct limb_shift {
+    int8_t frames; // of A, to be added to the timeline
+    bool late;
+};
+// out: of each limb [count of the timeline]: the shift with which over a second before and after the limb fits best; up
+// to 4 frames always, up to 15 (0.5 s) where that explains nearly half of a difference: then `late`. Of attempts above
+// ten minutes not every frame is looked at. ERR_MEMORY.
+MUST_CHECK enum status limb_shifts(const struct movement *a, const struct movement *b, const struct timeline *t,
+                                   struct limb_shift *out[LIMBS]);

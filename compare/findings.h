@@ -14,6 +14,17 @@
 #pragma once
 #include "compare/comparison.h"
 
+// ---------------------------------------------------------------- not judged
+
+// What a comparison says nothing of, because its joints are not there.
+
+// "could not be judged: the knees are not in the attempt; the head is hardly ever in the reference". "": all parts
+// were.
+enum { NOT_JUDGED_BYTES = 600 };
+const char *not_judged_text(const struct comparison *c, char out[NOT_JUDGED_BYTES]);
+
+// ---------------------------------------------------------------- findings
+
 const char *finding_kind_name(enum finding_kind k);
 const char *part_name(enum part p); // "left_forearm"
 int part_by_name(const char *name); // -1: no part's name, as "body"

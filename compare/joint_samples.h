@@ -2,7 +2,7 @@
 //
 // Axes: y down along gravity, x and z level, metres; only where they point is left open. A take that was located in a
 // place is rotated so from the place's z; of another take the camera counts as held level unless the person says
-// otherwise: samples_level() below. A joints-csv file says its axes, or they are found out (joint_axes.h).
+// otherwise: samples_level() below. A joints-csv file says its axes, or they are found out (joints_csv_reader.c).
 #pragma once
 #include "recording/recording.h"
 
@@ -46,10 +46,10 @@ void joint_samples_start_at_zero(struct joint_samples *s); // times count from t
 // Reads a joints-csv file (formats/joints_csv.h), any line ends. Rows of one time are one sample; rows that
 // hold no finite number or an unknown joint's name are left out; a joint that is missing, empty or at 0, 0, 0 is
 // unknown, and an empty sigma_m is default_sigma_m(). Axes are the file's word or, without it, found out by the body
-// (joint_axes.h); units that are none of the format's, and rows in another order, are found out, too (joint_rows.h).
-// What was found out is in the notes. ERR_INPUT: not such a file, no usable row, or what cannot be found out; the
-// sentence names the file, the line where it is one's, and the likely cause. ERR_MISSING, ERR_IO, ERR_MEMORY. On
-// failure *out is zeroed.
+// (joints_csv_reader.c); units that are none of the format's, and rows in another order, are found out, too
+// (joints_csv_reader.c). What was found out is in the notes. ERR_INPUT: not such a file, no usable row, or what cannot
+// be found out; the sentence names the file, the line where it is one's, and the likely cause. ERR_MISSING, ERR_IO,
+// ERR_MEMORY. On failure *out is zeroed.
 MUST_CHECK enum status joint_samples_read_csv(const char *path, struct joint_samples *out);
 bool is_joints_csv(const char *path); // by its first line; and what is named .csv and is no recording
 

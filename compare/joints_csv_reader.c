@@ -1,8 +1,7 @@
 // Reading joints-csv files.
-#include "compare/joint_axes.h"
-#include "compare/joint_rows.h"
-
+#include "base/portable_math.h"
 #include "base/text.h"
+#include "compare/joint_samples.h"
 #include "formats/joints_csv.h"
 #include "platform/files/text_file.h"
 
@@ -11,6 +10,768 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+
+// ---------------------------------------------------------------- joint rows
+
+// The rows of a joints-csv file before anything is believed of them: in which order, in which units, which of them are
+// holes. Internal to the reader.
+
+struct joint_row {
+    double time;       // as the file has it
+    struct vec3 place; // as the file has it; finite
+    float confidence;  // above 0
+    float sigma;       // in the unit of `place`; below 0: not given
+    uint8_t joint;
+};
+
+struct joint_rows {
+    struct joint_row *at; // malloc'ed
+    int64_t count, capacity;
+};
+
+// In how many metres and seconds a unit of the file is, judged by the body's size and the times' steps. ERR_INPUT: the
+// times are none that a movement can be compared at; the sentence says the likely cause.
+struct joint_units {
+    double metres, seconds;
+};
+
+// ---------------------------------------------------------------- joint axes
+
+// Which way a file's axes point, by the body: a head is above the feet, knees bend forwards.
+//
+// Up is where a person who stands straight for a second points to. Of others it is the mean, over the samples in which
+// a shin and the trunk point the same way, of the direction from the feet to the middle of the trunk, which is balanced
+// above them, or of trunk and shins of one who sits; samples more than 45 degrees off are left out. A direction near an
+// axis is that axis, and what remains is the tilt of a sensor. Handedness is the sense in which knees bend: from thigh
+// to shin about the axis from the right hip to the left. It needs no up. Elbows, which turn further, are asked where
+// the knees say nothing.
+
+// ---------------------------------------------------------------- joint rows
+
+// ERR_MEMORY
+static enum status joint_rows_add(struct joint_rows *r, const struct joint_row *row)
+{
+    if (r->count == r->capacity) {
+        const int64_t capacity = r->capacity ? 2 * r->capacity : 4096;
+        struct joint_row *at = realloc(r->at, (size_t)capacity * sizeof *at);
+        if (!at)
+            return fail(ERR_MEMORY, "no memory for a movement's joints");
+        r->at = at;
+        r->capacity = capacity;
+    }
+    r->at[r->count++] = *row;
+    return OK;
+}
+
+static void joint_rows_free(struct joint_rows *r)
+{
+    free(r->at);
+    *r = (struct joint_rows){0};
+}
+
+// The end of the rows that have the time of row `first` and follow it.
+static int64_t joint_rows_group(const struct joint_rows *r, int64_t first)
+{
+    int64_t end = first + 1;
+    while (end < r->count && !(r->at[end].time < r->at[first].time) && !(r->at[end].time > r->at[first].time))
+        end++;
+    return end;
+}
+
+// ------------------------------------------------------------- order
+
+static int by_time_and_joint(const void *a, const void *b)
+{
+    const struct joint_row *x = a, *y = b;
+    if (x->time < y->time || x->time > y->time)
+        return x->time < y->time ? -1 : 1;
+    return x->joint - y->joint;
+}
+
+// Brings rows into the order of time where the file has another one (a joint after the other, backwards, shuffled).
+// Where the same joint comes twice at one time, or few steps go back, the clock has jumped instead: nothing is done.
+static enum status joint_rows_sort(struct joint_rows *r, struct joint_notes *notes)
+{
+    int64_t times = 0, back = 0, sorted_times = 0;
+    for (int64_t i = 0; i < r->count; i = joint_rows_group(r, i), times++)
+        back += i && r->at[i].time < r->at[i - 1].time;
+    if (!back)
+        return OK;
+    const size_t bytes = (size_t)r->count * sizeof *r->at;
+    struct joint_row *sorted = malloc(bytes);
+    if (!sorted)
+        return fail(ERR_MEMORY, "no memory to sort a movement's joints");
+    memcpy(sorted, r->at, bytes);
+    qsort(sorted, (size_t)r->count, sizeof *sorted, by_time_and_joint);
+    bool twice = false;
+    for (int64_t i = 0; i < r->count; i++) {
+        const bool same_time = i && !(sorted[i].time > sorted[i - 1].time);
+        twice = twice || (same_time && sorted[i].joint == sorted[i - 1].joint);
+        sorted_times += !same_time;
+    }
+    // Few steps back to times that are not the same again are a clock's. By hand: a quarter, a half.
+    if (!twice && (4 * back > times || 2 * sorted_times <= times)) {
+        memcpy(r->at, sorted, bytes);
+        joint_note(notes, "the rows are not in the order of time; they were sorted");
+    }
+    free(sorted);
+    return OK;
+}
+
+// ------------------------------------------------------------- holes
+
+static bool is_zero(const struct joint_row *row)
+{
+    return !(fabs(row->place.x) > 0) && !(fabs(row->place.y) > 0) && !(fabs(row->place.z) > 0);
+}
+
+// Takes out joints at 0, 0, 0 exactly, as many programs write what they have not seen. A waist, or torso, that is there
+// at all times and alone is the origin of its file and stays.
+static void joint_rows_drop_zeros(struct joint_rows *r, struct joint_notes *notes)
+{
+    int64_t all[JOINT_COUNT] = {0}, zero[JOINT_COUNT] = {0}, dropped = 0, kept = 0, zeros = 0;
+    for (int64_t i = 0; i < r->count; i++) {
+        all[r->at[i].joint]++;
+        zero[r->at[i].joint] += is_zero(&r->at[i]);
+        zeros += is_zero(&r->at[i]);
+    }
+    int origin = -1;
+    for (int j = JOINT_TORSO; j <= JOINT_WAIST; j++)
+        if (all[j] && zero[j] == all[j] && zeros == zero[j])
+            origin = j;
+    if (origin >= 0)
+        return;
+    for (int64_t i = 0; i < r->count; i++) {
+        if (is_zero(&r->at[i]))
+            dropped++;
+        else
+            r->at[kept++] = r->at[i];
+    }
+    r->count = kept;
+    if (dropped)
+        joint_note(notes, "%lld joints lie at 0, 0, 0 exactly; they were taken as not seen", (long long)dropped);
+}
+
+// ---------------------------------------------------------------- joint units
+
+// The units of a joints-csv file, by the size of the body and by the steps of the times.
+
+// A grown person's bones, m, and height: by hand, of the man and the woman in tests/world. What is measured is only
+// which power of ten, or inches, and people are 0.5 to 2.6 m tall.
+static const double HEIGHT_M = 1.7, LEAST_HEIGHT_M = 0.5, MOST_HEIGHT_M = 2.6;
+static const struct bone {
+    enum joint from, to;
+    double length_m;
+} bones[] = {
+    {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, 0.42},           {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, 0.42},
+    {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, 0.42},          {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, 0.42},
+    {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, 0.29},     {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, 0.29},
+    {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 0.26},         {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 0.26},
+    {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, 0.35},
+};
+
+struct body_at {
+    struct vec3 place[JOINT_COUNT];
+    bool known[JOINT_COUNT];
+};
+
+static struct body_at body_of(const struct joint_rows *r, int64_t first, int64_t end)
+{
+    struct body_at b = {0};
+    for (int64_t i = first; i < end; i++) {
+        b.place[r->at[i].joint] = r->at[i].place;
+        b.known[r->at[i].joint] = true;
+    }
+    return b;
+}
+
+// As high as a grown person with bones of these lengths; 0: no bone is known.
+static double height_of(const struct body_at *b)
+{
+    double length = 0, usual = 0;
+    for (size_t k = 0; k < COUNT_OF(bones); k++)
+        if (b->known[bones[k].from] && b->known[bones[k].to]) {
+            length += v3_distance(b->place[bones[k].from], b->place[bones[k].to]);
+            usual += bones[k].length_m;
+        }
+    return usual > 0 ? HEIGHT_M * length / usual : 0;
+}
+
+// The longest way of a joint between two instants.
+static double way_of(const struct body_at *a, const struct body_at *b)
+{
+    double most = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (a->known[j] && b->known[j])
+            most = fmax(most, v3_distance(a->place[j], b->place[j]));
+    return most;
+}
+
+// Medians over the instants, in the file's units; 0: not known.
+struct medians {
+    double height, step, way;
+    bool whole; // all times are whole numbers
+    int64_t times;
+};
+
+static int compare_doubles(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int64_t count)
+{
+    if (!count)
+        return 0;
+    qsort(values, (size_t)count, sizeof *values, compare_doubles);
+    return values[count / 2];
+}
+
+static enum status measure(const struct joint_rows *r, struct medians *out)
+{
+    *out = (struct medians){.whole = true};
+    for (int64_t i = 0; i < r->count; i = joint_rows_group(r, i)) {
+        out->whole = out->whole && !(fabs(r->at[i].time - floor(r->at[i].time)) > 0);
+        out->times++;
+    }
+    double *height = malloc(3 * ((size_t)out->times + 1) * sizeof *height);
+    if (!height)
+        return fail(ERR_MEMORY, "no memory to judge a movement's units");
+    double *step = height + out->times + 1, *way = step + out->times + 1;
+    int64_t heights = 0, steps = 0;
+    struct body_at before = {0};
+    for (int64_t i = 0, end; i < r->count; i = end) {
+        end = joint_rows_group(r, i);
+        const struct body_at b = body_of(r, i, end);
+        const double h = height_of(&b);
+        if (h > 0)
+            height[heights++] = h;
+        if (i && r->at[i].time > r->at[i - 1].time) {
+            step[steps] = r->at[i].time - r->at[i - 1].time;
+            way[steps++] = way_of(&before, &b);
+        }
+        before = b;
+    }
+    out->height = median(height, heights);
+    out->step = median(step, steps);
+    out->way = median(way, steps);
+    free(height);
+    return OK;
+}
+
+static double metres_of(double height, struct joint_notes *notes)
+{
+    static const struct {
+        const char *name;
+        double metres;
+    } units[] = {{"millimetres", 0.001}, {"centimetres", 0.01}, {"inches", 0.0254}, {"feet", 0.3048}};
+    if (!(height > 0) || (height >= LEAST_HEIGHT_M && height <= MOST_HEIGHT_M))
+        return 1;
+    int best = -1;
+    double least = INFINITY;
+    for (int k = 0; k < (int)COUNT_OF(units); k++) {
+        const double m = height * units[k].metres, off = fabs(portable_log(m / HEIGHT_M));
+        if (m >= LEAST_HEIGHT_M && m <= MOST_HEIGHT_M && off < least) {
+            least = off;
+            best = k;
+        }
+    }
+    if (best >= 0) {
+        joint_note(notes, "the body would be %.0f m tall: its positions were read as %s", height, units[best].name);
+        return units[best].metres;
+    }
+    joint_note(notes, "the body would be %.3g m tall: its positions are in no usual unit and were read as %.1f m",
+               height, HEIGHT_M);
+    return HEIGHT_M / height;
+}
+
+// What movements can be compared at: movement.h bridges gaps up to a quarter of a second. By hand: below 500 Hz; a
+// joint that half of the time goes faster than a hand ever does is in another unit.
+static const double MOST_STEP_S = 0.2501, LEAST_STEP_S = 0.002, MOST_SPEED = 12;
+enum { FEW_TIMES = 3 };
+
+static enum status seconds_of(const struct medians *m, const char *path, struct joint_units *out,
+                              struct joint_notes *notes)
+{
+    static const struct {
+        const char *name;
+        double seconds;
+    } units[] = {{"milliseconds", 1e-3}, {"microseconds", 1e-6}, {"nanoseconds", 1e-9}};
+    out->seconds = 1;
+    if (m->times < FEW_TIMES || (m->step <= MOST_STEP_S && m->step >= LEAST_STEP_S * 0.05))
+        return OK;
+    if (m->step < MOST_STEP_S)
+        return fail(ERR_INPUT, "%s: its times are %.2g apart: they are no seconds; write seconds into the first column",
+                    path, m->step);
+    for (size_t k = 0; k < COUNT_OF(units); k++) {
+        const double step_s = m->step * units[k].seconds;
+        if (step_s < LEAST_STEP_S || step_s > MOST_STEP_S || m->way * out->metres > MOST_SPEED * step_s)
+            continue;
+        joint_note(notes, "its times are %.4g apart: they were read as %s", m->step, units[k].name);
+        out->seconds = units[k].seconds;
+        return OK;
+    }
+    if (m->whole)
+        return fail(ERR_INPUT,
+                    "%s: its times are whole numbers, %.0f apart: if they number the frames, divide them by the frame "
+                    "rate; if they are seconds, there are too few frames: at least 4 a second are needed",
+                    path, m->step);
+    return fail(ERR_INPUT, "%s has a frame every %.2g s only; at least 4 a second are needed, with times in seconds",
+                path, m->step);
+}
+
+static enum status joint_rows_units(const struct joint_rows *r, const char *path, struct joint_units *out,
+                                    struct joint_notes *notes)
+{
+    struct medians m;
+    *out = (struct joint_units){1, 1};
+    enum status status = measure(r, &m);
+    if (status != OK)
+        return status;
+    out->metres = metres_of(m.height, notes);
+    return seconds_of(&m, path, out, notes);
+}
+
+// ---------------------------------------------------------------- joint axes
+
+// By hand, as cosines of 35, 25, 12 and 45 degrees. A camera is tilted by at most 35; other axes are upright, and one
+// who sits leans by at most 25. Balance is within 6 degrees of up in all motions of tests/world. A share: a person who
+// turns somersaults is upright longer than not.
+static const double NEAR_CAMERA = 0.819, NEAR_AXIS = 0.906, NEAR_BALANCE = 0.978, NEAR_UP = 0.707;
+static const double UPRIGHT_SHARE = 0.6, LEAST_UPRIGHT = 0.1;
+static const double PARALLEL = 0.866; // of shin and trunk: 30 degrees
+
+static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+
+static bool middle(const struct skeleton *s, enum joint a, enum joint b, struct vec3 *out)
+{
+    *out = v3_mix(s->joint[a], s->joint[b], 0.5);
+    return known(s, a) && known(s, b);
+}
+
+static bool upper_end(const struct skeleton *s, struct vec3 *out)
+{
+    if (middle(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, out))
+        return true;
+    *out = s->joint[known(s, JOINT_NECK) ? JOINT_NECK : JOINT_HEAD];
+    return known(s, JOINT_NECK) || known(s, JOINT_HEAD);
+}
+
+static bool lower_end(const struct skeleton *s, struct vec3 *out)
+{
+    if (middle(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP, out))
+        return true;
+    *out = s->joint[known(s, JOINT_WAIST) ? JOINT_WAIST : JOINT_TORSO];
+    return known(s, JOINT_WAIST) || known(s, JOINT_TORSO);
+}
+
+// From the hips to the shoulders; of a bust from the shoulders to the head.
+static bool trunk_axis(const struct skeleton *s, struct vec3 *axis)
+{
+    struct vec3 from, to;
+    if (!upper_end(s, &to))
+        return false;
+    if (!lower_end(s, &from)) {
+        from = to;
+        to = s->joint[JOINT_HEAD];
+        if (!known(s, JOINT_HEAD))
+            return false;
+    }
+    *axis = v3_unit(v3_sub(to, from));
+    return v3_length(*axis) > 0;
+}
+
+// ------------------------------------------------------------- up
+
+// Whether the thighs hang down from the hips, as of one who stands.
+static bool thighs_hang(const struct skeleton *s, struct vec3 trunk)
+{
+    static const enum joint thigh[2][2] = {{JOINT_LEFT_KNEE, JOINT_LEFT_HIP}, {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP}};
+    for (int side = 0; side < 2; side++)
+        if (known(s, thigh[side][0]) && known(s, thigh[side][1]) &&
+            v3_dot(v3_unit(v3_sub(s->joint[thigh[side][1]], s->joint[thigh[side][0]])), trunk) < 0.5)
+            return false;
+    return true;
+}
+
+// The body's own up where it stands or sits. Of one who stands from the feet to the middle of the trunk, which is
+// balanced above them; of one who sits the mean of trunk and shins. legs: whether the file has any.
+enum posture { POSTURE_OTHER, POSTURE_SITS, POSTURE_STANDS };
+
+static enum posture upright_axis(const struct skeleton *s, bool legs, struct vec3 *axis)
+{
+    static const enum joint shin[2][2] = {{JOINT_LEFT_FOOT, JOINT_LEFT_KNEE}, {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE}};
+    struct vec3 sum, feet, upper, lower;
+    if (!trunk_axis(s, &sum))
+        return POSTURE_OTHER;
+    const struct vec3 trunk = sum;
+    bool upright = !legs;
+    for (int side = 0; side < 2; side++) {
+        if (!known(s, shin[side][0]) || !known(s, shin[side][1]))
+            continue;
+        const struct vec3 up = v3_unit(v3_sub(s->joint[shin[side][1]], s->joint[shin[side][0]]));
+        if (v3_dot(up, trunk) < PARALLEL)
+            continue;
+        sum = v3_add(sum, up);
+        upright = true;
+    }
+    const bool stands = middle(s, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, &feet) && upper_end(s, &upper) &&
+                        lower_end(s, &lower) && thighs_hang(s, trunk);
+    *axis = v3_unit(stands ? v3_sub(v3_mix(upper, lower, 0.5), feet) : sum);
+    if (!upright)
+        return POSTURE_OTHER;
+    return stands ? POSTURE_STANDS : POSTURE_SITS;
+}
+
+struct up {
+    struct vec3 axis; // unit
+    double share;     // of the upright samples that agree
+    int64_t upright;  // samples
+    int64_t standing; // of these
+};
+
+static struct vec3 sum_near(const struct joint_samples *s, bool legs, const struct vec3 *about, struct up *count)
+{
+    struct vec3 sum = {0, 0, 0}, axis;
+    int64_t near = 0;
+    count->upright = count->standing = 0;
+    for (int64_t i = 0; i < s->count; i++) {
+        const enum posture posture = upright_axis(&s->at[i].skeleton, legs, &axis);
+        if (posture == POSTURE_OTHER)
+            continue;
+        count->upright++;
+        count->standing += posture == POSTURE_STANDS;
+        if (about && v3_dot(axis, *about) < NEAR_UP)
+            continue;
+        near++;
+        sum = v3_add(sum, axis);
+    }
+    count->share = count->upright ? (double)near / (double)count->upright : 0;
+    return sum;
+}
+
+static struct up find_up(const struct joint_samples *s)
+{
+    struct up up = {0};
+    bool legs = false;
+    for (int64_t i = 0; i < s->count && !legs; i++) {
+        const struct skeleton *k = &s->at[i].skeleton;
+        legs = (known(k, JOINT_LEFT_KNEE) && known(k, JOINT_LEFT_FOOT)) ||
+               (known(k, JOINT_RIGHT_KNEE) && known(k, JOINT_RIGHT_FOOT));
+    }
+    up.axis = v3_unit(sum_near(s, legs, NULL, &up));
+    for (int pass = 0; pass < 3; pass++) {
+        const struct vec3 about = up.axis;
+        up.axis = v3_unit(sum_near(s, legs, &about, &up));
+    }
+    return up;
+}
+
+// ------------------------------------------------------------- what rests
+
+// How far a point goes in all: the diagonal of the box that holds it but for a twentieth of the time to each side.
+struct track {
+    float *x[3]; // [samples]
+    int64_t count;
+};
+
+static int compare_floats(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static double range_of(struct track *t)
+{
+    double sum = 0;
+    if (!t->count)
+        return 0;
+    for (int k = 0; k < 3; k++) {
+        qsort(t->x[k], (size_t)t->count, sizeof(float), compare_floats);
+        const int64_t margin = t->count / 20;
+        const double range = (double)t->x[k][t->count - 1 - margin] - t->x[k][margin];
+        sum += range * range;
+    }
+    return sqrt(sum);
+}
+
+static double joint_range(const struct joint_samples *s, enum joint a, enum joint b, struct track *t)
+{
+    t->count = 0;
+    for (int64_t i = 0; i < s->count; i++) {
+        struct vec3 p;
+        if (!middle(&s->at[i].skeleton, a, b, &p))
+            continue;
+        t->x[0][t->count] = (float)p.x;
+        t->x[1][t->count] = (float)p.y;
+        t->x[2][t->count++] = (float)p.z;
+    }
+    return range_of(t);
+}
+
+static bool hands_beyond_head(const struct joint_samples *s, struct vec3 up)
+{
+    int64_t beyond = 0, seen = 0;
+    for (int64_t i = 0; i < s->count; i++) {
+        const struct skeleton *k = &s->at[i].skeleton;
+        struct vec3 hands;
+        if (!middle(k, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &hands) || !known(k, JOINT_HEAD))
+            continue;
+        seen++;
+        beyond += v3_dot(v3_sub(hands, k->joint[JOINT_HEAD]), up) > 0;
+    }
+    return seen && 10 * beyond > 9 * seen;
+}
+
+static enum status cannot_tell(const char *path, const char *why)
+{
+    return fail(ERR_INPUT,
+                "%s does not say its axes, and they cannot be told: %s; write '" JOINTS_CSV_MARK
+                " camera' (y down) or '" JOINTS_CSV_MARK " room' (z up) as its first line",
+                path, why);
+}
+
+// A body that stands rests on a foot. Where both feet go about and the trunk lies still, or the hands beyond the head
+// do, the body lies, hangs or stands on its hands: its up is not the world's. By hand: 5 cm, 15 cm.
+static enum status check_support(const struct joint_samples *s, const char *path, struct vec3 up)
+{
+    static const double STILL_M = 0.05, GOING_M = 0.15;
+    float *room = malloc(3 * (size_t)s->count * sizeof *room);
+    if (!room)
+        return fail(ERR_MEMORY, "no memory to find a movement's axes");
+    struct track t = {.x = {room, room + s->count, room + 2 * s->count}};
+    const double left = joint_range(s, JOINT_LEFT_FOOT, JOINT_LEFT_FOOT, &t),
+                 right = joint_range(s, JOINT_RIGHT_FOOT, JOINT_RIGHT_FOOT, &t),
+                 trunk = joint_range(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, &t), feet = fmin(left, right);
+    const bool lies = t.count && trunk < STILL_M;
+    const double hands = joint_range(s, JOINT_LEFT_HAND, JOINT_RIGHT_HAND, &t);
+    const bool hangs = t.count && hands < STILL_M && hands_beyond_head(s, up);
+    free(room);
+    if (feet < GOING_M || (!lies && !hangs))
+        return OK;
+    return cannot_tell(path, lies ? "both feet move while the trunk lies still, so the person may be lying"
+                                  : "both feet move while the hands beyond the head do not, so the person may hang, or "
+                                    "stand on the hands");
+}
+
+// ------------------------------------------------------------- handedness
+
+struct hinge {
+    enum joint upper, middle, lower;
+};
+
+static void bends_of(const struct skeleton *s, const struct hinge *h, struct vec3 left, double bend[2], int64_t *count)
+{
+    if (!known(s, h->upper) || !known(s, h->middle) || !known(s, h->lower))
+        return;
+    const struct vec3 upper = v3_unit(v3_sub(s->joint[h->middle], s->joint[h->upper])),
+                      lower = v3_unit(v3_sub(s->joint[h->lower], s->joint[h->middle]));
+    const double sense = v3_dot(v3_cross(upper, lower), left);
+    if (!(fabs(sense) > 0.2)) // 12 degrees: less is noise
+        return;
+    bend[sense > 0] += fabs(sense);
+    (*count)++;
+}
+
+// 1: the axes are right-handed; -1: left-handed, or left and right are exchanged; 0: not known. doubt: whether elbows
+// count, too.
+static int handedness(const struct joint_samples *s, bool doubt)
+{
+    static const struct hinge knees[2] = {{JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+                                          {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}},
+                              elbows[2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+                                           {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND}};
+    static const enum joint pairs[2][2] = {{JOINT_LEFT_HIP, JOINT_RIGHT_HIP},
+                                           {JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER}};
+    double bend[2][2] = {{0}};
+    int64_t count[2] = {0, 0};
+    for (int64_t i = 0; i < s->count; i++) {
+        const struct skeleton *k = &s->at[i].skeleton;
+        for (int pair = 0; pair < 2; pair++) {
+            const enum joint l = pairs[pair][0], r = pairs[pair][1];
+            if (!known(k, l) || !known(k, r))
+                continue;
+            const struct vec3 left = v3_unit(v3_sub(k->joint[l], k->joint[r]));
+            for (int side = 0; side < 2; side++)
+                bends_of(k, pair ? &elbows[side] : &knees[side], left, bend[pair], &count[pair]);
+        }
+    }
+    // By hand: ten bent knees, four fifths of them one way; of elbows thrice as many.
+    enum { LEAST = 10 };
+    static const double CLEAR = 4;
+    if (count[0] >= LEAST && fmax(bend[0][0], bend[0][1]) > CLEAR * fmin(bend[0][0], bend[0][1]))
+        return bend[0][1] > bend[0][0] ? 1 : -1;
+    if (doubt && count[1] >= 3 * LEAST && fmax(bend[1][0], bend[1][1]) > CLEAR * fmin(bend[1][0], bend[1][1]))
+        return bend[1][1] > bend[1][0] ? -1 : 1;
+    return 0;
+}
+
+// ------------------------------------------------------------- turning
+
+// Rows of a matrix into the axes of joint_samples.h.
+struct turn {
+    struct vec3 row[3];
+};
+
+static void apply(struct joint_samples *s, const struct turn *t)
+{
+    for (int64_t i = 0; i < s->count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            const struct vec3 p = s->at[i].skeleton.joint[j];
+            s->at[i].skeleton.joint[j] = v3(v3_dot(t->row[0], p), v3_dot(t->row[1], p), v3_dot(t->row[2], p));
+        }
+}
+
+static double component(struct vec3 v, int axis)
+{
+    if (axis == 0)
+        return v.x;
+    return axis == 1 ? v.y : v.z;
+}
+
+static struct vec3 unit_along(int axis, double sign)
+{
+    return v3(axis == 0 ? sign : 0, axis == 1 ? sign : 0, axis == 2 ? sign : 0);
+}
+
+// Up as camera axes have it, which files without a line have most often.
+static bool is_camera(struct vec3 up) { return -up.y >= NEAR_CAMERA; }
+
+// The axis that up is nearest to, and whether it is up or down.
+static struct vec3 nearest_axis(struct vec3 up)
+{
+    int axis = 0;
+    for (int k = 1; k < 3; k++)
+        if (fabs(component(up, k)) > fabs(component(up, axis)))
+            axis = k;
+    return unit_along(axis, component(up, axis) < 0 ? -1 : 1);
+}
+
+// Up becomes -y by a rotation, mirrored in x if so wanted.
+static struct turn turn_for(struct vec3 up, bool mirror)
+{
+    // Some level direction; x where it is one, so that little is turned.
+    const bool along = v3_distance(up, nearest_axis(up)) < 1e-9;
+    const struct vec3 x = along ? unit_along(fabs(up.x) > 0.5, 1) : v3_perpendicular(up), down = v3_scale(up, -1);
+    return (struct turn){{v3_scale(x, mirror ? -1 : 1), down, v3_cross(x, down)}};
+}
+
+static const char *axis_words(struct vec3 up, char out[60])
+{
+    const struct vec3 axis = nearest_axis(up);
+    const double off = portable_acos(fmin(1, v3_dot(up, axis)));
+    char letter = 'z';
+    if (fabs(axis.x) > 0.5)
+        letter = 'x';
+    else if (fabs(axis.y) > 0.5)
+        letter = 'y';
+    const int used = snprintf(out, 60, "%c %s", letter, axis.x + axis.y + axis.z > 0 ? "up" : "down");
+    if (off > 1e-6)
+        snprintf(out + used, 60 - (size_t)used, ", tilted by %.0f degrees", off * 180 / 3.14159265358979323846);
+    return out;
+}
+
+static const char backwards[] =
+    "knees bend backwards: its axes are left-handed, or left and right are exchanged; it was read as left-handed, and "
+    "if sides are exchanged, what is said of a side holds for the other";
+
+static enum status believe(struct joint_samples *s, enum joints_csv_axes said)
+{
+    static const struct turn from_room = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}},
+                             mirrored = {{{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    if (said == JOINTS_CSV_ROOM)
+        apply(s, &from_room);
+    const struct up up = find_up(s);
+    static const double LIES = 0.5;                                  // a cosine: 60 degrees from up; by hand
+    const double above = up.share >= UPRIGHT_SHARE ? -up.axis.y : 1; // cosine
+    if (handedness(s, false) < 0) {
+        joint_note(&s->notes, "%s", backwards);
+        const struct turn turn = above < NEAR_UP ? turn_for(nearest_axis(up.axis), true) : mirrored;
+        apply(s, &turn);
+    } else if (above < LIES) {
+        joint_note(&s->notes,
+                   "by its line '" JOINTS_CSV_MARK " %s' the person %s; if that is not so, take the line out",
+                   joints_csv_axes_names[said], above < -NEAR_UP ? "is upside down" : "lies");
+    }
+    if (said != JOINTS_CSV_ROOM)
+        joint_samples_level(s);
+    return OK;
+}
+
+static bool can_be_compared(const struct joint_samples *s)
+{
+    bool ever[JOINT_COUNT] = {0};
+    for (int64_t i = 0; i < s->count; i++)
+        for (int j = 0; j < JOINT_COUNT; j++)
+            ever[j] = ever[j] || known(&s->at[i].skeleton, (enum joint)j);
+    return (ever[JOINT_LEFT_HIP] && ever[JOINT_RIGHT_HIP]) || (ever[JOINT_LEFT_SHOULDER] && ever[JOINT_RIGHT_SHOULDER]);
+}
+
+// The direction that is to be made up. *up: an axis, where up is near one; what remains is a sensor's tilt, which
+// standing tells. False: it is not clear.
+static bool settle_up(const struct joint_samples *s, const struct up *found, struct vec3 *up)
+{
+    struct vec3 straight;
+    const bool stands_straight = joint_samples_standing(s, &straight) && v3_dot(straight, found->axis) >= NEAR_UP,
+               balanced = !stands_straight && 2 * found->standing > found->upright;
+    *up = stands_straight ? straight : found->axis;
+    const struct vec3 axis = nearest_axis(*up);
+    const bool near = balanced ? v3_dot(*up, axis) >= NEAR_BALANCE : is_camera(*up) || v3_dot(*up, axis) >= NEAR_AXIS;
+    if (near)
+        *up = axis;
+    return near || balanced || stands_straight;
+}
+
+static void note_axes(struct joint_samples *s, struct vec3 up, int hand)
+{
+    char words[60];
+    if (-up.y >= 1) {
+        if (hand < 0)
+            joint_note(&s->notes, "%s", backwards);
+        return;
+    }
+    const char *right_handed = hand ? "" : "; right-handed ones were taken for granted";
+    joint_note(&s->notes, "it does not say its axes; by the person's head and feet they are %s%s",
+               axis_words(up, words), hand < 0 ? ", and left-handed by the knees" : right_handed);
+}
+
+static enum status find_out(struct joint_samples *s, const char *path)
+{
+    struct vec3 axis;
+    const struct up up = find_up(s);
+    if ((double)up.upright < LEAST_UPRIGHT * (double)s->count)
+        return cannot_tell(path, "the person neither stands nor sits");
+    if (up.share < UPRIGHT_SHARE)
+        return cannot_tell(path, "the person is upright and upside down by turns");
+    if (!settle_up(s, &up, &axis))
+        return cannot_tell(path, "no axis points up or down, and the person never stands");
+    enum status status = is_camera(axis) ? OK : check_support(s, path, axis);
+    if (status != OK)
+        return status;
+    const int hand = handedness(s, true);
+    note_axes(s, axis, hand);
+    if (!(-axis.y >= 1) || hand < 0) {
+        const struct turn turn = turn_for(axis, hand < 0);
+        apply(s, &turn);
+    }
+    joint_samples_level(s);
+    return OK;
+}
+
+// Turns, and mirrors, samples in a file's axes into those of joint_samples.h. said: enum joints_csv_axes, as the file
+// says; -1: it does not. What it says is believed but for knees that would bend backwards; a person who
+// then lies or is upside down is only noted. What was found out is noted. The tilt that remains is taken out as
+// joint_samples_level() does, except in a room's axes. ERR_INPUT: nothing is said and it cannot be told; the sentence
+// says why. Samples without hips and shoulders, which no movement is made of, are left as they are.
+static enum status joint_axes_settle(struct joint_samples *s, const char *path, int said)
+{
+    if (!can_be_compared(s))
+        return OK;
+    return said >= 0 ? believe(s, (enum joints_csv_axes)said) : find_out(s, path);
+}
+
+// ---------------------------------------------------------------- joints csv reader
 
 static const char header[] = JOINTS_CSV_HEADER;
 

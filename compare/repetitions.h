@@ -13,7 +13,44 @@
 // what resembles the cycle far less than the other repetitions (walking off). Searched in 7.5 Hz, in the two
 // minutes that move most. Pure.
 #pragma once
+#include "compare/difference.h"
 #include "compare/alignment.h"
+#include "compare/score.h"
+
+// ---------------------------------------------------------------- pieces
+
+// What the alignment of two movements says about time: pieces of the reference that the attempt lacks, pieces it adds,
+// pauses, and its pace.
+
+enum piece_kind {
+    PIECE_MISSING,       // in A, not in B
+    PIECE_EXTRA,         // in B, not in A
+    PIECE_PAUSE,         // B waits where A goes on
+    PIECE_PAUSE_SKIPPED, // A waits where B goes on
+};
+
+struct piece {
+    enum piece_kind kind;
+    int32_t a_first, a_end, b_first, b_end; // frames; of a missing piece the b's are one place, of an extra one the a's
+    double turned_rad;                      // heading gained in the piece, in the movement that has it
+};
+
+struct pace {
+    struct piece *pieces; // malloc'ed, in B's order
+    int32_t piece_count;
+    double ratio;                           // seconds of A for one of B, at an even pace; 1: as fast; 0: unknown
+    double uneven_s;                        // root mean square of the deviations from that even pace
+    int32_t missing, extra;                 // frames in such pieces
+    int32_t a_first, a_end, b_first, b_end; // what is aligned
+};
+void pace_free(struct pace *p); // zeroed is fine; leaves it zeroed
+
+// Takes frames of B at its ends out of the timeline (NaN) that all show A's first or last aligned frame: getting into
+// position and out of it. ERR_MEMORY; *out is then zeroed.
+MUST_CHECK enum status pace_measure(const struct movement *a, const struct movement *b, uint16_t parts,
+                                    struct timeline *t, struct pace *out);
+
+// ---------------------------------------------------------------- repetitions
 
 struct repetition_span {
     int32_t first, end; // frames of the movement
@@ -30,6 +67,26 @@ void repetition_list_free(struct repetition_list *l); // zeroed is fine; leaves 
 // ERR_MEMORY; *out is then zeroed.
 MUST_CHECK enum status repetitions_find(const struct features *f, struct repetition_list *out);
 
-// Where `cycle` occurs in f, once or several times.
-MUST_CHECK enum status repetitions_of(const struct features *cycle, const struct features *f,
-                                      struct repetition_list *out);
+// ---------------------------------------------------------------- repetition judge
+
+// Every repetition of an attempt judged on its own, against the reference's repetitions, or against the reference
+// where that is one performance.
+
+struct judged_repetition {
+    struct repetition_span attempt, reference; // frames of B and A
+    struct score_terms terms;
+    double score;
+};
+
+struct judged_repetitions {
+    struct judged_repetition *at; // malloc'ed, in B's order
+    int32_t count;                // 0: B does not repeat anything
+    int32_t reference_count;      // repetitions of A; 1: it is one performance
+    double moved[PART_COUNT];     // how much A's repetitions move each part alike, rad; only where there are several
+};
+void judged_repetitions_free(struct judged_repetitions *r); // zeroed is fine; leaves it zeroed
+
+// Of the reference's repetitions (at most 12 are tried) each of B's is judged against the one that it resembles most.
+// prices: of the alignment. ERR_MEMORY; *out is then zeroed.
+MUST_CHECK enum status judge_repetitions(const struct movement *a, const struct movement *b, uint16_t parts,
+                                         const struct alignment_prices *prices, struct judged_repetitions *out);

@@ -138,7 +138,7 @@ enum status ply_points_read(const char *path, float (**out)[3], int *count)
     long kept = 0;
     float(*points)[3] = whole ? malloc((size_t)(h.vertices + 1) * sizeof *points) : NULL;
     if (!points)
-        status = whole ? fail(ERR_MEMORY, "out of memory") : ends_early(path);
+        status = whole ? fail(ERR_MEMORY, "no memory for the points of a PLY file") : ends_early(path);
     for (long i = 0; status == OK && i < h.vertices; i++) {
         if (!read_vertex(&h, &at, end, points[kept]))
             status = ends_early(path);

@@ -1,7 +1,7 @@
 #include "locate/camera_tracker.h"
 
 #include "base/clamp.h"
-#include "locate/pose_kalman.h"
+#include "locate/pose_fusion.h"
 
 #include <stdlib.h>
 #include <string.h>

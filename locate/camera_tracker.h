@@ -1,6 +1,6 @@
 // Tracks a camera in a place from image to image: each image is searched where the earlier ones predict tags and
 // landmarks, which is much cheaper than localisation from scratch, and the measured pose updates a constant-velocity
-// Kalman filter (locate/pose_kalman.h). Where tracking fails, the camera is localised from scratch (locate/locator.h).
+// Kalman filter (locate/pose_fusion.h). Where tracking fails, the camera is localised from scratch (locate/locator.h).
 //
 //     struct camera_tracker *tracker;
 //     struct camera_motion motion;

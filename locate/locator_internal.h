@@ -1,7 +1,7 @@
 // What the locator's files share: the place, the current image, and what is tracked into the next one.
 // Calls go downwards only:
-//     locator.c, localize.c -> tracking.c -> landmark_activation.c -> locator_tracks.c
-//     all of them -> locator_frame.c, rolling_shutter_detect.c, moved_tags.c, self_calibration.c
+//     locator.c, localize.c -> tracking.c -> tracking.c -> tracking.c
+//     all of them -> locator.c, locator.c, locator.c, locator.c
 #pragma once
 #include "locate/focal_estimate.h"
 #include "locate/klt_patch.h"
@@ -90,7 +90,6 @@ struct locator {
     struct shutter_motion expected;     // of the next image
 };
 
-// ---- locator_frame.c
 // Begins an image: its grey copy, the lens, and the velocity's prior.
 void locator_begin_frame(struct locator *l, const uint8_t *color);
 // Adds an observation of tag `which` of the place.
@@ -124,18 +123,15 @@ static inline bool locator_in_image(const struct lens *lens, struct vec3 p)
     return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
 }
 
-// ---- rolling_shutter_detect.c
 // Whether the tags of the current image fit no pose (`found` is the best; NULL: there is none) unless the rows of a
 // camera without a rolling shutter in its lens were read one after the other. If so, it has one from now on.
 bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tags, const struct pnp_solution *found);
 
-// ---- moved_tags.c
 // After an image localised from scratch: which of the observations are not where the place has their tags. points: how
 // many landmarks agree with the pose.
 void locator_vote_moved_tags(struct locator *l, const struct pnp_tag *tags, int points,
                              const struct pose *camera_from_world);
 
-// ---- self_calibration.c
 // Before an image: updates an uncertain focal length by the images so far. When it changes, all tracks are dropped.
 void locator_update_lens(struct locator *l);
 // After a tracked image: now and then its problem is added to the estimate of an uncertain focal length.
@@ -144,7 +140,6 @@ void locator_observe_focal(struct locator *l, const struct pose_problem *problem
 void locator_add_focal_variance(const struct locator *l, const struct pose_problem *problem,
                                 const struct pose *camera_from_world, double covariance[36]);
 
-// ---- locator_tracks.c
 // Where a point is in camera axes at the time when its row is read.
 struct vec3 locator_point_in_camera(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
                                     double time_s);
@@ -155,14 +150,12 @@ void locator_add_track(struct locator *l, int32_t point, struct vec3 world, cons
 // Removes track i; the last one takes its index.
 void locator_drop_track(struct locator *l, int i);
 
-// ---- landmark_activation.c
 // Features matched to landmarks become tracks, as far as there is space and none is near. found: of l->matches.
 void locator_add_landmark_tracks(struct locator *l, int found, const struct pose *camera_from_world);
 // Searches a small part of the image, where most is to be gained, for new landmarks.
 MUST_CHECK enum status locator_activate_landmarks(struct locator *l, const uint16_t *depth,
                                                   const struct pose *camera_from_world);
 
-// ---- tracking.c
 // After localising from scratch: starts tracks of what the image showed. agree: of l->matches; covariance: of the pose.
 void locator_start_tracks(struct locator *l, const struct pnp_tag *tags, int agree,
                           const struct pose *camera_from_world, const double covariance[36]);

@@ -15,7 +15,7 @@
 #include "locate/planar_pose.h"
 #include "locate/rolling_shutter.h"
 #include "locate/tag_corners.h"
-#include "locate/tag_depth.h"
+#include "locate/tag_model.h"
 
 enum { PNP_MAX_TAGS = 64 };
 

@@ -3,6 +3,9 @@
 // the tag's own: -1 .. 1 over the black square, v up; its white rim is one cell wide. Pure.
 #pragma once
 #include "platform/vision/tag_detector.h"
+#include "base/depth_noise.h"
+#include "locate/tag_corners.h"
+#include "base/lens.h"
 
 enum {
     TAG_RIM = TAG_CELLS + 2, // cells along a side with the white rim
@@ -43,3 +46,44 @@ struct tag_model {
 // *value and its derivatives at one pixel. inverse: of m->h. False: outside the tag's white rim.
 bool tag_model_predict(const struct tag_sensor *sensor, const struct tag_model *m, const double inverse[9],
                        const struct pixel_sample *s, double *value, double by[TAG_PARAMETERS]);
+
+// ---------------------------------------------------------------- tag depth
+
+// Depth samples inside a tag, and the noise of a depth sensor. Pure.
+
+enum { TAG_DEPTH_SAMPLES = 36 };
+
+// A depth sample inside a tag: its ray and its depth along z, metres.
+struct depth_sample {
+    double x, y, z; // the point is z * (x, y, 1), camera axes
+};
+
+struct tag_depth {
+    int32_t count;
+    double share; // weight of a sample against an independent one: far away, a whole tag falls on two or three of the
+                  // sensor's quantisation steps
+    struct depth_sample sample[TAG_DEPTH_SAMPLES];
+};
+
+// Samples up to TAG_DEPTH_SAMPLES pixels evenly spread inside the tag; pixels without depth and outliers of the tag's
+// plane are left out. depth: millimetres, of the same pixels as `lens`. out->count is 0 where fewer than 6 are left.
+void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
+                    struct tag_depth *out);
+
+// ---------------------------------------------------------------- mirrored tags
+
+// Whether a picture shows tags in a mirror: none is found in it, since no tag's mirror image is another tag, and they
+// are found in the picture turned over. What has no tag may be mirrored without anything to tell it.
+
+struct mirrored_tags;
+
+// For pictures of that size. ids: of the tags that count, copied; NULL: all tags do. ERR_MEMORY.
+MUST_CHECK enum status mirrored_tags_open(struct mirrored_tags **out, const struct lens *lens, const int32_t *ids,
+                                          int count);
+void mirrored_tags_close(struct mirrored_tags **m); // NULL is fine; sets *m = NULL
+
+// *shown: how many of the tags the picture shows in a mirror. 15 ms at 640 x 480. ERR_MEMORY.
+MUST_CHECK enum status mirrored_tags_look(struct mirrored_tags *m, const uint8_t *gray, int *shown);
+
+// The same of the picture as it is.
+MUST_CHECK enum status mirrored_tags_look_straight(struct mirrored_tags *m, const uint8_t *gray, int *shown);

@@ -3,7 +3,7 @@
 // The thing's own axes: origin in the middle of what its reference picture shows, on the side that is seen; x right and
 // y down in the picture, z away from the viewer. Metres.
 #pragma once
-#include "base/covariance.h"
+#include "base/linear_algebra.h"
 #include "base/geometry.h"
 #include "platform/files/image_file.h"
 

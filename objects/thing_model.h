@@ -1,9 +1,24 @@
 // A thing's reference picture prepared for recognition: which pixels show it, its size in metres, its texture at all
 // scales, its features. Made once, then only read. Memory: about 60 bytes a pixel and 0.3 KB a feature.
 #pragma once
-#include "objects/texture_pyramid.h"
+#include "base/status.h"
 #include "objects/thing.h"
 #include "platform/vision/scale_features.h"
+
+// ---------------------------------------------------------------- texture pyramid
+
+// Colour images at falling sizes, as floats. Pure but for memory; any thread may call.
+
+struct texture_level {
+    int width, height;
+    float *rgb; // 0..255
+};
+
+// Levels of a pyramid: each half the size of the one before, means of 2 x 2. level[0].rgb is there; the caller frees
+// all. ERR_MEMORY: those that could be made are there.
+MUST_CHECK enum status texture_pyramid(struct texture_level *level, int levels);
+
+// ---------------------------------------------------------------- thing model
 
 enum { MODEL_LEVELS = 6, MODEL_CHANNELS = 2, MODEL_MOST_FEATURES = 700, SAMPLES_MOST = 900 };
 

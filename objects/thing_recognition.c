@@ -2,7 +2,7 @@
 
 #include "base/linear_algebra.h"
 #include "base/portable_math.h"
-#include "objects/thing_matches.h"
+#include "objects/thing_map.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,12 +1,48 @@
 // Looking for known things in pictures of a single camera whose poses are known: views of a place, or a camera that was
-// localised in one. Distance from depth where there is any (thing_depth.h), else from the things' size; what a thing's
+// localised in one. Distance from depth where there is any (thing_map.h), else from the things' size; what a thing's
 // shape and size are is learnt from all pictures together before any is believed.
 //
 // Memory: 3 bytes a pixel of each picture in which something was found from a viewpoint of its own, 0.1 m or 7 degrees
 // from where it was found before, and 2 of its depth.
 #pragma once
-#include "objects/thing_depth.h"
 #include "objects/thing_map.h"
+#include "platform/sensors/source.h"
+
+// ---------------------------------------------------------------- sweep pictures
+
+// The pictures of a sweep, kept until their poses are known, so that things can be looked for in them afterwards.
+//
+// Memory: at most SWEEP_PICTURES_MOST pictures: the JPEG of each, and its depth at half the resolution (0.15 MB at
+// 640 x 480). Of a long sweep every second, fourth … is kept, counted from the first, as the mapper does.
+
+enum { SWEEP_PICTURES_MOST = 240 };
+
+struct sweep_picture {
+    int64_t time_ns;
+    uint8_t *jpeg;
+    size_t jpeg_bytes;
+    uint16_t *depth;  // of sweep_pictures.depth_lens; NULL: none
+    double sharpness; // share of the image's contrast that is between neighbouring pixels
+};
+
+struct sweep_pictures {
+    struct calibration calibration; // of the source
+    struct lens depth_lens;         // of the pictures' depth; width 0: there is none
+    struct sweep_picture pictures[SWEEP_PICTURES_MOST];
+    int count;
+    int64_t seen, stride; // frames with colour; of which every stride'th is kept
+};
+
+void sweep_pictures_start(struct sweep_pictures *s, const struct calibration *calibration);
+void sweep_pictures_free(struct sweep_pictures *s); // zeroed is fine
+
+// Copies what it needs. ERR_MEMORY.
+MUST_CHECK enum status sweep_pictures_add(struct sweep_pictures *s, const struct frame *frame);
+
+// Sharp enough to look for things: not blurred by motion, against the sharpest of the pictures just before and after.
+bool sweep_picture_is_sharp(const struct sweep_pictures *s, int picture);
+
+// ---------------------------------------------------------------- thing search
 
 struct thing_search;
 
@@ -15,7 +51,7 @@ MUST_CHECK enum status thing_search_open(struct thing_search **out, const struct
 void thing_search_close(struct thing_search **s); // NULL is fine
 
 // The thing was known to stand there before these pictures were taken; said before they are added. So that it can be
-// marked as gone: its place was in clear sight (thing_visibility.h) from three viewpoints or more in which depth shows
+// marked as gone: its place was in clear sight (thing_map.h) from three viewpoints or more in which depth shows
 // that it is empty, or twice as many in which something stands there, and the thing was recognised in none of them.
 void thing_search_expect(struct thing_search *s, int thing, const struct pose *world_from_thing,
                          const struct covariance3 *covariance);

@@ -1,8 +1,7 @@
 #include "recording/async_writer.h"
 
 #include "base/clock.h"
-#include "base/condition.h"
-#include "base/thread_priority.h"
+#include "base/threads.h"
 
 #include <pthread.h>
 #include <stdlib.h>

@@ -2,8 +2,20 @@
 // used by locate. World axes: z up, z = 0 on the floor, metres; x and y are the lowest-numbered tag's; without tags x
 // points to the right of the sweep's first view, and the origin is below it.
 #pragma once
+#include "recording/skeleton.h"
 #include "base/lens.h"
 #include "base/status.h"
+
+// ---------------------------------------------------------------- pose score
+
+// How well a pose shows the body: what the representative frame of a take is chosen by.
+// Method: Dayrit et al. 2014 [D14], section 4.1, equations 2 and 3.
+
+// Equation 3, E: larger is better, at least 0. Arms that are not known add nothing; corrected for the side that faces
+// the camera. Pure.
+double pose_score(const struct skeleton *skeleton);
+
+// ---------------------------------------------------------------- place
 
 // A square tag. Its axes: origin at its centre, x right, y up, z out of the wall towards the viewer, so its corners
 // are (-+side/2, -+side/2, 0).

@@ -1,7 +1,7 @@
 #include "recording/recorded_drive.h"
 
 #include "recording/little_endian.h"
-#include "recording/recording_change.h"
+#include "recording/recording_takes.h"
 #include "recording/recording_reader.h"
 
 enum { NUMBERS_BYTES = 3 * 8 + POSE_BYTES, PATH_POINT_BYTES = 3 * 8 };

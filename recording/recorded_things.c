@@ -2,7 +2,7 @@
 
 #include "base/text.h"
 #include "recording/little_endian.h"
-#include "recording/recording_change.h"
+#include "recording/recording_takes.h"
 #include "recording/recording_reader.h"
 #include "platform/network/address.h"
 

@@ -1,7 +1,7 @@
 // The things that stand in a recording's place and what is known of them; docs/format.md, table `thing`. Kept in the
 // file, so that it is there without the network.
 #pragma once
-#include "base/covariance.h"
+#include "base/linear_algebra.h"
 #include "recording/recording.h"
 
 struct recorded_thing {

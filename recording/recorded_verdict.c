@@ -2,7 +2,7 @@
 
 #include "base/text.h"
 #include "recording/prepared.h"
-#include "recording/recording_change.h"
+#include "recording/recording_takes.h"
 #include "recording/recording_reader.h"
 
 #include <stdarg.h>

@@ -1,9 +1,21 @@
 // The tables of a recording and the binary layout of their blobs, shared by writer, reader, verify and repair; internal
 // to this folder. docs/format.md specifies the same. Pure but for the last three functions.
 #pragma once
-#include "recording/recording.h"
-#include "platform/files/checksum.h"
 #include "platform/files/database.h"
+#include "recording/recording.h"
+#include "platform/files/compress.h"
+
+// ---------------------------------------------------------------- exact schema
+
+// Whether a file has exactly the tables that these programs make, as it must have to be written to: a rule in it of
+// another hand (ON CONFLICT REPLACE, UNIQUE, CHECK, DEFAULT, COLLATE, an index, a trigger, a computed column) decides
+// what a row that is added does to those that are there, or takes time without end.
+
+// Any order of the columns behind `id`, and older files' fewer columns, are good. ERR_CORRUPT, with a sentence that
+// names the first thing that is not as made; ERR_IO, ERR_MEMORY of reading.
+MUST_CHECK enum status exact_schema_check(struct database *db);
+
+// ---------------------------------------------------------------- recording schema
 
 enum {
     RECORDING_APPLICATION = 0x5265656e,           // "Reen", SQLite's application_id
@@ -72,8 +84,6 @@ enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_S
 // Columns that older files lack. `seal` is a CRC-32 over the row's id and crc (and what else is named below), so that a
 // damaged id is found: crc does not cover it.
 enum recording_table { TABLE_PLACE, TABLE_VIEW, TABLE_TAKE, TABLE_FRAME, TABLE_JOINT_ERROR, TABLE_IMAGE, TABLE_COUNT };
-// Whether files may lack the column.
-bool recording_column_is_optional(const char *table, const char *column);
 // Adds them, and the table joint_error, to a file that is opened to write.
 MUST_CHECK enum status recording_add_columns(struct database *db);
 // Opens SELECT of the table's columns below, then its optional ones (NULL where the file lacks them), then `tail`.
@@ -194,6 +204,6 @@ void recording_remove_files(const char *path);
 
 MUST_CHECK enum status recording_raise_schema(struct database *db); // of an older file that is added to
 MUST_CHECK enum status recording_make_tables(struct database *db);  // in an empty database
-// Checks that a file is a recording (exact_schema.c). ERR_FORMAT: another file type or a newer schema; ERR_CORRUPT:
+// Checks that a file is a recording (recording_schema.c). ERR_FORMAT: another file type or a newer schema; ERR_CORRUPT:
 // tables are missing, or it is opened to write and not exactly as made.
 MUST_CHECK enum status recording_check_tables(struct database *db);

@@ -1,7 +1,7 @@
 // The body's 16 joints (NiTE's 15 and the waist) and 11 parts, as capture and reenact name them. Left is the person's
 // own left. Pure.
 #pragma once
-#include "base/covariance.h"
+#include "base/linear_algebra.h"
 
 enum joint {
     JOINT_HEAD,
@@ -41,8 +41,8 @@ enum part {
 // Joint positions at one instant, metres. The axes are stated where a skeleton is used; in a recording they are the
 // colour camera's at that instant.
 //
-// covariance: of the position's error, in the same axes, as a Cholesky factor (base/covariance.h); all 0: not known, as
-// in recordings that were made before covariances were kept. Read and write it with the functions below.
+// covariance: of the position's error, in the same axes, as a Cholesky factor (base/linear_algebra.h); all 0: not
+// known, as in recordings that were made before covariances were kept. Read and write it with the functions below.
 //
 // confidence: 1 seen, 0.5 inferred (hidden, moved with the body), 0 unknown: the position is then meaningless and must
 // not be used. The tracker decides it from the covariance (confidence_of), and calls seen only what is likely right

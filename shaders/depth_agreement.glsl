@@ -2,7 +2,7 @@
 uniform highp sampler2D frame_depth;
 
 // Weight of the shown frame's own colour, 0 to 1: depth agreement (1 within 0.05 m of the expected depth, 0 from 0.09 m
-// on, as triangle_visibility.c) times visibility. s: frame_sample as avatar.vert has it.
+// on, as frame_layer.c) times visibility. s: frame_sample as avatar.vert has it.
 float depth_agreement(vec4 s)
 {
     vec4 depth = texture(frame_depth, s.xy);

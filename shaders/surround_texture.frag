@@ -1,5 +1,5 @@
 #version 300 es
-// View-dependent texture, as view_texture.c: a pixel's colour from the two pictures that saw its point from the smallest
+// View-dependent texture, as surround_view.c: a pixel's colour from the two pictures that saw its point from the smallest
 // angle, sharp and unoccluded, with weights that fade out before a picture leaves the blend (Buehler et al. 2001,
 // section 4). Looked for among the picture that gave the geometry and the three that would be best of the others if
 // nothing hid the point.

@@ -1,9 +1,8 @@
 #include "surround/capture_thread.h"
 
 #include "surround/picture/surround_mesh.h"
-#include "surround/surface_points.h"
-#include "base/queue.h"
-#include "base/thread_priority.h"
+#include "surround/surroundings.h"
+#include "base/threads.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -52,7 +51,7 @@ static void align(struct capture_thread *t, struct capture_job *job)
     if (status >= OK)
         status = (job->surface = calloc(1, sizeof *job->surface))
                      ? surface_points_gather(job->surface, &t->alignment->surface)
-                     : fail(ERR_MEMORY, "out of memory");
+                     : fail(ERR_MEMORY, "no memory for aligning captures");
     failure_keep(&job->failure, status);
 }
 
@@ -114,7 +113,7 @@ enum status capture_thread_open(struct capture_thread **out, struct depth_alignm
     struct capture_thread *t = calloc(1, sizeof *t);
     *out = t;
     if (!t)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for aligning captures");
     t->alignment = alignment;
     t->photo = photo;
     t->depth = *depth;
@@ -166,7 +165,7 @@ enum status capture_thread_put(struct capture_thread *t, const struct capture_jo
         return NOTHING;
     struct capture_job *own = malloc(sizeof *own);
     if (!own)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for aligning captures");
     *own = *job;
     own->surface = NULL;
     own->failure = (struct failure){0};

@@ -3,7 +3,7 @@
 // generation process"). The drawing thread puts jobs and takes what is done.
 #pragma once
 #include "surround/depth/dense_depth.h"
-#include "surround/photo_refinement.h"
+#include "surround/surroundings.h"
 
 struct capture_job {
     int number; // the caller's own

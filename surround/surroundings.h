@@ -4,12 +4,66 @@
 //
 // Determinate; uses up to `threads` threads inside a call. One caller at a time.
 #pragma once
-#include "surround/depth/point_colors.h"
-#include "surround/photo_refinement.h"
+#include "surround/alignment/depth_alignment.h"
+#include "surround/depth/dense_depth.h"
+#include "surround/picture/surround_picture.h"
+#include "surround/depth/depth_seeds.h"
 #include "surround/reading/surround_set.h"
-#include "surround/surface_points.h"
-#include "surround/view/exposure.h"
+#include "surround/view/view_merge.h"
 #include "surround/view/surround_view.h"
+
+// ---------------------------------------------------------------- surface points
+
+// The means of an alignment's voxels as points, to make depth of. Pure but for memory.
+
+struct surface_points {
+    float (*xyz)[3];
+    float *weights; // of each point; of 1 mm standard deviation: 1
+    int count;
+    size_t room;
+};
+
+// Replaces what is in *s. ERR_MEMORY.
+MUST_CHECK enum status surface_points_gather(struct surface_points *s, const struct voxel_map *map);
+void surface_points_free(struct surface_points *s); // what was zeroed, too
+struct world_points surface_points_world(const struct surface_points *s);
+
+// ---------------------------------------------------------------- photo refinement
+
+// Direct photometric evidence of a robot's pose: the points of a capture's depth have in its own picture the colour
+// that they have in earlier pictures (as in Engel et al. 2018, direct sparse odometry: brightness residuals of points
+// of known depth, here of the depth cameras). A picture's pixel is finer than a depth camera's noise, so that poses
+// drift less than by planes alone. Pure but for memory; one thread at a time.
+
+enum { PHOTO_REFERENCES = 8 };
+
+// A picture's brightness, smoothed by 3 x 3 pixels.
+struct photo_reference {
+    struct surround_picture shape; // without pixels of its own: size, lens, place
+    uint16_t *gray;                // sixteenths
+};
+
+struct photo_point {
+    float body[3]; // metres, the body's axes
+    float gray;    // in the capture's own picture
+};
+
+struct photo_refinement {
+    struct pose body_from_picture;                       // set by the caller
+    struct photo_reference references[PHOTO_REFERENCES]; // of earlier captures, newest first
+    struct photo_reference next;                         // of the capture in hand
+    struct photo_point *points;
+    int reference_count, point_count;
+};
+
+void photo_refinement_free(struct photo_refinement *r); // what was zeroed, too
+
+// depth_alignment_add, with the picture's evidence beside the planes'. The same statuses.
+MUST_CHECK enum status photo_alignment_add(struct photo_refinement *r, struct depth_alignment *alignment,
+                                           const struct surround_picture *picture, const struct depth_points *points,
+                                           struct pose odometry, struct pose *world_from_body);
+
+// ---------------------------------------------------------------- surroundings
 
 struct surroundings_options {
     double surface_m; // side of the voxels in which the captures' points are averaged, 0.02

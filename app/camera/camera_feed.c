@@ -1,14 +1,138 @@
 #include "app/camera/camera_feed.h"
 
 #include "app/camera/camera_localizer.h"
-#include "app/camera/mailbox.h"
-#include "app/camera/present_gap.h"
-#include "app/state/frame_skip.h"
+#include "app/state/frame_times.h"
 #include "base/clock.h"
+#include "base/threads.h"
 #include "platform/sensors/source_player.h"
 
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- mailbox
+
+struct mailbox {
+    pthread_mutex_t lock;
+    pthread_cond_t put;
+    void *item;
+    bool stopped;
+};
+
+enum status mailbox_open(struct mailbox **out)
+{
+    struct mailbox *m = *out = calloc(1, sizeof *m);
+    if (!m)
+        return fail(ERR_MEMORY, "no memory for images between threads");
+    pthread_mutex_init(&m->lock, NULL);
+    pthread_cond_init(&m->put, NULL);
+    return OK;
+}
+
+void mailbox_close(struct mailbox **m)
+{
+    if (*m) {
+        pthread_cond_destroy(&(*m)->put);
+        pthread_mutex_destroy(&(*m)->lock);
+        free(*m);
+    }
+    *m = NULL;
+}
+
+void *mailbox_put(struct mailbox *m, void *item)
+{
+    pthread_mutex_lock(&m->lock);
+    void *untaken = m->item;
+    m->item = item;
+    pthread_cond_signal(&m->put);
+    pthread_mutex_unlock(&m->lock);
+    return untaken;
+}
+
+void *mailbox_take(struct mailbox *m, bool wait)
+{
+    pthread_mutex_lock(&m->lock);
+    while (wait && !m->item && !m->stopped)
+        pthread_cond_wait(&m->put, &m->lock);
+    void *item = m->stopped ? NULL : m->item;
+    if (item)
+        m->item = NULL;
+    pthread_mutex_unlock(&m->lock);
+    return item;
+}
+
+bool mailbox_full(struct mailbox *m)
+{
+    pthread_mutex_lock(&m->lock);
+    bool waits = m->item;
+    pthread_mutex_unlock(&m->lock);
+    return waits;
+}
+
+void mailbox_stop(struct mailbox *m)
+{
+    pthread_mutex_lock(&m->lock);
+    m->stopped = true;
+    pthread_cond_broadcast(&m->put);
+    pthread_mutex_unlock(&m->lock);
+}
+
+// ---------------------------------------------------------------- present gap
+
+static const int64_t MAX_WAIT_NS = 50000000;
+
+struct present_gap {
+    pthread_mutex_t lock; // protects the fields below
+    pthread_cond_t changed;
+    int64_t count;
+};
+
+enum status present_gap_open(struct present_gap **out)
+{
+    struct present_gap *g = *out = calloc(1, sizeof *g);
+    if (!g)
+        return fail(ERR_MEMORY, "no memory for the gap between pictures");
+    pthread_mutex_init(&g->lock, NULL);
+    condition_open(&g->changed);
+    return OK;
+}
+
+void present_gap_close(struct present_gap **g)
+{
+    if (*g) {
+        pthread_cond_destroy(&(*g)->changed);
+        pthread_mutex_destroy(&(*g)->lock);
+        free(*g);
+    }
+    *g = NULL;
+}
+
+void present_gap_begin(struct present_gap *g)
+{
+    pthread_mutex_lock(&g->lock);
+    g->count++;
+    pthread_cond_broadcast(&g->changed);
+    pthread_mutex_unlock(&g->lock);
+}
+
+int64_t present_gap_count(struct present_gap *g)
+{
+    pthread_mutex_lock(&g->lock);
+    const int64_t count = g->count;
+    pthread_mutex_unlock(&g->lock);
+    return count;
+}
+
+void present_gap_wait(struct present_gap *g, int64_t count)
+{
+    const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
+    pthread_mutex_lock(&g->lock);
+    while (g->count <= count && condition_wait_until_ns(&g->changed, &g->lock, until_ns))
+        continue;
+    pthread_mutex_unlock(&g->lock);
+}
+
+// ---------------------------------------------------------------- camera feed
 
 // One waits to be localised, one to be drawn; each of the three threads holds at most two, while it exchanges them.
 enum { FEED_SLOTS = 8 };

@@ -1,7 +1,7 @@
 // The camera feed: the camera's images with their poses, from two threads of its own. One waits for images, one
 // localises the newest. Image and pose come as one frame, so that nothing is drawn into the image of another instant.
 // While the camera is lost, frames come without a pose (camera_localizer.h). Images that arrive faster than they can
-// be localised are dropped; so is one whose pose took so long that a newer image is better (frame_skip.h).
+// be localised are dropped; so is one whose pose took so long that a newer image is better (frame_times.h).
 //
 // A camera that fails is closed and opened again every second. A folder is played at the pace of its recording, in an
 // endless loop.
@@ -10,8 +10,50 @@
 // camera_feed_query and _suspend may be called from any thread. Memory: at most eight images, and two in the
 // relocalizer.
 #pragma once
+#include "base/status.h"
 #include "recording/place.h"
 #include "platform/sensors/dmabuf_image.h"
+
+// ---------------------------------------------------------------- mailbox
+
+// A slot for one item between two threads, newest wins: putting never waits, taking gets the newest item, and an item
+// that is replaced before it was taken goes back to the thread that puts.
+
+struct mailbox;
+
+MUST_CHECK enum status mailbox_open(struct mailbox **out); // ERR_MEMORY
+void mailbox_close(struct mailbox **m); // NULL is fine; neither thread may use it any more; an item in it is not freed
+
+// Returns the replaced item, which belongs to the caller again, or NULL.
+void *mailbox_put(struct mailbox *m, void *item);
+
+// Takes the item, or NULL. wait: blocks until there is one; NULL then means stopped.
+void *mailbox_take(struct mailbox *m, bool wait);
+
+// Whether an item is waiting.
+bool mailbox_full(struct mailbox *m);
+
+// From either thread: mailbox_take returns NULL from now on.
+void mailbox_stop(struct mailbox *m);
+
+// ---------------------------------------------------------------- present gap
+
+// The gap between two frames: from presenting one until drawing the next. A background computation that starts at the
+// beginning of a gap delays no frame if it ends within it. Any thread may call.
+
+struct present_gap;
+
+MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
+void present_gap_close(struct present_gap **g);                    // NULL is fine; no thread may be waiting
+
+void present_gap_begin(struct present_gap *g); // a frame has been presented
+
+// How many gaps have begun: the argument of a later present_gap_wait.
+int64_t present_gap_count(struct present_gap *g);
+// Blocks until more than `count` gaps have begun, at most 50 ms: maybe nothing is being drawn.
+void present_gap_wait(struct present_gap *g, int64_t count);
+
+// ---------------------------------------------------------------- camera feed
 
 struct camera_feed;
 
@@ -43,7 +85,7 @@ const struct camera_frame *camera_feed_latest(struct camera_feed *f);
 // camera lends none.
 struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *f);
 
-// A drawn frame has been handed to the display: a pending relocalisation may start (present_gap.h).
+// A drawn frame has been handed to the display: a pending relocalisation may start.
 void camera_feed_presented(struct camera_feed *f);
 
 struct camera_feed_state {

@@ -1,13 +1,13 @@
 // The camera's pose, image after image: the app's interface to tracking and relocalisation (locate/camera_tracker.h).
 // It survives a camera that is opened again and whose clock restarts.
 //
-// A camera that was tracked and is lost, or jumps, is relocalised on another thread (relocalizer.h); meanwhile images
-// come without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks until
-// the image is localised.
+// A camera that was tracked and is lost, or jumps, is relocalised on another thread (camera_localizer.c); meanwhile
+// images come without a pose. Where relocalisation was no help, or nothing was tracked before, localizer_locate blocks
+// until the image is localised.
 //
 // One thread calls.
 #pragma once
-#include "app/camera/present_gap.h"
+#include "app/camera/camera_feed.h"
 #include "locate/locator.h"
 
 struct camera_localizer;

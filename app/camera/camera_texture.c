@@ -1,6 +1,6 @@
 #include "app/camera/camera_texture.h"
 
-#include "platform/screen/gpu_import.h"
+#include "platform/screen/gpu.h"
 #include "reenact/render/yuv_to_rgb.h"
 
 #include <stdio.h>
@@ -32,7 +32,7 @@ enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu)
     *out = NULL;
     struct camera_texture *t = calloc(1, sizeof *t);
     if (!t)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the camera's image");
     t->gpu = gpu;
     t->can_import = gpu_can_import(gpu);
     enum status status = t->can_import ? yuv_to_rgb_open(&t->converter, gpu) : OK;
@@ -111,7 +111,7 @@ static enum status compare(struct camera_texture *t, const struct camera_frame *
     const size_t pixels = (size_t)frame->lens.width * (size_t)frame->lens.height;
     uint8_t *rgba = malloc(4 * pixels);
     if (!rgba)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the camera's image");
     enum status status = yuv_to_rgb_read(t->converter, rgba);
     size_t different = 0;
     for (size_t i = 0; i < pixels && status == OK; i++)

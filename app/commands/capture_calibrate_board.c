@@ -2,7 +2,7 @@
 #include "app/commands/commands.h"
 
 #include "capture/calibration/color_depth.h"
-#include "capture/calibration/printed_board.h"
+#include "capture/calibration/printed_tags.h"
 #include "platform/files/output.h"
 
 #include <stdio.h>

@@ -2,12 +2,11 @@
 // it.
 #include "app/commands/commands.h"
 
-#include "app/commands/source_frames.h"
+#include "app/commands/command.h"
 #include "capture/calibration/color_depth.h"
 #include "capture/calibration/lens_calibration.h"
-#include "capture/calibration/printed_board.h"
-#include "capture/calibration/readout.h"
-#include "locate/mirrored_tags.h"
+#include "capture/calibration/printed_tags.h"
+#include "locate/tag_model.h"
 #include "locate/tag_corners.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"

@@ -2,7 +2,7 @@
 #include "app/commands/capture_export.h"
 
 #include "platform/files/output.h"
-#include "reenact/avatar/avatar_store.h"
+#include "reenact/avatar/avatar.h"
 #include "reenact/export/actor_export.h"
 
 #include <stdlib.h>

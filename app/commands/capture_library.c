@@ -3,7 +3,6 @@
 
 #include "app/commands/take_summary.h"
 #include "capture/take_verdict.h"
-#include "base/html.h"
 #include "base/text.h"
 #include "platform/files/file.h"
 #include "platform/files/json.h"

@@ -1,9 +1,9 @@
 // reenact-capture map: maps the empty place from a sweep.
 #include "app/commands/commands.h"
 
-#include "app/commands/objects_search.h"
+#include "app/commands/capture_objects.h"
 #include "app/commands/place_input.h"
-#include "app/commands/source_frames.h"
+#include "app/commands/command.h"
 #include "base/clock.h"
 #include "base/text.h"
 #include "capture/mapping/map_advice.h"

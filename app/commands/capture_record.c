@@ -1,9 +1,8 @@
 // reenact-capture record: records a take of the actor.
 #include "app/commands/commands.h"
 
-#include "app/commands/coaching_line.h"
-#include "app/commands/place_input.h"
 #include "app/commands/take_summary.h"
+#include "app/commands/place_input.h"
 #include "capture/recorder.h"
 #include "capture/take_verdict.h"
 #include "platform/files/file.h"

@@ -5,8 +5,8 @@
 // returns the exit code: 0 success, 1 the input is at fault, 2 wrong usage.
 #pragma once
 #include "base/status.h"
-
 #include <argp.h>
+#include "platform/sensors/source.h"
 
 struct command {
     const char *name;
@@ -20,9 +20,6 @@ struct command {
 // least 8 MB.
 int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
                  int argc, char **argv);
-
-// The name that was probably meant by a mistyped one; NULL: none is near.
-const char *command_nearest(const char *word, const char *const *names, size_t count);
 
 // Says that there is no command or action (`what`) of that name, and which one was probably meant; returns 2.
 int command_unknown(const char *program, const char *what, const char *word, const char *const *names, size_t count);
@@ -129,3 +126,49 @@ struct progress_bar {
 void progress_bar_start(struct progress_bar *p, const char *what, int64_t total);
 void progress_bar_step(struct progress_bar *p); // one more done
 void progress_bar_end(struct progress_bar *p);  // clears the line
+
+// ---------------------------------------------------------------- source frames
+
+// A source's frames one by one, for commands that go through all of them. Main thread.
+
+struct source_frames {
+    struct source *source; // borrowed
+    const char *program;   // says each damaged frame on stderr, having cleared the bar; NULL: they are only counted
+    struct progress_bar *bar;
+    int64_t count, damaged;
+    char cut[200]; // why a live source failed before it was told to end: "the … was unplugged"; "": it did not
+};
+
+// OK: *out is the next frame; damaged ones are left out. NOTHING: the end, or Ctrl-C; or the source failed, but not
+// before its first frame: what it gave until then counts, and `cut` is to be said with the result. Errors of
+// source_next.
+MUST_CHECK enum status source_frames_next(struct source_frames *s, struct frame *out);
+
+// When the result is written. ERR_DEVICE with a sentence: it was cut short.
+MUST_CHECK enum status source_frames_end(const struct source_frames *s);
+
+// ---------------------------------------------------------------- picture count
+
+// What became of a camera's pictures, counted and said alike by all commands that look for the camera in a place. Every
+// picture is in one of the four.
+
+struct picture_count {
+    int64_t placed;
+    int64_t ambiguous;  // two poses fit nearly as well
+    int64_t not_placed; // nothing of the place was recognised
+    int64_t unreadable; // damaged, or of another size than the calibration's
+};
+
+// Fewer than half of those that could be read were placed.
+bool picture_count_is_few(const struct picture_count *c);
+
+// Counts a picture by the tracker's answer: OK, AMBIGUOUS, or nothing recognised.
+void picture_count_add(struct picture_count *c, enum status found);
+
+// "7 of 14 pictures placed, 1 ambiguous, 6 unreadable or of another size"; what there is none of is left out.
+enum { PICTURE_COUNT_BYTES = 160 };
+const char *picture_count_text(const struct picture_count *c, char out[PICTURE_COUNT_BYTES]);
+
+// "pictures", "placed", "ambiguous", "not_placed", "damaged".
+struct json;
+void picture_count_add_json(struct json *object, const struct picture_count *c);

@@ -1,6 +1,34 @@
 // The place of a recording, as the input of a command.
 #include "app/commands/place_input.h"
 
+#include <stdlib.h>
+
+// ---------------------------------------------------------------- filmed path
+
+enum status filmed_path_open(struct filmed_path *p, const struct place *place, const char *path)
+{
+    *p = (struct filmed_path){.lens = place->calibration.color};
+    struct lens *lens = &p->lens;
+    lens->k1 = lens->k2 = lens->p1 = lens->p2 = lens->k3 = lens->readout_s = lens->focal_sigma = 0;
+    enum status status = pose_list_read(path, &p->poses, &p->count);
+    if (status == OK)
+        status = filmed_room_open(&p->room, place, lens, NULL);
+    if (status != OK)
+        filmed_path_close(p);
+    return status;
+}
+
+void filmed_path_close(struct filmed_path *p)
+{
+    surroundings_close(&p->room);
+    free(p->poses);
+    *p = (struct filmed_path){0};
+}
+
+enum status filmed_path_draw(struct filmed_path *p, int i) { return surroundings_draw(&p->room, p->poses[i].pose); }
+
+// ---------------------------------------------------------------- place input
+
 typedef enum status read_place(struct recording *, struct place *);
 
 static enum status read_by(read_place *read, const char *path, struct place *out)

@@ -1,9 +1,8 @@
 // reenact locate: where a camera was in the place, image by image.
 #include "app/commands/commands.h"
 
-#include "app/commands/picture_count.h"
+#include "app/commands/command.h"
 #include "app/commands/place_input.h"
-#include "app/commands/source_frames.h"
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
 #include "base/text.h"

@@ -1,9 +1,8 @@
 // reenact render: draws a take into the images of a camera.
 #include "app/commands/commands.h"
 
-#include "app/commands/filmed_path.h"
-#include "app/commands/picture_count.h"
-#include "app/commands/source_frames.h"
+#include "app/commands/place_input.h"
+#include "app/commands/command.h"
 #include "locate/camera_tracker.h"
 #include "locate/picture_check.h"
 #include "base/clock.h"
@@ -14,7 +13,7 @@
 #include "platform/files/png.h"
 #include "platform/sensors/source.h"
 #include "platform/files/video.h"
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -250,7 +249,7 @@ static enum status open_run(struct render_run *r)
     r->rgb = malloc(pixels * 3);
     r->rgba = malloc(pixels * 4);
     if (!r->rgb || !r->rgba)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the picture");
     r->trajectory = open_memstream(&r->trajectory_text, &r->trajectory_bytes);
     if (!r->trajectory)
         return fail(ERR_MEMORY, "no memory for the trajectory");
@@ -441,7 +440,7 @@ static enum status write_stats(struct render_run *r)
     char *text = json_print(root);
     json_free(&root);
     if (!text)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the picture");
     char path[4096];
     snprintf(path, sizeof path, "%s/stats.json", r->arguments->out);
     enum status status = file_write(path, text, strlen(text));

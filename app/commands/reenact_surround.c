@@ -94,7 +94,7 @@ static enum status write_view(const struct surround_arguments *a, const struct s
     const size_t pixels = (size_t)layout.width * (size_t)layout.height;
     uint8_t *source = malloc(pixels * 3);
     if (!source)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the picture");
     for (size_t i = 0; i < pixels; i++)
         memset(source + 3 * i, view->source[i], 3);
     status = write_image(a, name, "_source.png", &layout, source);
@@ -189,7 +189,7 @@ static enum status write_stats(const struct surround_arguments *a, const struct 
     char *text = json_print(root);
     json_free(&root);
     if (!text)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the picture");
     char path[FILE_PATH_BYTES];
     enum status status = output_path(a, "stats", ".json", path);
     if (status == OK)

@@ -9,6 +9,7 @@
 #include "platform/screen/ui.h"
 #include "platform/screen/window.h"
 #include "surround/drive/drive_session.h"
+#include "app/ui/widgets.h"
 
 // Chosen by hand. The stick and a pad go up to the fastest, a key at a walking robot's pace: it knows no less.
 #define DRIVE_FASTEST_M_S   0.5
@@ -63,14 +64,14 @@ bool drive_controls_event(struct drive_controls *c, const struct window_event *e
 // Once before each command is sent, with what is known of the robot.
 void drive_controls_tick(struct drive_controls *c, const struct drive_readings *readings, int64_t now_ns);
 
-void drive_controls_stop(struct drive_controls *c, enum drive_halt why);
-
 // What is to be sent now.
 struct drive_command drive_controls_command(const struct drive_controls *c);
 
-// Where the stick stands, -1..1: to the right and downwards. False: no finger holds it.
-bool drive_controls_stick(const struct drive_controls *c, struct ui_point *stands);
-bool drive_controls_stop_is_held(const struct drive_controls *c);
+// ---------------------------------------------------------------- drive controls draw
 
-// Why the robot stands, for the operator; NULL: by nothing but that nothing is held.
-const char *drive_halt_sentence(enum drive_halt why);
+// The controls and the readings over the driver's picture: STOP, the stick, buttons with words, how
+// fast the robot is, how far off what is nearest, in the colour of its warning, how old the picture is, and why it
+// stands.
+
+void drive_controls_draw(const struct drive_controls *c, const struct drive_readings *readings,
+                         enum viewpoint viewpoint, bool map, const struct brush *b);

@@ -1,10 +1,10 @@
 // The recorded place in which a robot is driven, over the driver's map: its things with their bodies, names and where
 // they are with 95 %, its tags, and the actor as the first take that shows one begins. The robot is looked for there
-// while it drives (robot_place_finder.h); until it is found a line says so. Over the surroundings, not hidden by them:
+// while it drives (robot_place.h); until it is found a line says so. Over the surroundings, not hidden by them:
 // what is known is seen through walls, too. One thread, the GPU's.
 #pragma once
-#include "app/place/robot_place_finder.h"
-#include "app/viewer/room_things.h"
+#include "app/place/robot_place.h"
+#include "app/viewer/viewer_room.h"
 #include "surround/surroundings.h"
 
 struct drive_place {

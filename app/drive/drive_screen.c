@@ -1,6 +1,6 @@
 #include "app/drive/drive_screen.h"
 
-#include "app/drive/drive_controls_draw.h"
+#include "app/drive/drive_controls.h"
 #include "reenact/render/shaders.h"
 
 enum status drive_screen_open(struct drive_screen *s, struct gpu *gpu, struct drive_session *session, const char *file,

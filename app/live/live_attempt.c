@@ -1,7 +1,6 @@
 #include "app/live/live_attempt.h"
 
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
+#include "base/threads.h"
 #include "compare/findings.h"
 
 #include <math.h>

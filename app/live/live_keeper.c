@@ -1,8 +1,6 @@
 #include "app/live/live_keeper.h"
 
-#include "base/queue.h"
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
+#include "base/threads.h"
 #include "capture/body_radii.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"

@@ -1,6 +1,6 @@
 #include "app/live/live_sensor.h"
 
-#include "app/camera/mailbox.h"
+#include "app/camera/camera_feed.h"
 #include "base/clock.h"
 #include "platform/sensors/source_player.h"
 #include "recording/depth_picture.h"

@@ -1,9 +1,113 @@
 #include "app/place/robot_place.h"
 
 #include "base/portable_math.h"
+#include "base/threads.h"
 #include "locate/locator.h"
 
+#include <stdio.h>
 #include <stdlib.h>
+
+static enum status robot_place_open(struct robot_place **out, const struct place *place);
+static void robot_place_close(struct robot_place **r);
+static enum status robot_place_look(struct robot_place *r, const struct surround_picture *picture);
+static enum status robot_place_settle(const struct robot_place *r, struct pose *place_from_world);
+
+// ---------------------------------------------------------------- robot place finder
+
+// Once found, one of so many captures is looked at. Chosen by hand: they come about every half metre, and the robot's
+// own world drifts by millimetres in that.
+enum { SELDOM = 8 };
+
+struct robot_place_finder {
+    struct robot_place *place; // the thread's
+    int offered;               // captures there were when one was put last
+    struct worker_thread worker;
+
+    // Under its lock, which is never held while a picture is looked at:
+    struct surround_picture picture; // to be looked at
+    bool pending;
+    struct robot_place_answer answer;
+};
+
+static void note(struct robot_place_finder *f, enum status status, struct pose place_from_world)
+{
+    struct robot_place_answer *a = &f->answer;
+    a->looked++;
+    if (status == OK) {
+        a->state = ROBOT_PLACE_FOUND;
+        a->place_from_world = place_from_world;
+    } else if (a->state != ROBOT_PLACE_FOUND) { // once found it is kept
+        a->state = status == NOTHING ? ROBOT_PLACE_TOO_LITTLE : ROBOT_PLACE_FAILED;
+        snprintf(a->trouble, sizeof a->trouble, "%s", status == NOTHING ? "" : status_message());
+    }
+}
+
+static void *run(void *self)
+{
+    struct robot_place_finder *f = self;
+    thread_lower_priority();
+    pthread_mutex_lock(&f->worker.lock);
+    while (!f->worker.closing) {
+        if (!f->pending) {
+            pthread_cond_wait(&f->worker.changed, &f->worker.lock);
+            continue;
+        }
+        const struct surround_picture picture = f->picture;
+        pthread_mutex_unlock(&f->worker.lock);
+        struct pose place_from_world = POSE_IDENTITY;
+        enum status status = robot_place_look(f->place, &picture);
+        if (status == OK || status == ERR_SOLVER) // a solver that failed did so on this picture only
+            status = robot_place_settle(f->place, &place_from_world);
+        pthread_mutex_lock(&f->worker.lock);
+        note(f, status, place_from_world);
+        f->pending = false;
+    }
+    pthread_mutex_unlock(&f->worker.lock);
+    return NULL;
+}
+
+enum status robot_place_finder_start(struct robot_place_finder **out, const struct place *place)
+{
+    struct robot_place_finder *f = *out = calloc(1, sizeof *f);
+    if (!f)
+        return fail(ERR_MEMORY, "no memory for finding the robot's place");
+    worker_thread_open(&f->worker);
+    enum status status = robot_place_open(&f->place, place);
+    if (status == OK)
+        status = worker_thread_start(&f->worker, run, f, "to look for the robot in its place");
+    if (status != OK)
+        robot_place_finder_close(out);
+    return status;
+}
+
+void robot_place_finder_close(struct robot_place_finder **out)
+{
+    struct robot_place_finder *f = *out;
+    if (!f)
+        return;
+    worker_thread_close(&f->worker);
+    robot_place_close(&f->place);
+    free(f);
+    *out = NULL;
+}
+
+void robot_place_finder_update(struct robot_place_finder *f, const struct surround_picture *pictures, int count,
+                               struct robot_place_answer *out)
+{
+    pthread_mutex_lock(&f->worker.lock);
+    const enum robot_place_state state = f->answer.state;
+    const int due = f->offered + (state == ROBOT_PLACE_FOUND ? SELDOM : 1);
+    if (!f->pending && state != ROBOT_PLACE_FAILED && count >= due) {
+        f->picture = pictures[count - 1];
+        f->pending = true;
+        f->offered = count;
+        pthread_cond_signal(&f->worker.changed);
+    }
+    *out = f->answer;
+    pthread_mutex_unlock(&f->worker.lock);
+}
+
+// ---------------------------------------------------------------- robot place
 
 // Of a panorama TURNS pictures of FIELD radians overlap by a quarter; LEAST_PX: a side. Two agree within APART_M, which
 // is more than both maps drift, and APART_RAD. UPRIGHT: cosine of a tilt that no level floor has. Chosen by hand.
@@ -74,16 +178,18 @@ static bool agree(const struct fix *a, const struct fix *b)
     return fabs(turn_between(a->turn, b->turn)) < APART_RAD && portable_hypot(off.x, off.y) < APART_M;
 }
 
-enum status robot_place_open(struct robot_place **out, const struct place *place)
+// Borrows the place. ERR_MEMORY; *out is then NULL.
+static enum status robot_place_open(struct robot_place **out, const struct place *place)
 {
     struct robot_place *r = *out = calloc(1, sizeof *r);
     if (!r)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the robot's place");
     r->place = place;
     return OK;
 }
 
-void robot_place_close(struct robot_place **out)
+// NULL is fine
+static void robot_place_close(struct robot_place **out)
 {
     struct robot_place *r = *out;
     if (!r)
@@ -103,7 +209,8 @@ static enum status fit_locator(struct robot_place *r, const struct lens *lens)
     free(r->rgb);
     r->lens = *lens;
     r->rgb = malloc((size_t)lens->width * (size_t)lens->height * 3);
-    return r->rgb ? locator_open(&r->locator, r->place, lens, NULL) : fail(ERR_MEMORY, "out of memory");
+    return r->rgb ? locator_open(&r->locator, r->place, lens, NULL)
+                  : fail(ERR_MEMORY, "no memory for the robot's place");
 }
 
 static void add_fix(struct robot_place *r, struct pose world_from_cut, struct pose place_from_cut)
@@ -118,7 +225,9 @@ static void add_fix(struct robot_place *r, struct pose world_from_cut, struct po
     r->count += r->count < FIXES;
 }
 
-enum status robot_place_look(struct robot_place *r, const struct surround_picture *picture)
+// Localises what one picture shows: of a panorama six cuts, some tenths of a second. Of the newest two dozen panoramas
+// is kept where they are. ERR_INPUT, ERR_MEMORY, ERR_SOLVER: as locator_open and locator_localize.
+static enum status robot_place_look(struct robot_place *r, const struct surround_picture *picture)
 {
     const struct lens lens = lens_of(picture);
     enum status status = fit_locator(r, &lens);
@@ -134,7 +243,8 @@ enum status robot_place_look(struct robot_place *r, const struct surround_pictur
 }
 
 // The mean of the fixes that agree with the one with which most do.
-enum status robot_place_settle(const struct robot_place *r, struct pose *place_from_world)
+// From all pictures looked at. NOTHING: fewer than three cuts agree; *place_from_world is then untouched.
+static enum status robot_place_settle(const struct robot_place *r, struct pose *place_from_world)
 {
     const struct fix *fixes = r->fixes;
     int best = 0, most = 0;

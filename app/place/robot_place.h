@@ -9,15 +9,37 @@
 
 struct robot_place;
 
-// Borrows the place. ERR_MEMORY; *out is then NULL.
-MUST_CHECK enum status robot_place_open(struct robot_place **out, const struct place *place);
-void robot_place_close(struct robot_place **r); // NULL is fine
-// Localises what one picture shows: of a panorama six cuts, some tenths of a second. Of the newest two dozen panoramas
-// is kept where they are. ERR_INPUT, ERR_MEMORY, ERR_SOLVER: as locator_open and locator_localize.
-MUST_CHECK enum status robot_place_look(struct robot_place *r, const struct surround_picture *picture);
-// From all pictures looked at. NOTHING: fewer than three cuts agree; *place_from_world is then untouched.
-MUST_CHECK enum status robot_place_settle(const struct robot_place *r, struct pose *place_from_world);
-
 // The same of a whole drive, evenly over its pictures. Errors as robot_place_look, NOTHING as robot_place_settle.
 MUST_CHECK enum status robot_place_find(const struct surround_picture *pictures, int count, const struct place *place,
                                         struct pose *place_from_world);
+
+// ---------------------------------------------------------------- robot place finder
+
+// Looks for a robot in a recorded place while it drives, on a thread of its own with lower priority.
+// Until it is found, the newest capture is looked at whenever the thread is free; then one of several, so that what is
+// known gets better, at little cost. One thread calls; nothing waits for it.
+
+enum robot_place_state {
+    ROBOT_PLACE_WAITING,    // no capture has been looked at yet
+    ROBOT_PLACE_TOO_LITTLE, // those that were show too little of the place
+    ROBOT_PLACE_FOUND,      // from then on
+    ROBOT_PLACE_FAILED,     // and is not looked for any more
+};
+
+struct robot_place_finder;
+
+// Borrows the place. ERR_MEMORY, also: no thread; *out is then NULL.
+MUST_CHECK enum status robot_place_finder_start(struct robot_place_finder **out, const struct place *place);
+// NULL is fine; waits for the capture in work. Call it before the pictures are freed.
+void robot_place_finder_close(struct robot_place_finder **f);
+
+struct robot_place_answer {
+    enum robot_place_state state;
+    struct pose place_from_world; // FOUND
+    int looked;                   // captures so far
+    char trouble[256];            // FAILED: why
+};
+// Offers the captures taken so far, and says what is known by now. The pictures' colours are borrowed until the finder
+// is closed, the rest is copied.
+void robot_place_finder_update(struct robot_place_finder *f, const struct surround_picture *pictures, int count,
+                               struct robot_place_answer *out);

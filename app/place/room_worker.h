@@ -3,13 +3,15 @@
 // it is there, and what was asked for in between is left out.
 //
 // With hand_over it draws nothing, but makes the pictures' depth, the nearest to the viewpoint first, and hands them
-// over to be drawn by the graphics card (room_views.h).
+// over to be drawn by the graphics card.
 //
 // Memory: the views' pictures (3 bytes a pixel), depth for at most ROOM_DEPTHS of them (5 bytes a pixel), points 2 cm
 // apart, and three pictures as drawn. 40 views of 640 x 480: below 150 MB.
 #pragma once
 #include "reenact/scene/place_mesh.h"
 #include "surround/picture/surround_picture.h"
+#include "reenact/render/solid_renderer.h"
+#include "platform/screen/gpu.h"
 
 enum { ROOM_DEPTHS = 20 };
 
@@ -43,11 +45,6 @@ struct room_picture {
 // The newest, borrowed until the next call; NULL: none yet.
 const struct room_picture *room_worker_latest(struct room_worker *w);
 
-// With hand_over: a picture with its depth and mesh, in place of what the caller holds in *slot, 0..ROOM_DEPTHS - 1.
-// The caller closes it with room_worker_free_picture; its colours stay the worker's, until that is closed. False: none
-// is new.
-bool room_worker_take_picture(struct room_worker *w, int *slot, struct surround_picture *out);
-void room_worker_free_picture(struct surround_picture *p); // what was zeroed, too
 // The present gains of the pictures in those slots. Returns a number that grows when anything is new.
 int64_t room_worker_gains(struct room_worker *w, float gains[ROOM_DEPTHS][3]);
 
@@ -56,3 +53,37 @@ bool room_worker_take_mesh(struct room_worker *w, struct place_mesh *out);
 
 // Nothing is being worked on. views: of the place; 0: there is nothing to draw.
 bool room_worker_idle(struct room_worker *w, int *views);
+
+// ---------------------------------------------------------------- filmed layer
+
+// What the room worker drew last, shown from where the viewpoint is now: the picture itself where they are the same,
+// else bent over its own depth (reprojection), so that the viewpoint moves at the display's rate while new pictures
+// come more slowly. The GPU's thread.
+
+struct filmed_layer;
+MUST_CHECK enum status filmed_layer_open(struct filmed_layer **out, struct gpu *gpu);
+void filmed_layer_close(struct filmed_layer **f); // NULL is fine
+
+// Draws the picture into a texture of the lens's size, premultiplied, transparent where nothing was filmed; valid until
+// the next call. Costs nothing where nothing has changed. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status filmed_layer_draw(struct filmed_layer *f, struct solid_renderer *r,
+                                         const struct room_picture *picture, const struct lens *lens,
+                                         struct pose world_from_camera, const struct gpu_texture **out);
+
+// ---------------------------------------------------------------- room views
+
+// The filmed room drawn by the graphics card from where the viewpoint is now, of the pictures that the room worker has
+// handed over: nothing is bent and no slits open, however fast it moves. The GPU's thread.
+
+struct room_views;
+// ERR_DEVICE: this driver cannot; ERR_MEMORY.
+MUST_CHECK enum status room_views_open(struct room_views **out, struct gpu *gpu);
+// NULL is fine. Before the worker is closed.
+void room_views_close(struct room_views **v);
+
+// Draws into a texture of the lens's size, premultiplied, transparent where nothing was filmed; valid until the next
+// call; *out NULL: nothing has come yet. Costs nothing where nothing has changed. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status room_views_draw(struct room_views *v, struct room_worker *worker, const struct lens *lens,
+                                       struct pose world_from_camera, const struct gpu_texture **out);
+// Whether a picture waits for the next call, so that uploads do not hold up an image.
+bool room_views_more(const struct room_views *v);

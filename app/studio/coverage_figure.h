@@ -2,7 +2,7 @@
 #pragma once
 #include "app/ui/widgets.h"
 #include "capture/coaching/coverage.h"
-#include "capture/coaching/pose_advice.h"
+#include "capture/coaching/coach.h"
 
 // Four figures side by side: front, left, back, right. Grey: unseen; the accent colour: seen.
 void coverage_figure_draw(const struct brush *b, const struct coverage *c, struct ui_box box);

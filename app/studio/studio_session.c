@@ -1,6 +1,6 @@
 #include "app/studio/studio_session.h"
 
-#include "app/studio/studio_rate.h"
+#include "app/studio/studio_state.h"
 #include "app/studio/studio_sweep.h"
 #include "app/studio/studio_verdict.h"
 #include "app/studio/studio_wish.h"

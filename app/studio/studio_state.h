@@ -10,7 +10,25 @@
 // Discarding and trimming wait for STUDIO_UNDO_S, and for a take that is being made, before the file is changed: until
 // then they can be taken back. Leaving carries them out; a program that ends otherwise leaves the take as it was.
 #pragma once
+#include "platform/sensors/source.h"
 #include "base/status.h"
+
+// ---------------------------------------------------------------- studio rate
+
+// How much a take will take, before there is one: every two seconds one frame is coded as the recorder would code it.
+
+struct studio_rate {
+    struct depth_coder *coder;
+    int64_t measured_ns;
+    double frame_bytes;
+};
+
+// Costs some milliseconds where a measurement is due. Without memory the last one stays.
+void studio_rate_see(struct studio_rate *r, const struct frame *frame, const struct calibration *calibration,
+                     int64_t now_ns);
+void studio_rate_close(struct studio_rate *r);
+
+// ---------------------------------------------------------------- studio state
 
 enum studio_page {
     STUDIO_SENSORS,

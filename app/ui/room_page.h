@@ -3,7 +3,7 @@
 #pragma once
 #include "app/ui/figure_draw.h"
 #include "app/state/view_state.h"
-#include "app/ui/label_layout.h"
+#include "app/ui/thing_labels.h"
 #include "app/ui/layout.h"
 #include "recording/place.h"
 #include "recording/recorded_drive.h"

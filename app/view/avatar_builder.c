@@ -2,9 +2,8 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "base/parallel.h"
-#include "base/worker_thread.h"
-#include "reenact/avatar/avatar_store.h"
+#include "base/threads.h"
+#include "reenact/avatar/avatar.h"
 
 #include <stdatomic.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 // Gets a take's avatar (reenact/avatar/avatar.h) and the room's occluder mesh (reenact/scene/occluder_mesh.h) in the
 // background: on two threads, each with its own handle on the recording, which share the index of the take that is
-// being watched. The avatar that the recording keeps (avatar_store.h) is there immediately; else, once it may begin, a
+// being watched. The avatar that the recording keeps (avatar.h) is there immediately; else, once it may begin, a
 // simple one comes first, then the full one, which is then kept in the recording, where that can be written.
 #pragma once
 #include "reenact/avatar/avatar.h"

@@ -1,7 +1,6 @@
 #include "app/view/frame_prefetch.h"
 
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
+#include "base/threads.h"
 #include "base/clock.h"
 
 #include <stdlib.h>
@@ -133,14 +132,14 @@ enum status prefetch_start(struct frame_prefetch **out, const struct frame_prefe
 {
     struct frame_prefetch *a = *out = calloc(1, sizeof *a);
     if (!a)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for loading frames ahead");
     worker_thread_open(&a->worker);
     a->take = options->take;
     a->skeletons = options->skeletons;
     a->avatar = options->avatar;
     a->loading = NO_FRAME;
     a->path = strdup(options->path);
-    enum status status = a->path ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = a->path ? OK : fail(ERR_MEMORY, "no memory for loading frames ahead");
     if (status == OK)
         status = worker_thread_start(&a->worker, run, a, "to load frames ahead");
     if (status != OK)

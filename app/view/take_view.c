@@ -1,11 +1,11 @@
 #include "app/view/take_view.h"
 
 #include "app/view/frame_prefetch.h"
-#include "app/state/playback_predictor.h"
+#include "app/state/playback_clock.h"
 #include "app/view/avatar_builder.h"
 #include "base/clock.h"
 #include "reenact/skeleton/skeleton_track.h"
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -79,11 +79,11 @@ enum status take_view_open(struct take_view **out, struct gpu *gpu, const struct
     *out = NULL;
     struct take_view *s = calloc(1, sizeof *s);
     if (!s)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the take");
     s->gpu = gpu;
     s->inset_frame = s->awaited = -1;
     s->path = strdup(path);
-    enum status status = s->path ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = s->path ? OK : fail(ERR_MEMORY, "no memory for the take");
     if (status == OK)
         status = recording_open(&s->recording, path);
     if (status == OK)
@@ -275,7 +275,7 @@ static enum status draw_sources(struct take_view *s, int width, int height, stru
     uint8_t *colors = realloc(s->colors, 4 * pixels);
     s->colors = colors ? colors : s->colors;
     if (!codes || !colors)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the take");
     enum status status = renderer_read_source(s->renderer, codes);
     if (status != OK)
         return status;

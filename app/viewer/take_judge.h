@@ -1,7 +1,19 @@
 // Judges takes whose file keeps no verdict, on a thread of its own, so that nothing waits for it. The file is only
 // read: the verdict is the caller's to keep in memory.
 #pragma once
+#include <stdbool.h>
 #include "recording/recorded_verdict.h"
+
+// ---------------------------------------------------------------- viewer takes
+
+// The viewer's list of takes: its cards are completed, and those judged whose file keeps no verdict.
+
+struct viewer;
+
+// Call while the takes are listed. True: there are cards left to complete.
+bool viewer_takes_update(struct viewer *v);
+
+// ---------------------------------------------------------------- take judge
 
 struct take_judge;
 

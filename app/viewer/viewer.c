@@ -1,7 +1,7 @@
 #include "app/viewer/viewer.h"
 
-#include "app/ui/screenshot.h"
-#include "app/viewer/viewer_takes.h"
+#include "app/ui/view_compositor.h"
+#include "app/viewer/take_judge.h"
 #include "base/clock.h"
 #include "platform/files/file.h"
 #include "reenact/render/shaders.h"

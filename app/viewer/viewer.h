@@ -5,7 +5,7 @@
 #include "app/camera/camera_feed.h"
 #include "app/viewer/settings_file.h"
 #include "app/viewer/take_judge.h"
-#include "app/state/resolution_governor.h"
+#include "app/state/frame_times.h"
 #include "app/ui/input_map.h"
 #include "app/ui/take_list.h"
 #include "app/view/take_view.h"

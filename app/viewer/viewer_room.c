@@ -1,7 +1,68 @@
+#include "app/viewer/viewer_room.h"
+
 #include "app/viewer/viewer.h"
 
 #include <stdio.h>
 #include <stdlib.h>
+
+// ---------------------------------------------------------------- room things
+
+enum status room_things_open(struct room_things *out, struct recording *recording)
+{
+    *out = (struct room_things){0};
+    const enum status status = place_things_read(recording, &out->known);
+    if (status == ERR_MEMORY)
+        return status;
+    const size_t count = (size_t)out->known.count + 1;
+    out->shown = calloc(count, sizeof *out->shown);
+    out->solids = calloc(count, sizeof *out->solids);
+    out->opened = calloc(count, sizeof *out->opened);
+    if (!out->shown || !out->solids || !out->opened)
+        return fail(ERR_MEMORY, "no memory for what stands in the room");
+    for (int i = 0; i < out->known.count; i++) {
+        const struct place_thing *t = &out->known.things[i];
+        struct room_thing *s = &out->shown[i];
+        *s = (struct room_thing){.name = t->name,
+                                 .world_from_thing = t->world_from_thing,
+                                 .width_m = t->width_m,
+                                 .height_m = t->height_m,
+                                 .sigma_m = t->sigma_m,
+                                 .gone = t->gone};
+        covariance_ellipsoid(&t->covariance, s->ellipsoid);
+    }
+    return OK;
+}
+
+void room_things_close(struct room_things *t)
+{
+    for (int i = 0; i < t->known.count && t->solids; i++)
+        thing_solid_close(&t->solids[i]);
+    free(t->shown);
+    free(t->solids);
+    free(t->opened);
+    place_things_free(&t->known);
+    *t = (struct room_things){0};
+}
+
+// Its body; empty where that cannot be made: the thing stays an outline.
+static const struct thing_solid *room_things_solid(struct room_things *t, struct gpu *gpu, int i)
+{
+    if (!t->opened[i]) {
+        t->opened[i] = true; // once: what cannot be opened stays an outline
+        if (thing_solid_open(&t->solids[i], gpu, &t->known.things[i]) != OK)
+            t->solids[i] = (struct thing_solid){0};
+    }
+    return &t->solids[i];
+}
+
+void room_things_draw(struct room_things *t, struct gpu *gpu, struct solid_renderer *renderer,
+                      const struct solid_view *view)
+{
+    for (int i = 0; i < t->known.count; i++)
+        thing_solid_draw(room_things_solid(t, gpu, i), renderer, view, t->known.things[i].world_from_thing);
+}
+
+// ---------------------------------------------------------------- viewer room
 
 static const double PI = 3.14159265358979323846;
 // Chosen by hand. A moving viewpoint asks for a new picture of the room once it is so far from the one that was asked

@@ -2,10 +2,32 @@
 // map. What takes long runs on threads (room_worker, knowledge_asker); nothing here waits for them. Used by viewer.c
 // alone.
 #pragma once
-#include "app/place/filmed_layer.h"
-#include "app/place/room_views.h"
-#include "app/viewer/room_things.h"
+#include "app/place/place_things.h"
+#include "app/ui/room_page.h"
+#include "app/place/room_worker.h"
 #include "recording/recorded_drive.h"
+
+// ---------------------------------------------------------------- room things
+
+// A recording's things as a map shows them: what is drawn of each over it, and their bodies on the GPU. The GPU's
+// thread.
+
+struct room_things {
+    struct place_things known;
+    struct room_thing *shown;   // of each
+    struct thing_solid *solids; // of each, opened when first drawn
+    bool *opened;
+};
+
+// What of them is damaged is no error: there are none then. ERR_MEMORY; room_things_close is needed then, too.
+MUST_CHECK enum status room_things_open(struct room_things *out, struct recording *recording);
+void room_things_close(struct room_things *t); // zeroed is fine
+
+// All bodies, in the place's world.
+void room_things_draw(struct room_things *t, struct gpu *gpu, struct solid_renderer *renderer,
+                      const struct solid_view *view);
+
+// ---------------------------------------------------------------- viewer room
 
 struct viewer;
 struct viewer_surface;

@@ -2,7 +2,7 @@
 
 #include "base/depth_noise.h"
 #include "base/linear_algebra.h"
-#include "capture/calibration/stereo_circles.h"
+#include "capture/calibration/stereo_calibration.h"
 #include "platform/files/image_file.h"
 
 #include <stdlib.h>

@@ -1,10 +1,123 @@
 #include "capture/calibration/lens_calibration.h"
 
-#include "platform/vision/chequers.h"
+#include "base/linear_algebra.h"
 #include "platform/files/image_file.h"
+#include "platform/vision/chequers.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- readout
+
+// All chosen by hand.
+static const double LEAST_SPEED_PX = 200; // a second: a shear of a pixel for a tag of 100 rows read in 20 ms
+static const double MOST_SIGMA_S = 0.003, MOST_RMS_PX = 1.5, MOST_GAP_S = 0.12;
+enum { UNKNOWNS = 5 }; // constant, along x, along y, their product, readout
+
+void readout_add(struct readout *r, double time_s, int32_t id, const struct pixel corner[4])
+{
+    if (r->count == READOUT_MOST_FRAMES || (r->count && r->frames[0].id != id))
+        return;
+    struct readout_frame *f = &r->frames[r->count++];
+    f->time_s = time_s;
+    f->id = id;
+    for (int k = 0; k < 4; k++) {
+        const struct vec3 ray = lens_ray(&r->lens, corner[k]);
+        f->corner[k] = (struct pixel){r->lens.fx * ray.x, r->lens.fy * ray.y};
+    }
+}
+
+static struct pixel middle_of(const struct readout_frame *f)
+{
+    struct pixel m = {0, 0};
+    for (int k = 0; k < 4; k++)
+        m.x += f->corner[k].x / 4, m.y += f->corner[k].y / 4;
+    return m;
+}
+
+// The displacement of the top edge against the bottom one, and the row of unknowns' factors. False: at a gap.
+static bool equation(const struct readout *r, int i, double row[UNKNOWNS], double *shear, double *speed)
+{
+    const struct readout_frame *f = &r->frames[i];
+    if (i == 0 || i + 1 == r->count || r->frames[i + 1].time_s - r->frames[i - 1].time_s > MOST_GAP_S)
+        return false;
+    const struct pixel m = middle_of(f), before = middle_of(f - 1), after = middle_of(f + 1);
+    const double passed_s = (f + 1)->time_s - (f - 1)->time_s;
+    if (passed_s <= 0)
+        return false;
+    *speed = (after.x - before.x) / passed_s;
+    const double height = 0.5 * (f->corner[3].y + f->corner[2].y - f->corner[0].y - f->corner[1].y);
+    *shear = 0.5 * (f->corner[3].x + f->corner[2].x - f->corner[0].x - f->corner[1].x);
+    const double x = m.x / r->lens.fx, y = m.y / r->lens.fy, rows = height / (r->lens.height - 1);
+    const double factors[UNKNOWNS] = {1, x, y, x * y, *speed * rows};
+    memcpy(row, factors, sizeof factors);
+    return true;
+}
+
+enum status readout_solve(const struct readout *r, double *readout_s, struct readout_report *report)
+{
+    double n[UNKNOWNS * UNKNOWNS] = {0}, copy[UNKNOWNS * UNKNOWNS], g[UNKNOWNS] = {0}, row[UNKNOWNS], shear, speed;
+    double to_left = 0, to_right = 0, squares = 0, most = 0;
+    *report = (struct readout_report){.frames = 0};
+    for (int i = 0; i < r->count; i++) {
+        if (!equation(r, i, row, &shear, &speed))
+            continue;
+        report->frames++;
+        to_left = fmax(to_left, -speed);
+        to_right = fmax(to_right, speed);
+        most = fmax(most, fabs(row[4]));
+        for (int a = 0; a < UNKNOWNS; a++) {
+            g[a] += row[a] * shear;
+            for (int b = 0; b < UNKNOWNS; b++)
+                n[UNKNOWNS * a + b] += row[a] * row[b];
+        }
+    }
+    report->fastest_px_per_s = fmax(to_left, to_right);
+    if (report->frames < READOUT_LEAST_FRAMES)
+        return fail(ERR_INPUT,
+                    "the tag is in %d pictures one after the other; %d are needed: keep it in sight while the "
+                    "camera is swung left and right",
+                    report->frames, READOUT_LEAST_FRAMES);
+    if (fmin(to_left, to_right) < LEAST_SPEED_PX)
+        return fail(ERR_INPUT,
+                    "the camera was swung at %.0f pixels a second to the left and %.0f to the right; swing it "
+                    "faster, a turn of the wrist each way every second",
+                    to_right, to_left);
+    memcpy(copy, n, sizeof n);
+    double inverse[UNKNOWNS * UNKNOWNS];
+    // A tag that moves on a straight line leaves y and x y undetermined: a weak prior keeps them at 0.
+    for (int a = 1; a < 4; a++)
+        copy[UNKNOWNS * a + a] += 1e-6 * report->frames;
+    if (!invert_symmetric(copy, UNKNOWNS, inverse))
+        return fail(ERR_SOLVER, "the swing does not fix the read-out time");
+    double solution[UNKNOWNS] = {0};
+    for (int a = 0; a < UNKNOWNS; a++)
+        for (int b = 0; b < UNKNOWNS; b++)
+            solution[a] += inverse[UNKNOWNS * a + b] * g[b];
+    for (int i = 0; i < r->count; i++) {
+        if (!equation(r, i, row, &shear, &speed))
+            continue;
+        double off = shear;
+        for (int a = 0; a < UNKNOWNS; a++)
+            off -= row[a] * solution[a];
+        squares += off * off;
+    }
+    report->rms_px = sqrt(squares / report->frames);
+    report->sigma_s = report->rms_px * sqrt(inverse[UNKNOWNS * UNKNOWNS - 1]);
+    report->bend_px = most * fabs(solution[4]);
+    if (report->rms_px > MOST_RMS_PX || report->sigma_s > MOST_SIGMA_S)
+        return fail(ERR_INPUT,
+                    "the tag's shear fits a rolling shutter to %.1f pixels only; turn the camera without rolling "
+                    "it, before a tag that hangs flat",
+                    report->rms_px);
+    if (solution[4] < -3 * report->sigma_s || solution[4] > LENS_MAX_READOUT_S)
+        return fail(ERR_INPUT, "the pictures say a read-out of %.1f ms, which cannot be; are they upside down?",
+                    solution[4] * 1e3);
+    *readout_s = fmax(solution[4], 0);
+    return OK;
+}
+
+// ---------------------------------------------------------------- lens calibration
 
 // All chosen by hand.
 enum { LEAST_CIRCLES = 16 };

@@ -3,6 +3,7 @@
 // edge to edge.
 #pragma once
 #include "platform/files/page.h"
+#include "capture/calibration/stereo_calibration.h"
 
 enum paper { PAPER_A4, PAPER_LETTER };
 extern const char *const paper_names[2];
@@ -31,8 +32,20 @@ MUST_CHECK enum status printed_tags_draw(const struct printed_tags *wanted, stru
 // The list that `map --tags` reads, malloc'ed text. ERR_MEMORY.
 MUST_CHECK enum status printed_tags_list(const struct printed_tags *wanted, char **json);
 
-// Marks at the foot of every page: a ruler of 100 mm and what to do with it. Also used for boards.
-void printed_ruler(struct page *page, struct paper_size size);
-
 #define PRINT_MARGIN_MM 8.0  // that no printer reaches
 #define PRINT_FOOT_MM   14.0 // the ruler's strip above the lower margin
+
+// ---------------------------------------------------------------- printed board
+
+// Boards to print for calibration: dark circles in a lattice, chequers, and discs to cut out.
+
+// A page with the board of circles: as many of 20 mm pitch as the paper holds, and how many these are.
+struct stereo_board printed_board(enum paper paper);
+void printed_board_draw(enum paper paper, struct page *page);
+
+// The same of chequers: their inner corners.
+struct stereo_board printed_chequers(enum paper paper);
+void printed_chequers_draw(enum paper paper, struct page *page);
+
+// Pages of black discs of that radius, `count` of them, to be cut out.
+void printed_discs_draw(enum paper paper, int count, double radius_m, struct page *page);

@@ -1,7 +1,7 @@
 // Two cameras fixed to each other, calibrated from pairs of pictures of a printed board of circles.
 //
 // Method: each camera by itself from homographies (Zhang 2000) and Levenberg-Marquardt; then the pose between the two
-// on which the pairs agree (stereo_pairs.h); then all of it together. Each residual is the centroid of a whole disc's
+// on which the pairs agree (stereo_rig.h); then all of it together. Each residual is the centroid of a whole disc's
 // image (seven-point quadrature with the projection's area weights), because the image of a circle's centre is not the
 // centroid of its image (Heikkila 2000). Boards may be cut off: which of the lattice's equal places a camera saw
 // follows from the other camera. Pure but for memory; any thread may call.
@@ -9,10 +9,33 @@
 // By hand, because OpenCV 4.6 takes the image of a centre for the centroid of a disc, and is told which circle is
 // which. On 400 drawn sets of pairs (tests/capture/test_stereo_sets 200 of seeds 11 and 12) OpenCV, told that, is right
 // as often (always), with a mean error of the focal lengths of 0.118 % against 0.097 % here. Its stereoCalibrate gives
-// no covariance, and says nothing of pairs shuffled, exchanged or of two instants (stereo_judgement.h).
+// no covariance, and says nothing of pairs shuffled, exchanged or of two instants (stereo_calibration.c).
 #pragma once
-#include "base/covariance.h"
-#include "capture/calibration/stereo_circles.h"
+#include "base/lens.h"
+#include "base/linear_algebra.h"
+
+// ---------------------------------------------------------------- stereo circles
+
+// Dark circles of a printed board in a grey image: their centres to a few hundredths of a pixel and their places in the
+// board's lattice. The board may be cut off by the image's edge; a circle that touches the edge is left out.
+//
+// Method: pixels darker than their surroundings (box mean of an integral image), connected components, ellipses by
+// second moments, centroids weighted by darkness; the lattice grows from a circle with four regular neighbours. Pure;
+// any thread may call.
+
+struct circle {
+    struct pixel at; // centroid of the image of the disc, pixels; not the image of its centre
+    double area_px;  // pixels^2
+    int column, row; // lattice: (row's axis) lies clockwise of (column's axis) in the image; the origin is arbitrary
+};
+
+enum { STEREO_MOST_CIRCLES = 1024 };
+
+// gray: width * height bytes. Writes the largest lattice found, at most STEREO_MOST_CIRCLES circles, lattice
+// coordinates from 0 on; *count is their number, 0 for none. ERR_MEMORY.
+MUST_CHECK enum status stereo_circles_find(const uint8_t *gray, int width, int height, struct circle *out, int *count);
+
+// ---------------------------------------------------------------- stereo calibration
 
 struct stereo_board {
     int columns, rows;

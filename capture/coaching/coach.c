@@ -1,7 +1,421 @@
 #include "capture/coaching/coach.h"
 
+#include "base/depth_noise.h"
+#include "base/portable_math.h"
+
 #include <stdio.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- framing
+
+// All chosen by hand. A Kinect measures from 0.8 m, and a person of 1.8 m fits its picture from 2 m on; beyond 4.5 m
+// its depth is uncertain by 3 cm.
+static const double NEAR_M = 1.0, FAR_M = 4.5;
+static const double SOLE_M = 0.09, CROWN_M = 0.13; // below the ankle, above the head's joint, of an adult
+enum { MIN_PIXELS = 3 };                           // of the mask along an edge
+
+// Mask pixels on the rows or columns nearest to an edge, where the depth image has any.
+static int count_row(const struct lens *l, const uint8_t *mask, int y)
+{
+    int count = 0;
+    for (int x = 0; x < l->width; x++)
+        count += mask[y * l->width + x] != 0;
+    return count;
+}
+
+static int count_column(const struct lens *l, const uint8_t *mask, int x)
+{
+    int count = 0;
+    for (int y = 0; y < l->height; y++)
+        count += mask[y * l->width + x] != 0;
+    return count;
+}
+
+// The row of a point that lies `down_m` below a joint. Camera axes: y is down.
+static double row_of(const struct lens *l, struct pose depth_from_color, struct vec3 joint, double down_m)
+{
+    const struct vec3 p = pose_apply(depth_from_color, v3_add(joint, v3(0, down_m, 0)));
+    return p.z > 0.1 ? l->fy * p.y / p.z + l->cy : l->height;
+}
+
+static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+
+static struct framing framing_of(const struct framing_view *view)
+{
+    const struct lens *l = &view->calibration->depth;
+    const struct skeleton *s = view->skeleton;
+    const struct pose depth_from_color = pose_inverse(view->calibration->color_from_depth);
+    struct framing f = {.distance_m = 0};
+    bool low = false, high = false;
+    for (int side = 0; side < 2; side++) {
+        const enum joint foot = side ? JOINT_LEFT_FOOT : JOINT_RIGHT_FOOT;
+        low |= known(s, foot) && row_of(l, depth_from_color, s->joint[foot], SOLE_M) > l->height - 1;
+    }
+    high = known(s, JOINT_HEAD) && row_of(l, depth_from_color, s->joint[JOINT_HEAD], -CROWN_M) < 0;
+    // Registered depth may leave some rows at the edges empty: an edge counts within a hundredth of the picture.
+    const int margin_y = l->height / 100, margin_x = l->width / 100;
+    f.feet_outside = low || count_row(l, view->mask, l->height - 1 - margin_y) >= MIN_PIXELS;
+    f.head_outside = high || count_row(l, view->mask, margin_y) >= MIN_PIXELS;
+    f.side_outside = count_column(l, view->mask, margin_x) >= MIN_PIXELS ||
+                     count_column(l, view->mask, l->width - 1 - margin_x) >= MIN_PIXELS;
+    if (known(s, JOINT_WAIST)) {
+        f.distance_m = s->joint[JOINT_WAIST].z;
+        f.too_near = f.distance_m < NEAR_M;
+        f.too_far = f.distance_m > FAR_M;
+    }
+    return f;
+}
+
+// ---------------------------------------------------------------- scene watch
+
+// All chosen by hand.
+static const int STILL_FRAMES = 90;        // what has not moved for so long is background: 3 s at 30 Hz
+static const int SURE_FRAMES = 3;          // that show something farther than the background
+static const int FROZEN_FRAMES = 10;       // noise alone changes a live picture from frame to frame
+static const int PUSHED_FRAMES = 4;        // that agree
+static const int MOST_FRAMES = 3;          // that one view counts for: never is one alone believed
+static const double PUSHED_SHARE = 0.15;   // of the cells changed, and in three quarters of the picture ...
+static const double PUSHED_QUARTER = 0.08; // ... this share at least
+static const double PERSON_M2 = 0.12;      // a child's body that shows in part
+static const double PERSON_HEIGHT_M = 0.7; // lower things are chairs, bags, dogs
+static const double MIN_DEPTH_SHARE = 0.1;
+static const double DARK = 40, BRIGHT = 225; // grey levels
+
+void scene_watch_reset(struct scene_watch *w) { memset(w, 0, sizeof *w); }
+
+// Differences below this are noise or the edges of things, millimetres.
+static int tolerance_mm(int mm) { return 40 + (int)(4e3 * depth_sigma_m(mm * 1e-3)); }
+
+struct grid {
+    uint16_t depth[SCENE_CELLS];
+    bool actor[SCENE_CELLS]; // or beside it
+};
+
+static void sample(const struct scene_view *view, struct grid *g)
+{
+    const struct lens *l = &view->calibration->depth;
+    bool own[SCENE_CELLS];
+    for (int r = 0; r < SCENE_ROWS; r++)
+        for (int c = 0; c < SCENE_COLUMNS; c++) {
+            const int x = (2 * c + 1) * l->width / (2 * SCENE_COLUMNS), y = (2 * r + 1) * l->height / (2 * SCENE_ROWS);
+            const int i = y * l->width + x;
+            g->depth[r * SCENE_COLUMNS + c] = view->depth[i];
+            own[r * SCENE_COLUMNS + c] = view->mask && view->mask[i];
+        }
+    // Three cells about the actor's: what the mask leaves out of hands and hair.
+    enum { REACH = 3 };
+    memset(g->actor, 0, sizeof g->actor);
+    for (int r = 0; r < SCENE_ROWS; r++)
+        for (int c = 0; c < SCENE_COLUMNS; c++)
+            if (own[r * SCENE_COLUMNS + c])
+                for (int y = r < REACH ? 0 : r - REACH; y <= r + REACH && y < SCENE_ROWS; y++)
+                    for (int x = c < REACH ? 0 : c - REACH; x <= c + REACH && x < SCENE_COLUMNS; x++)
+                        g->actor[y * SCENE_COLUMNS + x] = true;
+}
+
+static bool is_frozen(struct scene_watch *w, const struct grid *g, int frames)
+{
+    const bool same = w->frames > 0 && !memcmp(g->depth, w->last, sizeof w->last);
+    w->same_frames = same ? w->same_frames + frames : 0;
+    return w->same_frames >= FROZEN_FRAMES;
+}
+
+static bool is_pushed(struct scene_watch *w, const struct grid *g, int frames)
+{
+    int all[4] = {0}, changed[4] = {0}, wide = 0;
+    for (int i = 0; i < SCENE_CELLS; i++) {
+        if (g->actor[i] || !g->depth[i] || !w->background[i])
+            continue;
+        const int quarter = 2 * (i / SCENE_COLUMNS >= SCENE_ROWS / 2) + (i % SCENE_COLUMNS >= SCENE_COLUMNS / 2);
+        const int off = (int)g->depth[i] - w->background[i];
+        all[quarter]++;
+        changed[quarter] += off > tolerance_mm(g->depth[i]) || off < -tolerance_mm(w->background[i]);
+    }
+    double sum = 0, sum_changed = 0;
+    for (int q = 0; q < 4; q++) {
+        sum += all[q];
+        sum_changed += changed[q];
+        wide += all[q] > 0 && changed[q] > PUSHED_QUARTER * all[q];
+    }
+    const bool moved = wide >= 3 && sum_changed > PUSHED_SHARE * sum;
+    w->moved_frames = moved ? w->moved_frames + frames : 0;
+    return w->moved_frames >= PUSHED_FRAMES;
+}
+
+static void learn(struct scene_watch *w, const struct grid *g, int frames)
+{
+    for (int i = 0; i < SCENE_CELLS; i++) {
+        const int z = g->depth[i];
+        if (!z)
+            continue;
+        const int off = z > w->last[i] ? z - w->last[i] : w->last[i] - z;
+        w->still[i] = (uint16_t)(w->last[i] && off < tolerance_mm(z) && w->still[i] < 60000 ? w->still[i] + frames : 0);
+        if (g->actor[i])
+            continue;
+        const int behind = z - w->background[i];
+        if (!w->background[i] || w->still[i] > STILL_FRAMES || (behind > tolerance_mm(z) && w->still[i] >= SURE_FRAMES))
+            w->background[i] = (uint16_t)z;
+        else if (behind > -tolerance_mm(z) && behind < tolerance_mm(z)) // its mean: a maximum would grow with the noise
+            w->background[i] = (uint16_t)(w->background[i] + behind / 4);
+    }
+}
+
+// The largest connected piece in front of the background, as a person would be: by flood fill on the grid.
+static bool shows_person(const struct scene_watch *w, const struct grid *g, const struct lens *l)
+{
+    bool front[SCENE_CELLS];
+    int16_t stack[SCENE_CELLS];
+    const double cell_w = (double)l->width / SCENE_COLUMNS / l->fx, cell_h = (double)l->height / SCENE_ROWS / l->fy;
+    for (int i = 0; i < SCENE_CELLS; i++)
+        front[i] = !g->actor[i] && g->depth[i] && w->background[i] &&
+                   g->depth[i] + 2 * tolerance_mm(w->background[i]) < w->background[i];
+    for (int start = 0; start < SCENE_CELLS; start++) {
+        int top = 0, first_row = SCENE_ROWS, last_row = 0;
+        double area = 0, depth = 0, count = 0;
+        if (!front[start])
+            continue;
+        front[start] = false;
+        stack[top++] = (int16_t)start;
+        while (top) {
+            const int i = stack[--top], r = i / SCENE_COLUMNS, c = i % SCENE_COLUMNS;
+            const double z = g->depth[i] * 1e-3;
+            area += z * z * cell_w * cell_h;
+            depth += z;
+            count++;
+            first_row = r < first_row ? r : first_row;
+            last_row = r > last_row ? r : last_row;
+            const int next[4] = {c ? i - 1 : i, c < SCENE_COLUMNS - 1 ? i + 1 : i, r ? i - SCENE_COLUMNS : i,
+                                 r < SCENE_ROWS - 1 ? i + SCENE_COLUMNS : i};
+            for (int k = 0; k < 4; k++)
+                if (front[next[k]]) {
+                    front[next[k]] = false;
+                    stack[top++] = (int16_t)next[k];
+                }
+        }
+        if (area >= PERSON_M2 && (last_row - first_row + 1) * cell_h * depth / count >= PERSON_HEIGHT_M)
+            return true;
+    }
+    return false;
+}
+
+static double mean_luma(const struct scene_view *view)
+{
+    const struct calibration *k = view->calibration;
+    const struct lens *l = &k->color;
+    double sum = 0, count = 0;
+    const bool masked = view->mask && k->registered && k->depth.width > 0;
+    for (int y = 4; y < l->height; y += 8)
+        for (int x = 4; x < l->width; x += 8) {
+            const uint8_t *rgb = view->color + 3 * (y * l->width + x);
+            if (masked && !view->mask[y * k->depth.height / l->height * k->depth.width + x * k->depth.width / l->width])
+                continue;
+            sum += 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
+            count++;
+        }
+    return count > 0 ? sum / count : -1;
+}
+
+static void scene_watch_next(struct scene_watch *w, const struct scene_view *view, struct scene_state *out)
+{
+    *out = (struct scene_state){.luma = -1};
+    if (view->color) {
+        out->luma = mean_luma(view);
+        out->dark = out->luma >= 0 && out->luma < DARK;
+        out->bright = out->luma > BRIGHT;
+    }
+    if (!view->depth)
+        return;
+    struct grid g;
+    int valid = 0;
+    const int frames = view->skipped < MOST_FRAMES ? view->skipped + 1 : MOST_FRAMES;
+    sample(view, &g);
+    for (int i = 0; i < SCENE_CELLS; i++)
+        valid += g.depth[i] != 0;
+    out->no_depth = valid < MIN_DEPTH_SHARE * SCENE_CELLS;
+    out->frozen = is_frozen(w, &g, frames) && !out->no_depth;
+    out->pushed = is_pushed(w, &g, frames);
+    if (out->pushed) { // everything is learned again
+        memset(w->background, 0, sizeof w->background);
+        memset(w->still, 0, sizeof w->still);
+        w->moved_frames = 0;
+    }
+    out->second_person = shows_person(w, &g, &view->calibration->depth);
+    if (!w->moved_frames)
+        learn(w, &g, frames);
+    memcpy(w->last, g.depth, sizeof w->last);
+    w->frames += frames;
+}
+
+// ---------------------------------------------------------------- pose advice
+
+static const double PI = 3.14159265358979323846;
+
+// All chosen by hand.
+enum { FACED_FRAMES = 3, FACED_REACH = 2 }; // a side was faced in so many frames, within two sectors: 45 degrees
+static const double TURN_SHARE = 0.02,
+                    POSE_SHARE = 0.02;    // of the surface: less is some dozens of pixels in the picture
+static const double LIFTED_COSINE = 0.6;  // of the upper arm against straight down: 53 degrees
+static const double SPREAD_COSINE = 0.94; // between the thighs: 20 degrees
+static const double PATIENCE_S = 8;
+static const double SOLE_COSINE = 0.5, SOLE_SEEN = 0.5; // of the shin against straight down; share of the sole
+enum { SOLE_TIMES = 10 };                               // a second, at one call in three frames
+
+static bool faced(const uint32_t facing[SURFACE_ANGLES], int sector)
+{
+    uint32_t frames = 0;
+    for (int k = -FACED_REACH; k <= FACED_REACH; k++)
+        frames += facing[(sector + k + SURFACE_ANGLES) % SURFACE_ANGLES];
+    return frames >= FACED_FRAMES;
+}
+
+static int sector_of(struct vec3 rest)
+{
+    const double angle = portable_atan2(rest.x, rest.y);
+    return (int)floor(angle / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES + 0.5) % SURFACE_ANGLES;
+}
+
+// Whether an unseen cell would show with lifted arms: the arms themselves and the trunk's sides.
+static bool needs_arms(int part, int angle)
+{
+    const bool side = fabs(portable_sin(surface_angle(angle))) > 0.5;
+    return (part >= PART_LEFT_UPPER_ARM && part <= PART_RIGHT_FOREARM) ||
+           ((part == PART_UPPER_TORSO || part == PART_LOWER_TORSO) && side);
+}
+
+static bool needs_legs(int part) { return part >= PART_LEFT_THIGH && part <= PART_RIGHT_SHIN; }
+
+// Unseen area by what would show it, as shares of the surface.
+struct missing {
+    double turn[SURFACE_ANGLES], turn_sum, arms, legs;
+};
+
+static struct missing missing_of(const struct coverage *c, const struct advisor *a)
+{
+    struct missing m = {.turn_sum = 0};
+    double all = 0;
+    for (int p = 0; p < SURFACE_PARTS; p++)
+        for (int h = 0; h < SURFACE_HEIGHTS; h++)
+            for (int k = 0; k < SURFACE_ANGLES; k++) {
+                const double area = coverage_cell_area(c, p, h, k);
+                const struct vec3 rest = surface_rest_direction(p, h, k);
+                const bool level = portable_hypot(rest.x, rest.y) > 0.7;
+                const int sector = sector_of(rest);
+                all += area;
+                if (area <= 0 || coverage_cell_seen(c, p, h, k))
+                    continue;
+                if (level && !faced(c->facing, sector)) {
+                    m.turn[sector] += area;
+                    m.turn_sum += area;
+                } else if (a && needs_arms(p, k) && !faced(a->lifted, sector)) {
+                    m.arms += area;
+                } else if (a && needs_legs(p) && !faced(a->spread, sector)) {
+                    m.legs += area;
+                }
+            }
+    for (int k = 0; k < SURFACE_ANGLES && all > 0; k++)
+        m.turn[k] /= all;
+    if (all > 0) {
+        m.turn_sum /= all;
+        m.arms /= all;
+        m.legs /= all;
+    }
+    return m;
+}
+
+double advisor_turn_share(const struct coverage *c) { return missing_of(c, NULL).turn_sum; }
+
+// By the mean of what is missing, seen from where the camera is now: a turn to the left by d brings the body's angle
+// (camera - d) before the camera. A turn once begun is kept, so that the advice does not swing.
+static enum pose_advice turn_advice(const struct advisor *a, const struct missing *m, double facing)
+{
+    double left = 0, right = 0; // what the first half turn to either side would show, the nearest first
+    for (int k = 0; k < SURFACE_ANGLES; k++) {
+        double d = facing - k * 2 * PI / SURFACE_ANGLES;
+        d -= 2 * PI * floor((d + PI) / (2 * PI));
+        if (d > 0)
+            left += m->turn[k] / (0.3 + d);
+        else
+            right += m->turn[k] / (0.3 - d);
+    }
+    if (a->last == ADVICE_TURN_LEFT)
+        left *= 4;
+    if (a->last == ADVICE_TURN_RIGHT)
+        right *= 4;
+    return left >= right ? ADVICE_TURN_LEFT : ADVICE_TURN_RIGHT;
+}
+
+static bool arm_lifted(const struct surface_pose *pose, int part)
+{
+    return pose->part[part].known && -v3_dot(pose->part[part].z, pose->up) < LIFTED_COSINE;
+}
+
+static void note_pose(struct advisor *a, const struct surface_pose *pose)
+{
+    const struct surface_frame *l = &pose->part[PART_LEFT_THIGH], *r = &pose->part[PART_RIGHT_THIGH];
+    const int sector =
+        (int)floor(coverage_facing(pose) / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES + 0.5) % SURFACE_ANGLES;
+    if (arm_lifted(pose, PART_LEFT_UPPER_ARM) && arm_lifted(pose, PART_RIGHT_UPPER_ARM))
+        a->lifted[sector]++;
+    if (l->known && r->known && v3_dot(l->z, r->z) < SPREAD_COSINE)
+        a->spread[sector]++;
+    // Down is the sensor's, which stands within some degrees of level.
+    for (int k = 0; k < 2; k++) {
+        const struct surface_frame *shin = &pose->part[k ? PART_RIGHT_SHIN : PART_LEFT_SHIN];
+        a->soles[k] += shin->known && shin->z.y < SOLE_COSINE;
+    }
+}
+
+// Whether a sole was turned to the side for a while and was not seen: then a picture from there has to show it.
+static bool needs_soles(const struct advisor *a, const struct coverage *c)
+{
+    for (int k = 0; k < 2; k++) {
+        const int foot = k ? SURFACE_RIGHT_FOOT : SURFACE_LEFT_FOOT;
+        double all = 0, seen = 0;
+        for (int h = 0; h < SURFACE_HEIGHTS; h++)
+            for (int angle = 0; angle < SURFACE_ANGLES; angle++) {
+                if (portable_cos(surface_angle(angle)) > -0.5) // a foot's own front is up
+                    continue;
+                const double area = coverage_cell_area(c, foot, h, angle);
+                all += area;
+                seen += coverage_cell_seen(c, foot, h, angle) ? area : 0;
+            }
+        if (a->soles[k] >= SOLE_TIMES && seen < SOLE_SEEN * all)
+            return true;
+    }
+    return false;
+}
+
+// A pose that is not taken is not asked for for ever.
+static enum pose_advice ask(struct advisor *a, enum pose_advice wanted, int64_t time_ns, bool *refused)
+{
+    if (a->last != wanted)
+        a->asked_ns = time_ns;
+    else if ((double)(time_ns - a->asked_ns) * 1e-9 > PATIENCE_S)
+        *refused = true;
+    return wanted;
+}
+
+enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns)
+{
+    struct surface_pose pose;
+    if (!surface_pose_of(s, &pose) || !pose.part[PART_UPPER_TORSO].known)
+        return a->last;
+    note_pose(a, &pose);
+    const struct missing m = missing_of(c, a);
+    enum pose_advice advice = ADVICE_ENOUGH;
+    if (m.turn_sum > TURN_SHARE)
+        advice = turn_advice(a, &m, coverage_facing(&pose));
+    else if (m.arms > POSE_SHARE && !a->lift_refused)
+        advice = ask(a, ADVICE_LIFT_ARMS, time_ns, &a->lift_refused);
+    else if (m.legs > POSE_SHARE && !a->spread_refused)
+        advice = ask(a, ADVICE_SPREAD_LEGS, time_ns, &a->spread_refused);
+    else if (!a->soles_refused && needs_soles(a, c))
+        advice = ask(a, ADVICE_SHOW_SOLES, time_ns, &a->soles_refused);
+    a->last = advice;
+    return advice;
+}
+
+// ---------------------------------------------------------------- coach
 
 // All chosen by hand.
 static const double RAISE_S = 0.4, CLEAR_S = 0.4;

@@ -7,10 +7,94 @@
 // A fault is raised when it has lasted 0.4 s and taken back when it has been gone as long, so that one bad frame says
 // nothing. Times are the frames' own.
 #pragma once
-#include "capture/coaching/framing.h"
-#include "capture/coaching/pose_advice.h"
-#include "capture/coaching/scene_watch.h"
+#include "base/lens.h"
+#include "recording/skeleton.h"
+#include "capture/coaching/coverage.h"
 #include "recording/recorded_verdict.h"
+
+// ---------------------------------------------------------------- framing
+
+// How the actor stands in the picture, from the mask: cut off at an edge, too near, too far. Pure.
+
+struct framing {
+    bool feet_outside, head_outside, side_outside, too_near, too_far;
+    double distance_m; // of the trunk, level; 0: unknown
+};
+
+struct framing_view {
+    const struct calibration *calibration;
+    const uint8_t *mask;             // of the depth image
+    const struct skeleton *skeleton; // colour camera's axes
+};
+
+// ---------------------------------------------------------------- scene watch
+
+// Watches the pictures of a sensor on a stand: another person who comes in, a sensor that was pushed, one that delivers
+// the same picture again and again, no depth, bad light. From a coarse grid of depth samples and their background.
+// Pure; no allocation; one frame takes some tens of microseconds.
+//
+// The background is the farthest depth that a grid cell has shown, outside the actor's mask; what stands in front of it
+// without moving for three seconds becomes background. Who is in the picture from the first frame on and does not move
+// is therefore not noticed.
+
+enum { SCENE_COLUMNS = 80, SCENE_ROWS = 60, SCENE_CELLS = SCENE_COLUMNS * SCENE_ROWS };
+
+struct scene_watch {
+    uint16_t background[SCENE_CELLS], last[SCENE_CELLS]; // millimetres; 0: unknown
+    uint16_t still[SCENE_CELLS];                         // frames since the cell last changed
+    int frames, same_frames, moved_frames;               // of the sensor
+};
+
+struct scene_view {
+    const struct calibration *calibration;
+    const uint8_t *color;  // RGB; NULL: none
+    const uint16_t *depth; // millimetres; NULL: none
+    const uint8_t *mask;   // not 0: the actor; NULL: no person
+    int skipped;           // frames of the sensor since the view before that nobody looked at
+};
+
+struct scene_state {
+    bool second_person, pushed, frozen, no_depth, dark, bright;
+    double luma; // mean grey level of the actor, else of the picture; -1: no colour
+};
+
+void scene_watch_reset(struct scene_watch *w);
+
+// ---------------------------------------------------------------- pose advice
+
+// What a person should do next so that more of the body is seen: turn, lift the arms, spread the legs, or nothing.
+// Pure.
+//
+// A side that the sensor has not faced yet is asked for by a turn. One that it has faced and yet not seen is hidden by
+// the body itself, so that a further turn would not show it: then a pose is asked for, and when that was held before
+// the same side, or was not taken for some seconds, no more. What is less than the picture shows is not asked for at
+// all.
+
+enum pose_advice {
+    ADVICE_ENOUGH,
+    ADVICE_TURN_LEFT, // of the person
+    ADVICE_TURN_RIGHT,
+    ADVICE_LIFT_ARMS,
+    ADVICE_SPREAD_LEGS,
+    ADVICE_SHOW_SOLES, // where the take shows them: who kneels, lies or kicks
+};
+
+struct advisor {
+    uint32_t lifted[SURFACE_ANGLES],
+        spread[SURFACE_ANGLES]; // as coverage.facing, with the arms lifted, the legs spread
+    enum pose_advice last;
+    int64_t asked_ns; // since when, for a pose
+    bool lift_refused, spread_refused, soles_refused;
+    int soles[2]; // how often the left, the right shin lay so that its sole faced the side
+};
+
+// After each coverage_add. The answer's reason is in c: cells unseen.
+enum pose_advice advisor_next(struct advisor *a, const struct coverage *c, const struct skeleton *s, int64_t time_ns);
+
+// Share of the surface that a turn would still show.
+double advisor_turn_share(const struct coverage *c);
+
+// ---------------------------------------------------------------- coach
 
 enum coach_fault {
     FAULT_FROZEN,      // the sensor repeats its picture

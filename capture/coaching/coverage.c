@@ -4,7 +4,221 @@
 
 #include <string.h>
 
+// ---------------------------------------------------------------- body surface
+
 static const double PI = 3.14159265358979323846;
+static const double TRUNK_M = 0.48; // neck to waist of an average adult, as the skeleton has them
+// A sample this much farther from every tube than its radius belongs to no part. Chosen by hand: loose clothes.
+static const double FAR_M = 0.12;
+
+// Radii of an average adult's clothed parts, metres, chosen by hand; and how far the surface reaches beyond both ends
+// of the bone, as shares of its length: the head joint is half-way up the head, the hand is the root of the palm.
+// flat: the trunk's depth over its width, by which its front and back face the front more than a tube's do.
+static const struct {
+    const char *name;
+    double radius_m, before, beyond, flat;
+} parts[SURFACE_PARTS] = {
+    [PART_HEAD] = {"head", 0.095, 0, 1.0, 1},
+    [PART_UPPER_TORSO] = {"chest", 0.14, 0.1, 0, 0.65},
+    [PART_LOWER_TORSO] = {"belly", 0.14, 0, 0.6, 0.7},
+    [PART_LEFT_UPPER_ARM] = {"left upper arm", 0.055, 0.15, 0, 1},
+    [PART_LEFT_FOREARM] = {"left forearm", 0.045, 0, 0.65, 1},
+    [PART_RIGHT_UPPER_ARM] = {"right upper arm", 0.055, 0.15, 0, 1},
+    [PART_RIGHT_FOREARM] = {"right forearm", 0.045, 0, 0.65, 1},
+    [PART_LEFT_THIGH] = {"left thigh", 0.085, 0, 0, 1},
+    [PART_LEFT_SHIN] = {"left shin", 0.06, 0, 0.1, 1},
+    [PART_RIGHT_THIGH] = {"right thigh", 0.085, 0, 0, 1},
+    [PART_RIGHT_SHIN] = {"right shin", 0.06, 0, 0.1, 1},
+    [SURFACE_LEFT_FOOT] = {"left foot", 0.05, 0.4, 1.0, 1},
+    [SURFACE_RIGHT_FOOT] = {"right foot", 0.05, 0.4, 1.0, 1},
+};
+
+const char *surface_part_name(int part) { return parts[part].name; }
+
+double surface_default_radius(int part) { return parts[part].radius_m; }
+
+double surface_angle(int angle) { return (angle + 0.5) * 2 * PI / SURFACE_ANGLES; }
+
+static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+
+static struct vec3 across(struct vec3 v, struct vec3 unit) { return v3_sub(v, v3_scale(unit, v3_dot(v, unit))); }
+
+// The trunk's axes from its joints; `weight` of the shoulders against the hips, since it may be twisted.
+static bool trunk_front(const struct skeleton *s, struct vec3 down, double weight, struct vec3 *left,
+                        struct vec3 *front)
+{
+    struct vec3 sum = v3(0, 0, 0);
+    if (known(s, JOINT_LEFT_SHOULDER) && known(s, JOINT_RIGHT_SHOULDER))
+        sum = v3_scale(v3_unit(v3_sub(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER])), weight);
+    if (known(s, JOINT_LEFT_HIP) && known(s, JOINT_RIGHT_HIP))
+        sum = v3_add(sum, v3_unit(v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP])));
+    sum = across(sum, down);
+    if (v3_length(sum) < 0.05)
+        return false;
+    *left = v3_unit(sum);
+    *front = v3_cross(down, *left);
+    return true;
+}
+
+// The frame of a bone whose front is the trunk's, carried over by the shortest rotation.
+static struct surface_frame frame_of(struct vec3 from, struct vec3 to, struct vec3 down, struct vec3 front, int part)
+{
+    struct surface_frame f = {.origin = from};
+    const struct vec3 along = v3_sub(to, from);
+    f.length = v3_length(along);
+    if (f.length < 0.02)
+        return f;
+    f.z = v3_unit(along);
+    const struct vec3 carried = part == PART_HEAD ? front : quat_rotate(quat_between(down, f.z), front);
+    f.y = v3_unit(across(carried, f.z));
+    f.x = part == PART_HEAD ? v3_cross(f.z, f.y) : v3_cross(f.y, f.z);
+    f.from = -parts[part].before * f.length;
+    f.to = (1 + parts[part].beyond) * f.length;
+    f.known = true;
+    return f;
+}
+
+// Elbow and knee: which way a bent limb turns about its own axis shows in the plane of its bend. Straight, it does not.
+static const struct hinge {
+    enum joint root, hinge, tip;
+    enum part upper, lower;
+    double sign; // +1: the tip swings to the front when the limb bends
+} hinges[] = {
+    {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM, 1},
+    {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM, 1},
+    {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, PART_LEFT_THIGH, PART_LEFT_SHIN, -1},
+    {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, PART_RIGHT_THIGH, PART_RIGHT_SHIN, -1},
+};
+
+static void turn_to(struct surface_frame *f, struct vec3 front, double share)
+{
+    f->y = v3_unit(across(v3_mix(f->y, front, share), f->z));
+    f->x = v3_cross(f->y, f->z);
+}
+
+// Blended in from 15 to 45 degrees of bend, as the direction becomes certain.
+static void turn_by_hinge(const struct hinge *h, struct surface_pose *out)
+{
+    struct surface_frame *upper = &out->part[h->upper], *lower = &out->part[h->lower];
+    if (!upper->known || !lower->known)
+        return;
+    const double bend = portable_acos(fmax(-1, fmin(1, v3_dot(upper->z, lower->z))));
+    const double share = fmin(fmax((bend - 0.26) / 0.52, 0), 1);
+    if (share <= 0)
+        return;
+    turn_to(upper, v3_scale(v3_unit(across(lower->z, upper->z)), h->sign), share);
+    turn_to(lower, v3_scale(v3_unit(across(upper->z, lower->z)), -h->sign), share);
+}
+
+static void add_foot(const struct skeleton *s, int part, const struct surface_frame *shin, enum joint ankle,
+                     struct surface_pose *out)
+{
+    if (!shin->known || !known(s, ankle))
+        return;
+    // The joint is the ankle; the foot points to the shin's front, 0.13 m to the ball of an average adult's.
+    const struct vec3 from = v3_add(s->joint[ankle], v3_scale(shin->z, 0.05 * out->scale)),
+                      to = v3_add(from, v3_scale(shin->y, 0.1 * out->scale));
+    struct surface_frame f = {.known = true, .origin = from, .z = shin->y, .length = v3_distance(from, to)};
+    f.y = v3_scale(shin->z, -1); // the instep is the front, the sole the back
+    f.x = v3_cross(f.y, f.z);
+    f.from = -parts[part].before * f.length;
+    f.to = (1 + parts[part].beyond) * f.length;
+    out->part[part] = f;
+}
+
+bool surface_pose_of(const struct skeleton *s, struct surface_pose *out)
+{
+    *out = (struct surface_pose){0};
+    if (!known(s, JOINT_NECK) || !known(s, JOINT_WAIST))
+        return false;
+    const struct vec3 trunk = v3_sub(s->joint[JOINT_WAIST], s->joint[JOINT_NECK]), down = v3_unit(trunk);
+    struct vec3 hip_left, hip_front;
+    if (v3_length(trunk) < 0.1 || !trunk_front(s, down, 4, &out->left, &out->front) ||
+        !trunk_front(s, down, 0.25, &hip_left, &hip_front))
+        return false;
+    out->known = true;
+    out->up = v3_scale(down, -1);
+    out->scale = v3_length(trunk) / TRUNK_M;
+    for (int p = 0; p < PART_COUNT; p++) {
+        const enum joint from = part_ends[p].from, to = part_ends[p].to;
+        const bool lower = p == PART_LOWER_TORSO || p >= PART_LEFT_THIGH;
+        if (known(s, from) && known(s, to))
+            out->part[p] = frame_of(s->joint[from], s->joint[to], down, lower ? hip_front : out->front, p);
+    }
+    for (size_t i = 0; i < COUNT_OF(hinges); i++)
+        turn_by_hinge(&hinges[i], out);
+    add_foot(s, SURFACE_LEFT_FOOT, &out->part[PART_LEFT_SHIN], JOINT_LEFT_FOOT, out);
+    add_foot(s, SURFACE_RIGHT_FOOT, &out->part[PART_RIGHT_SHIN], JOINT_RIGHT_FOOT, out);
+    return true;
+}
+
+// Signed distance of a point from a part's tube; *along: metres from the bone's first joint.
+static double tube_distance(const struct surface_frame *f, double radius, struct vec3 p, double *along)
+{
+    const struct vec3 v = v3_sub(p, f->origin);
+    *along = v3_dot(v, f->z);
+    const double at = fmin(fmax(*along, f->from + radius), fmax(f->to - radius, f->from + radius));
+    return v3_length(v3_sub(v, v3_scale(f->z, at))) - radius;
+}
+
+// The cell at this share of a part's length; what lies beyond an end is in the last cell there.
+static int height_of(double share)
+{
+    if (share <= 0)
+        return 0;
+    return share >= 1 ? SURFACE_HEIGHTS - 1 : (int)(share * SURFACE_HEIGHTS);
+}
+
+// The part whose tube is nearest to the point. False: it is far from all, as a thing in the hand is.
+static bool surface_hit_of(const struct surface_pose *pose, struct vec3 p, struct surface_hit *out)
+{
+    double best = FAR_M * pose->scale, best_along = 0;
+    int part = -1;
+    for (int k = 0; k < SURFACE_PARTS; k++) {
+        double along;
+        if (!pose->part[k].known)
+            continue;
+        const double off = tube_distance(&pose->part[k], parts[k].radius_m * pose->scale, p, &along);
+        if (off < best) {
+            best = off;
+            best_along = along;
+            part = k;
+        }
+    }
+    if (part < 0)
+        return false;
+    const struct surface_frame *f = &pose->part[part];
+    const struct vec3 radial = across(v3_sub(p, f->origin), f->z);
+    const double angle = portable_atan2(v3_dot(radial, f->x), v3_dot(radial, f->y));
+    const double share = (best_along - f->from) / (f->to - f->from);
+    out->part = part;
+    out->angle = (int)floor(angle / (2 * PI) * SURFACE_ANGLES + SURFACE_ANGLES) % SURFACE_ANGLES;
+    out->height = height_of(share);
+    out->radius_m = v3_length(radial);
+    // Near a rounded end the surface leans along the bone.
+    const double radius = parts[part].radius_m * pose->scale;
+    const double beyond = fmax(best_along - (f->to - radius), 0) + fmin(best_along - (f->from + radius), 0);
+    const bool rounded = part == PART_HEAD || part >= SURFACE_LEFT_FOOT;
+    const double wide = v3_dot(radial, f->x) * (1 - parts[part].flat * parts[part].flat);
+    out->outward = v3_unit(v3_add(v3_sub(radial, v3_scale(f->x, wide)), v3_scale(f->z, rounded ? beyond : 0)));
+    return true;
+}
+
+struct vec3 surface_rest_direction(int part, int height, int angle)
+{
+    const double a = surface_angle(angle), left = portable_sin(a), front = portable_cos(a);
+    if (part < PART_COUNT) {
+        const bool crown = part == PART_HEAD && height == SURFACE_HEIGHTS - 1;
+        return crown ? v3_unit(v3(0.5 * left, 0.5 * front, 1)) : v3(left, front, 0);
+    }
+    // A foot lies along the front; its own front is up.
+    if (height == SURFACE_HEIGHTS - 1)
+        return v3_unit(v3(0.5 * left, 1, 0.5 * front));
+    return v3(left, 0, front);
+}
+
+// ---------------------------------------------------------------- coverage
+
 static const int MOST_SAMPLES = 3000;
 // Pixels a metre of the colour image from which on a view is as fine as the picture shows: an actor of 1.75 m that
 // fills 400 lines of a tablet's 640 x 480. Chosen by hand.

@@ -1,7 +1,207 @@
 #include "capture/mapping/map_advice.h"
 
+#include "capture/mapping/map_frontend.h"
+#include "capture/mapping/map_internal.h"
+#include "locate/stream_turn.h"
+#include "platform/files/jpeg.h"
+
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
+
+// ---------------------------------------------------------------- map plausibility
+
+// Whether tags, depth and lens belong together. A wrong lens, depth in another unit and a wrong list all look like
+// wrong tags at first. What tells them apart: a lens fitted to the finished map; then the sides that the depth shows,
+// all by one factor; and depth that fits the tags only when it is mirrored.
+
+// ---------------------------------------------------------------- depth that is mirrored
+
+// All chosen by hand.
+enum { MOST_RATIOS = 4096, MIN_RATIOS = 24, MOST_TURN_PICTURES = 16 };
+// Depth of the right way round agrees with the tags' sizes to some hundredths. Another way is believed where it does
+// so, and the given one is this many times as far off.
+static const double TURNED_SPREAD = 0.06, TIMES_AS_FAR = 2.5;
+
+static int compare_doubles(const void *left, const void *right)
+{
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+static double median(double *values, int count)
+{
+    qsort(values, (size_t)count, sizeof *values, compare_doubles);
+    return values[count / 2];
+}
+
+// Depth over the distance that a tag's size tells, at the middle of its four quarters.
+static int add_ratios(const struct map *m, const struct map_frame *f, int32_t k, enum depth_turn turn, double *out,
+                      int count)
+{
+    const struct lens *lens = &m->calibration.color;
+    const double half = m->tags[f->tag_index[k]].side_m / 2;
+    struct pose two[2];
+    if (!planar_poses(2 * half, f->seen[k].ray, two))
+        return count;
+    for (int corner = 0; corner < 4 && count < MOST_RATIOS; corner++) {
+        const struct vec3 own = {corner % 2 ? half / 2 : -half / 2, corner / 2 ? half / 2 : -half / 2, 0};
+        const struct vec3 p = pose_apply(two[0], own);
+        struct pixel at = lens_project(lens, p);
+        if (turn == DEPTH_MIRRORED || turn == DEPTH_TURNED)
+            at.x = lens->width - 1 - at.x;
+        if (turn == DEPTH_FLIPPED || turn == DEPTH_TURNED)
+            at.y = lens->height - 1 - at.y;
+        const double z = feature_depth(lens, f->depth, at);
+        if (z > 0)
+            out[count++] = z / p.z;
+    }
+    return count;
+}
+
+// How far depth and tags are apart, a share: the median deviation of their ratio from its median. 1: not known.
+static double spread_of_depth(const struct map *m, enum depth_turn turn, double *ratios)
+{
+    int count = 0;
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; m->frames[i].depth && k < m->frames[i].seen_count; k++)
+            count = add_ratios(m, &m->frames[i], k, turn, ratios, count);
+    if (count < MIN_RATIOS)
+        return 1;
+    const double middle = median(ratios, count);
+    for (int i = 0; i < count; i++)
+        ratios[i] = fabs(ratios[i] / middle - 1);
+    return median(ratios, count);
+}
+
+// By the tags. False: too few of them show depth.
+static bool turn_by_tags(const struct map *m, enum depth_turn *best)
+{
+    double ratios[MOST_RATIOS], least, straight;
+    least = straight = spread_of_depth(m, DEPTH_STRAIGHT, ratios);
+    *best = DEPTH_STRAIGHT;
+    for (enum depth_turn turn = DEPTH_MIRRORED; turn < DEPTH_TURNS; turn++) {
+        const double spread = spread_of_depth(m, turn, ratios);
+        if (spread < least && spread < TURNED_SPREAD && straight < 1 && straight > TIMES_AS_FAR * spread) {
+            least = spread;
+            *best = turn;
+        }
+    }
+    return straight < 1;
+}
+
+// By the edges of some of the pictures that are kept, spread over the sweep.
+static enum status turn_by_edges(const struct map *m, enum depth_turn *best)
+{
+    const struct lens *lens = &m->calibration.color;
+    const int32_t step = m->frame_count / MOST_TURN_PICTURES + 1;
+    struct stream_turn seen = {.images = 0};
+    enum status status = OK;
+    uint8_t *rgb = malloc(lens_pixels(lens) * 3);
+    if (!rgb)
+        return fail(ERR_MEMORY, "no memory to compare colour and depth");
+    for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
+        const struct map_frame *f = &m->frames[i];
+        if (i < due || !f->jpeg || !f->depth)
+            continue;
+        due = i + step;
+        status = jpeg_decode(f->jpeg, f->jpeg_bytes, rgb, lens->width, lens->height);
+        if (status == OK)
+            status = stream_turn_add(&seen, &m->calibration, rgb, f->depth);
+        status = status == ERR_CORRUPT ? OK : status;
+    }
+    *best = stream_turn_judge(&seen);
+    free(rgb);
+    return status;
+}
+
+enum status map_check_depth_turn(const struct map *m)
+{
+    enum depth_turn turn;
+    if (!m->has_depth || !map_depth_usable(&m->calibration))
+        return OK;
+    const enum status status = turn_by_tags(m, &turn) ? OK : turn_by_edges(m, &turn);
+    if (status != OK || turn == DEPTH_STRAIGHT)
+        return status;
+    return fail(ERR_INPUT, "the depth pictures are %s against the colour pictures: film both the same way round",
+                depth_turn_text(turn));
+}
+
+// ---------------------------------------------------------------- lens and unit
+
+enum { LENS_ROUNDS = 12 };
+
+enum status map_judge(struct map *m, struct mapper_report *report)
+{
+    struct ba_lens fitted;
+    const enum status status = map_fit_lens(m, LENS_ROUNDS, &fitted);
+    if (status == ERR_SOLVER) // nothing can be told
+        return OK;
+    if (status != OK)
+        return status;
+    lens_judge(&fitted, &m->calibration.color, &report->lens);
+    const double longer = report->lens.fault != LENS_FITS ? (fitted.focal[0] + fitted.focal[1]) / 2 : 1;
+    report->depth_ratio = m->side_ratio / longer;
+    return OK;
+}
+
+// ---------------------------------------------------------------- of use or not
+
+// No sensor's scale, and no printer's, is off by so much; what is seen with such depth is elsewhere than what the tags
+// say. Chosen by hand.
+static const double MAX_RATIO = 1.25;
+// Depth that contradicts the tags by this much on average, and by so many times its noise, is of something else.
+static const double MAX_DEPTH_ERROR_M = 0.1, MAX_TIMES_NOISE = 4;
+// Of so many tags seen, less than one in ONE_IN is left.
+enum { MANY_TAGS = 4, ONE_IN = 2 };
+
+static bool most_tags_lost(const struct map *m)
+{
+    int lost = 0, all = 0;
+    for (int32_t t = 0; t < m->tag_count; t++) {
+        all += m->tags[t].mapped || m->tags[t].outlier;
+        lost += m->tags[t].outlier;
+    }
+    return all >= MANY_TAGS && ONE_IN * lost > all;
+}
+
+static enum status refuse_unit(double ratio)
+{
+    if (ratio > 0.6 && ratio < 1.6)
+        return fail(
+            ERR_INPUT,
+            "by the depth most tags are %.2f times as wide as the list says: measure the outer edge of the black "
+            "squares and correct the list of tags; if it is right, the depth's unit_m in calibration.json is "
+            "%.2f times too large",
+            ratio, ratio);
+    return fail(ERR_INPUT,
+                "the depth is %.4g times as far as the tags are by their size: divide its unit_m in "
+                "calibration.json by that, or else all sides in the list of tags are wrong",
+                ratio);
+}
+
+enum status map_check_use(const struct map *m, const struct mapper_report *r)
+{
+    char text[LENS_TEXT_BYTES];
+    const bool far_off = m->rms_m > MAX_DEPTH_ERROR_M && m->rms_m > MAX_TIMES_NOISE * m->expected_m;
+    const bool useless = far_off || most_tags_lost(m);
+    if (r->lens.fault != LENS_FITS && (r->lens.gross || useless))
+        return fail(ERR_INPUT,
+                    "%s, and such a map is of no use: calibrate the lens, or use the calibration.json that belongs to "
+                    "these pictures%s",
+                    lens_verdict_text(&r->lens, text),
+                    m->tag_count ? "; leave the list of tags as it is until then" : "");
+    if (r->depth_ratio > MAX_RATIO || (r->depth_ratio > 0 && r->depth_ratio < 1 / MAX_RATIO))
+        return refuse_unit(r->depth_ratio);
+    if (m->tag_count && far_off)
+        return fail(ERR_INPUT,
+                    "depth and tags contradict each other by %.0f mm: the depth pictures are not of the same view and "
+                    "time as the colour pictures, or not on their pixels",
+                    m->rms_m * 1e3);
+    return OK;
+}
+
+// ---------------------------------------------------------------- map advice
 
 static void say(struct map_advice *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
 static void say(struct map_advice *out, const char *format, ...)

@@ -1,10 +1,359 @@
 // Sets up bundle adjustment problems from the map and writes their solutions back; residuals of the result.
-#include "capture/mapping/map_internal.h"
-
 #include "base/linear_algebra.h"
+#include "capture/mapping/map_internal.h"
+#include "locate/rolling_shutter.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- map rolling shutter
+
+// Undoes the rolling shutter of a sweep: moves each observation to where the camera at the middle row's time would have
+// seen it. Inputs are the raw observation, the camera path through the neighbouring frames, and the depth of what was
+// seen in the present map, so the correction improves as the map does. Depth is assumed to be exposed with the colour
+// of its pixel.
+
+static const double MAX_GAP_S = 0.5; // between frames whose poses give a velocity. Chosen by hand
+
+enum { NEIGHBOURS = 2, MAX_PATH_SAMPLES = 2 * NEIGHBOURS + 1 };
+
+// The camera's motion around one frame: middle_from_camera at the times of the neighbouring frames; 6-vectors of
+// rotation vector (rad), then translation (m), in the axes of the middle row's camera.
+struct camera_path {
+    double time_s[MAX_PATH_SAMPLES]; // since the frame; the first is the frame itself, at 0
+    double at[MAX_PATH_SAMPLES][6];
+    int count;
+};
+
+static void add_path_sample(struct camera_path *c, const struct map_frame *f, const struct map_frame *other)
+{
+    struct pose p = pose_multiply(f->camera_from_world, pose_inverse(other->camera_from_world));
+    struct vec3 rotation = quat_to_rotation_vector(p.rotation);
+    const double at[6] = {rotation.x, rotation.y, rotation.z, p.translation.x, p.translation.y, p.translation.z};
+    c->time_s[c->count] = (double)(other->time_ns - f->time_ns) * 1e-9;
+    memcpy(c->at[c->count++], at, sizeof at);
+}
+
+// A hand-held camera that reverses within a few frames does not move uniformly while one of them is read out, so two
+// frames on each side are used. False: no usable neighbour.
+static bool camera_path_around(const struct map *m, int32_t i, struct camera_path *out)
+{
+    const struct map_frame *f = &m->frames[i];
+    out->count = 1;
+    out->time_s[0] = 0;
+    memset(out->at[0], 0, sizeof out->at[0]);
+    for (int side = -1; side <= 1; side += 2)
+        for (int n = 1; n <= NEIGHBOURS; n++) {
+            int32_t k = i + side * n;
+            if (k < 0 || k >= m->frame_count || !m->frames[k].placed)
+                break;
+            double gap_s = side * (double)(m->frames[k].time_ns - m->frames[k - side].time_ns) * 1e-9;
+            if (gap_s < m->calibration.color.readout_s / 2 || gap_s > MAX_GAP_S) // the first: a wrong time stamp
+                break;
+            add_path_sample(out, f, &m->frames[k]);
+        }
+    return out->count > 1;
+}
+
+// Lagrange polynomial through all samples.
+static void interpolate_path(const struct camera_path *c, double time_s, double out[6])
+{
+    memset(out, 0, 6 * sizeof *out);
+    for (int i = 1; i < c->count; i++) {
+        double share = 1;
+        for (int k = 0; k < c->count; k++)
+            if (k != i)
+                share *= (time_s - c->time_s[k]) / (c->time_s[i] - c->time_s[k]);
+        for (int j = 0; j < 6; j++)
+            out[j] += share * c->at[i][j];
+    }
+}
+
+// The point p, axes of the camera at the time of row `row`, in the axes of the camera at the middle row.
+static struct vec3 to_middle_row(const struct lens *lens, const struct camera_path *path, double row, struct vec3 p)
+{
+    double motion[6];
+    interpolate_path(path, shutter_row_time(lens, row), motion);
+    return v3_add(quat_rotate(quat_from_rotation_vector(v3(motion[0], motion[1], motion[2])), p),
+                  v3(motion[3], motion[4], motion[5]));
+}
+
+static void correct_tag(const struct map *m, struct map_frame *f, int32_t k, const struct camera_path *path)
+{
+    const struct lens *lens = &m->calibration.color;
+    const struct map_tag *tag = &m->tags[f->tag_index[k]];
+    const struct place_tag own = {.side_m = tag->side_m, .world_from_tag = tag->world_from_tag};
+    struct vec3 corner[4];
+    place_tag_corners(&own, corner);
+    for (int c = 0; c < 4 && tag->mapped; c++) {
+        struct vec3 ray = f->raw_seen[k].ray[c];
+        double z = pose_apply(f->camera_from_world, corner[c]).z;
+        struct vec3 p = to_middle_row(lens, path, lens_project(lens, ray).y, v3_scale(ray, z));
+        if (z > 0 && p.z > 0)
+            f->seen[k].ray[c] = v3_scale(p, 1 / p.z);
+    }
+    for (int i = 0; i < f->depths[k].count; i++) {
+        struct depth_sample s = f->raw_depths[k].sample[i];
+        struct vec3 ray = v3(s.x, s.y, 1);
+        struct vec3 p = to_middle_row(lens, path, lens_project(lens, ray).y, v3_scale(ray, s.z));
+        if (p.z > 0)
+            f->depths[k].sample[i] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z};
+    }
+}
+
+static void correct_feature(const struct map *m, const struct map_frame *f, struct map_feature *s,
+                            const struct camera_path *path)
+{
+    static const double FAR_M = 1e6; // where only the rotation counts
+    const struct lens *lens = &m->calibration.color;
+    double z = s->raw_depth;
+    if (!(z > 0))
+        z = s->point >= 0 ? pose_apply(f->camera_from_world, m->points[s->point].world).z : FAR_M;
+    struct vec3 p = to_middle_row(lens, path, s->raw_pixel.y, v3_scale(lens_ray(lens, s->raw_pixel), z));
+    if (!(z > 0) || !(p.z > 0))
+        return;
+    s->feature.at = lens_project(lens, p);
+    s->depth = s->raw_depth > 0 ? p.z : 0;
+}
+
+void map_undo_rolling_shutter(struct map *m)
+{
+    for (int32_t i = 0; m->calibration.color.readout_s > 0 && i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        struct camera_path path;
+        if (!f->placed || !camera_path_around(m, i, &path))
+            continue;
+        for (int32_t k = 0; k < f->seen_count; k++)
+            correct_tag(m, f, k, &path);
+        for (int32_t k = 0; k < f->feature_count; k++)
+            correct_feature(m, f, &f->features[k], &path);
+    }
+}
+
+// ---------------------------------------------------------------- map covariance
+
+// Covariances of landmarks and tags, and the mean viewing direction of landmarks. A landmark's covariance is the
+// inverse of the information of its own observations and depth samples, weighted as in the adjustment, with the cameras
+// constant. Tags are about ten times more accurate, so theirs come from the joint information of the whole adjustment.
+// 6-vectors of tags: rotation (rad), then translation (m), in the tag's axes; of the world's motion: the same, in world
+// axes.
+
+static const double ROBUST_SIGMAS = 3; // scale of the robust kernel, as in the adjustment
+
+struct landmark_information {
+    double information[9], cost, numbers;
+    struct vec3 from; // sum of unit vectors to the cameras, world axes
+    int32_t observations;
+};
+
+// Adds one observation of a landmark: whitened residuals and their Jacobian by its position.
+static void add_observation(struct landmark_information *k, const struct lens *lens, const struct map_frame *f,
+                            const struct map_feature *s, const struct place_landmark *point)
+{
+    struct vec3 p = pose_apply(f->camera_from_world, point->world), ray = lens_ray(lens, s->feature.at);
+    double rotation[3][3], c[3], rows[3][3], e[3] = {0};
+    quat_to_matrix(f->camera_from_world.rotation, rotation);
+    match_covariance(point, &s->feature, c);
+    double a = 1 / sqrt(c[0]), d = 1 / sqrt(c[2] - c[1] * c[1] / c[0]), b = -d * c[1] / c[0];
+    double x = p.x / p.z, y = p.y / p.z, depth = s->depth > 0 ? 1 / depth_absolute_sigma_m(s->depth) : 0;
+    double off_x = lens->fx * (x - ray.x), off_y = lens->fy * (y - ray.y);
+    for (int i = 0; i < 3; i++) {
+        double by_x = lens->fx / p.z * (rotation[0][i] - x * rotation[2][i]);
+        double by_y = lens->fy / p.z * (rotation[1][i] - y * rotation[2][i]);
+        rows[0][i] = a * by_x;
+        rows[1][i] = b * by_x + d * by_y;
+        rows[2][i] = depth * rotation[2][i];
+    }
+    e[0] = a * off_x;
+    e[1] = b * off_x + d * off_y;
+    e[2] = depth * (p.z - s->depth);
+    double chi2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2], slope = 1 / (1 + chi2 / (ROBUST_SIGMAS * ROBUST_SIGMAS));
+    for (int r = 0; r < 3; r++)
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++)
+                k->information[i * 3 + j] += slope * rows[r][i] * rows[r][j];
+    k->cost += slope * chi2;
+    k->numbers += s->depth > 0 ? 3 : 2;
+    k->from = v3_add(k->from, v3_unit(v3_sub(pose_inverse(f->camera_from_world).translation, point->world)));
+    k->observations++;
+}
+
+static void set_covariance(const struct landmark_information *k, struct place_landmark *point)
+{
+    static const int ROW[6] = {0, 0, 0, 1, 1, 2}, COLUMN[6] = {0, 1, 2, 1, 2, 2};
+    double covariance[9], spare = k->numbers - 3;
+    struct vec3 from = v3_scale(k->from, 1.0 / (k->observations ? k->observations : 1));
+    point->seen_from[0] = (float)from.x, point->seen_from[1] = (float)from.y, point->seen_from[2] = (float)from.z;
+    memset(point->covariance, 0, sizeof point->covariance);
+    if (!invert_symmetric(k->information, 3, covariance))
+        return;
+    // Residuals larger than one standard deviation of chi-square above its mean enlarge the covariance.
+    double grow = spare > 0 ? fmax(1, k->cost / (spare + sqrt(2 * spare))) : 1;
+    for (int i = 0; i < 6; i++)
+        point->covariance[i] = (float)(grow * covariance[ROW[i] * 3 + COLUMN[i]]);
+}
+
+enum status map_landmark_covariances(struct map *m)
+{
+    struct landmark_information *sums = calloc((size_t)m->point_count + 1, sizeof *sums);
+    if (!sums)
+        return fail(ERR_MEMORY, "no memory for the covariances of %d points", (int)m->point_count);
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
+            const struct map_feature *s = &f->features[n];
+            if (s->point >= m->held_points)
+                add_observation(&sums[s->point], &m->calibration.color, f, s, &m->points[s->point]);
+        }
+    }
+    for (int32_t i = m->held_points; i < m->point_count; i++)
+        set_covariance(&sums[i], &m->points[i]);
+    free(sums);
+    return OK;
+}
+
+// Jacobian of a small motion of a tag, in its own axes, by a small motion of the whole world. 6 x 6, row-major.
+static void tag_motion_by_world(const struct map_tag *tag, double out[36])
+{
+    double r[3][3];
+    const struct vec3 t = tag->world_from_tag.translation;
+    const double skew[3][3] = {{0, t.z, -t.y}, {-t.z, 0, t.x}, {t.y, -t.x, 0}}; // translation by rotation
+    quat_to_matrix(tag->world_from_tag.rotation, r);
+    memset(out, 0, 36 * sizeof *out);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            out[i * 6 + j] = out[(3 + i) * 6 + 3 + j] = r[j][i];
+            for (int k = 0; k < 3; k++)
+                out[(3 + i) * 6 + j] += r[k][i] * skew[k][j];
+        }
+}
+
+// Weight of a tag's k-th number in the fit of a common motion: rotations count as far as they move its corners.
+static double common_motion_weight(const struct map_tag *tag, int k)
+{
+    const double lever = tag->side_m / 2;
+    return k < 3 ? lever * lever : 1;
+}
+
+// normal += J^T W J of one tag.
+static void add_common_normal(const struct map_tag *tag, double normal[36])
+{
+    double jacobian[36];
+    tag_motion_by_world(tag, jacobian);
+    for (int k = 0; k < 6; k++)
+        for (int i = 0; i < 6; i++)
+            for (int j = 0; j < 6; j++) {
+                double weighted = common_motion_weight(tag, k) * jacobian[k * 6 + j];
+                normal[i * 6 + j] += jacobian[k * 6 + i] * weighted;
+            }
+}
+
+// The six columns of one tag: by = inverse J^T W. by: its first column; `stride` numbers to a row.
+static void set_common_columns(const struct map_tag *tag, const double inverse[36], double *by, int stride)
+{
+    double jacobian[36];
+    tag_motion_by_world(tag, jacobian);
+    for (int k = 0; k < 6; k++)
+        for (int i = 0; i < 6; i++)
+            for (int j = 0; j < 6; j++) {
+                double weighted = common_motion_weight(tag, k) * jacobian[k * 6 + j];
+                by[i * stride + k] += inverse[i * 6 + j] * weighted;
+            }
+}
+
+// Weighted least squares: the motion of the whole world that fits small motions of all tags best, as a matrix of 6 rows
+// and one column for each of the tags' numbers. False: no tag is mapped.
+static bool fit_common_motion(const struct map *m, double *by)
+{
+    const int n = 6 * m->tag_count;
+    double normal[36] = {0}, inverse[36];
+    memset(by, 0, 6 * (size_t)n * sizeof *by);
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].mapped)
+            add_common_normal(&m->tags[t], normal);
+    if (!invert_symmetric(normal, 6, inverse))
+        return false;
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].mapped)
+            set_common_columns(&m->tags[t], inverse, by + (ptrdiff_t)6 * t, n);
+    return true;
+}
+
+// Covariances of the common motion: with each tag's numbers (6 rows of n), and its own.
+struct common_covariance {
+    const double *with_tags;
+    double own[36];
+    int n;
+};
+
+// Element (a, b) of tag t's covariance `c` after the common motion is projected out:
+// c - J_a H_b - J_b H_a + J_a C J_b^T, H = with_tags, C = own, J the tag's Jacobian.
+static double without_common_motion(double c, const struct common_covariance *g, const double jacobian[36], int column,
+                                    int a, int b)
+{
+    for (int i = 0; i < 6; i++) {
+        const double *h = &g->with_tags[i * g->n + column];
+        c -= jacobian[a * 6 + i] * h[b] + jacobian[b * 6 + i] * h[a];
+        for (int j = 0; j < 6; j++)
+            c += jacobian[a * 6 + i] * g->own[i * 6 + j] * jacobian[b * 6 + j];
+    }
+    return c;
+}
+
+// Removes the gauge freedom: the part of the tags' covariance that moves all of them together, because the tags
+// themselves define the world. all: 6 tag_count on a side; its diagonal blocks change. common, half: 6 rows of
+// 6 tag_count, scratch.
+static void remove_gauge_freedom(const struct map *m, double *all, double *common, double *half)
+{
+    const int n = 6 * m->tag_count;
+    struct common_covariance g = {.with_tags = half, .n = n};
+    if (!fit_common_motion(m, common))
+        return;
+    memset(half, 0, 6 * (size_t)n * sizeof *half);
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < n; k++)
+            for (int j = 0; j < n; j++)
+                half[i * n + j] += common[i * n + k] * all[k * n + j];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            for (int k = 0; k < n; k++)
+                g.own[i * 6 + j] += half[i * n + k] * common[j * n + k];
+    for (int32_t t = 0; t < m->tag_count; t++) {
+        double jacobian[36];
+        tag_motion_by_world(&m->tags[t], jacobian);
+        for (int a = 0; a < 6; a++)
+            for (int b = 0; b < 6; b++) {
+                double *c = &all[(6 * t + a) * n + 6 * t + b];
+                *c = without_common_motion(*c, &g, jacobian, 6 * t, a, b);
+            }
+    }
+}
+
+enum status map_tag_covariances(struct map *m)
+{
+    if (!m->tag_count)
+        return OK;
+    const int n = 6 * m->tag_count;
+    double *all = calloc((size_t)n * (size_t)n + 1, sizeof *all);
+    double *common = calloc(6 * (size_t)n + 1, sizeof *common), *half = calloc(6 * (size_t)n + 1, sizeof *half);
+    enum status status = all && common && half
+                             ? map_joint_tag_covariance(m, all)
+                             : fail(ERR_MEMORY, "no memory for the covariances of %d tags", (int)m->tag_count);
+    if (status == OK && !m->has_prior)
+        remove_gauge_freedom(m, all, common, half);
+    for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
+        float *out = m->tags[t].covariance;
+        for (int a = 0; a < 6 && !(m->has_prior && m->tags[t].fixed); a++)
+            for (int b = a; b < 6; b++)
+                *out++ = (float)all[(6 * t + a) * n + 6 * t + b];
+    }
+    free(all);
+    free(common);
+    free(half);
+    return status;
+}
+
+// ---------------------------------------------------------------- map bundle adjust
 
 // Standard deviation of a tag corner beyond image noise: print, paper that is not flat, lens. Chosen by hand.
 static const double PRINT_PX = 0.05;

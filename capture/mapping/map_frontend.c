@@ -1,8 +1,7 @@
 // Detection of tags and features on worker threads.
 #include "capture/mapping/map_frontend.h"
 
-#include "base/queue.h"
-#include "base/worker_thread.h"
+#include "base/threads.h"
 
 #include <stdlib.h>
 #include <string.h>

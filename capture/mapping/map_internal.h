@@ -100,23 +100,20 @@ int map_tag_correspondences(const struct map *m, const struct map_frame *f, stru
 // The tag that most frames show: the best one to fix the gauge. mapped: only among those in the map. -1: none.
 int32_t map_most_observed_tag(const struct map *m, bool mapped);
 
-// ---- map_bootstrap.c: incremental growth of the pose graph of frames and tags
+// ---- map_registration.c: incremental growth of the pose graph of frames and tags
 // From single tags to an initial pose of every tag and frame that are connected; without any tag listed, from one frame
 // by landmarks alone.
 // use_points: landmarks decide between the two planar poses of a frame.
 MUST_CHECK enum status map_bootstrap(struct map *m, bool use_points);
 
-// ---- map_tag_sides.c
 // Before map_bootstrap: measures the side of every new tag by its depth, and leaves out those whose listed side is
 // wrong, unless most are. ERR_MEMORY.
 MUST_CHECK enum status map_check_tag_sides(struct map *m);
 
-// ---- map_no_tags.c
 // No listed tag is in any picture: ERR_INPUT with the likeliest cause. pictures_with_tag: of each number, listed or
 // not. ERR_MEMORY.
 enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag);
 
-// ---- map_plausibility.c
 // Before anything of the map. ERR_INPUT: depth is mirrored or upside down against the colour, by the tags that both
 // show, or else by the edges (locate/stream_turn.h). ERR_MEMORY.
 MUST_CHECK enum status map_check_depth_turn(const struct map *m);
@@ -125,7 +122,6 @@ MUST_CHECK enum status map_judge(struct map *m, struct mapper_report *report);
 // ERR_INPUT, with the likeliest cause: the map is of no use.
 MUST_CHECK enum status map_check_use(const struct map *m, const struct mapper_report *report);
 
-// ---- map_outlier_tags.c
 // After map_bootstrap: tags that the sweep shows in two positions are no longer mapped.
 void map_remove_outlier_tags(struct map *m);
 
@@ -150,7 +146,6 @@ MUST_CHECK enum status map_joint_tag_covariance(struct map *m, double *tags);
 // Sets rms_px, rms_m, and each tag's rms_px and observations.
 void map_compute_residuals(struct map *m);
 
-// ---- map_rolling_shutter.c
 // Rolling shutter: moves the observations of placed frames to where the camera at the middle row's time would have seen
 // them, as far as the map and the neighbouring frames tell. Each map_bundle_adjust begins with it.
 void map_undo_rolling_shutter(struct map *m);
@@ -186,13 +181,12 @@ MUST_CHECK enum status map_build_landmarks(struct map *m);
 // with its medoid descriptor.
 MUST_CHECK enum status map_refine_landmarks(struct map *m, int32_t most);
 
-// ---- map_triangulation.c
 // Sets triangulated_depth of the features of a placed frame, from the other placed frames.
 void map_triangulate(const struct map *m, struct map_frame *f);
 // Removes the observations of new landmarks that were seen from nearly one direction only. ERR_MEMORY.
 MUST_CHECK enum status map_cull_low_parallax(struct map *m);
 
-// ---- map_covariance.c: once the map no longer moves
+// ---- map_bundle_adjust.c: once the map no longer moves
 // The covariance and mean viewing direction of each new landmark. ERR_MEMORY.
 MUST_CHECK enum status map_landmark_covariances(struct map *m);
 // The covariance of each new tag.
@@ -207,7 +201,7 @@ MUST_CHECK enum status map_register_frames(struct map *m, int *placed);
 // Without tags: the frame with most depth fixes the gauge, its features become the map.
 MUST_CHECK enum status map_init_from_depth(struct map *m);
 
-// ---- map_merge.c: an existing place, held constant while a sweep adds to it
+// ---- map_registration.c: an existing place, held constant while a sweep adds to it
 // The tags listed, and the tags and landmarks of the place, which are constant. Fills tags, points and their counts.
 MUST_CHECK enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags,
                                       int32_t tag_count);
@@ -221,11 +215,9 @@ void map_merge_residuals(struct map *m, const struct place *prior);
 // Copies of the earlier sweeps' views. ERR_MEMORY.
 MUST_CHECK enum status map_copy_prior_views(const struct place *prior, struct place *out);
 
-// ---- map_loop_closure.c
 // Landmarks that are in the map twice, because the sweep came back to them, become one; then everything is adjusted.
 MUST_CHECK enum status map_close_loops(struct map *m);
 
-// ---- map_gravity.c
 // Rotates and shifts the world so that z is up, z = 0 the floor, x along the x axis of the tag with the lowest number;
 // without tags, x to the right of the first placed frame's view and the origin below it. *floor: the floor was fitted
 // to depth.

@@ -1,8 +1,303 @@
 // Landmarks of the map: creation, matching, merging of duplicates, outlier removal, selection.
 #include "capture/mapping/map_internal.h"
+#include "locate/relocalization.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- map triangulation
+
+// Triangulation of features where a sweep has no depth: matches descriptors between pairs of frames with a baseline,
+// near their epipolar lines, by poses that are roughly known from tags.
+
+// All chosen by hand.
+enum {
+    PARTNERS = 6,   // frames that one is matched with
+    MAX_BITS = 48,  // Hamming distance of a match
+    MARGIN_BITS = 8 // by which the second-best match, at another depth, must be worse
+};
+static const double MIN_BASELINE_M = 0.1, MAX_BASELINE_M = 1.5, MAX_ROTATION = 0.6;
+static const double MIN_PARALLAX = 0.05; // radians between the two rays
+static const double MAX_ERROR_PX = 2.5;  // reprojection error at full image size
+static const double MIN_DEPTH_M = 0.2, MAX_DEPTH_M = 12;
+static const double SAME_DEPTH_SHARE = 0.05; // depths that differ by less than this share are the same
+static const float MAX_SCALE_RATIO = 1.6F;
+
+// The frames with the most similar viewing direction among those with a usable baseline. Returns how many.
+static int find_partners(const struct map *m, const struct map_frame *f, const struct map_frame *out[PARTNERS])
+{
+    double angles[PARTNERS];
+    int count = 0;
+    const struct pose from = pose_inverse(f->camera_from_world);
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *other = &m->frames[i];
+        const struct pose to = pose_inverse(other->camera_from_world);
+        double baseline = v3_distance(from.translation, to.translation), angle = pose_angle(from, to);
+        if (other == f || !other->placed || baseline < MIN_BASELINE_M || baseline > MAX_BASELINE_M ||
+            angle > MAX_ROTATION)
+            continue;
+        int at = count < PARTNERS ? count++ : PARTNERS;
+        for (; at > 0 && angles[at - 1] > angle; at--)
+            if (at < PARTNERS) {
+                angles[at] = angles[at - 1];
+                out[at] = out[at - 1];
+            }
+        if (at < PARTNERS) {
+            angles[at] = angle;
+            out[at] = other;
+        }
+    }
+    return count;
+}
+
+// The midpoint of two rays (z = 1) where they are closest, in the first camera's axes. False: too nearly parallel,
+// outside the depth range, or a reprojection error of `off` or more, in units of z = 1.
+static bool intersect_rays(struct vec3 a, struct vec3 b, struct pose a_from_b, double off, struct vec3 *out)
+{
+    struct vec3 d = quat_rotate(a_from_b.rotation, b), o = a_from_b.translation;
+    double aa = v3_dot(a, a), ad = v3_dot(a, d), dd = v3_dot(d, d), ao = v3_dot(a, o), od = v3_dot(d, o);
+    double det = aa * dd - ad * ad;
+    if (det < MIN_PARALLAX * MIN_PARALLAX * aa * dd)
+        return false;
+    double s = (dd * ao - ad * od) / det, t = (ad * ao - aa * od) / det;
+    if (s < MIN_DEPTH_M || s > MAX_DEPTH_M || t < MIN_DEPTH_M || t > MAX_DEPTH_M)
+        return false;
+    *out = v3_scale(v3_add(v3_scale(a, s), v3_add(o, v3_scale(d, t))), 0.5);
+    struct vec3 in_b = pose_apply(pose_inverse(a_from_b), *out);
+    return hypot(out->x / out->z - a.x, out->y / out->z - a.y) < off &&
+           hypot(in_b.x / in_b.z - b.x, in_b.y / in_b.z - b.y) < off;
+}
+
+struct depth_match {
+    int bits, other_bits; // of the best match, and of the best one at another depth
+    double depth;
+};
+
+static void match_frames(const struct map *m, const struct map_frame *f, const struct vec3 *rays,
+                         const struct map_frame *other, struct depth_match *matches)
+{
+    const struct lens *lens = &m->calibration.color;
+    const struct pose f_from_other = pose_multiply(f->camera_from_world, pose_inverse(other->camera_from_world));
+    for (int32_t k = 0; k < other->feature_count; k++) {
+        const struct feature *b = &other->features[k].feature;
+        const struct vec3 ray = lens_ray(lens, b->at);
+        for (int32_t i = 0; i < f->feature_count; i++) {
+            const struct feature *a = &f->features[i].feature;
+            struct depth_match *l = &matches[i];
+            if (a->scale > MAX_SCALE_RATIO * b->scale || b->scale > MAX_SCALE_RATIO * a->scale)
+                continue;
+            int bits = feature_distance(a->descriptor, b->descriptor);
+            struct vec3 p;
+            if (bits > MAX_BITS || bits >= l->other_bits ||
+                !intersect_rays(rays[i], ray, f_from_other, MAX_ERROR_PX * (double)fmaxf(a->scale, b->scale) / lens->fx,
+                                &p))
+                continue;
+            bool same = l->depth > 0 && fabs(p.z - l->depth) < SAME_DEPTH_SHARE * l->depth;
+            if (bits < l->bits)
+                *l = (struct depth_match){bits, same ? l->other_bits : l->bits, p.z};
+            else if (!same)
+                l->other_bits = bits;
+        }
+    }
+}
+
+void map_triangulate(const struct map *m, struct map_frame *f)
+{
+    const struct map_frame *partners[PARTNERS];
+    struct vec3 rays[MAP_MAX_FEATURES];
+    struct depth_match matches[MAP_MAX_FEATURES];
+    for (int32_t i = 0; i < f->feature_count; i++) {
+        rays[i] = lens_ray(&m->calibration.color, f->features[i].feature.at);
+        matches[i] = (struct depth_match){MAX_BITS + 1, MAX_BITS + 1 + MARGIN_BITS, 0};
+    }
+    int count = find_partners(m, f, partners);
+    for (int i = 0; i < count; i++)
+        match_frames(m, f, rays, partners[i], matches);
+    for (int32_t i = 0; i < f->feature_count; i++)
+        f->features[i].triangulated_depth =
+            matches[i].other_bits - matches[i].bits > MARGIN_BITS ? matches[i].depth : 0;
+}
+
+enum status map_cull_low_parallax(struct map *m)
+{
+    struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction of the first observation
+    double *least = malloc(sizeof *least * ((size_t)m->point_count + 1));   // least cosine between that and any other
+    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
+    for (int32_t i = 0; i < m->point_count && status == OK; i++)
+        least[i] = 1;
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
+        const struct map_frame *f = &m->frames[i];
+        const struct vec3 eye = pose_inverse(f->camera_from_world).translation;
+        for (int32_t k = 0; k < f->feature_count; k++) {
+            const int32_t point = f->placed ? f->features[k].point : -1;
+            if (point < 0)
+                continue;
+            const struct vec3 way = v3_unit(v3_sub(m->points[point].world, eye));
+            if (v3_dot(first[point], first[point]) > 0)
+                least[point] = fmin(least[point], v3_dot(first[point], way));
+            else
+                first[point] = way;
+        }
+    }
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= m->held_points && !(least[s->point] < cos(MIN_PARALLAX)))
+                s->point = -1;
+        }
+    free(first);
+    free(least);
+    return status;
+}
+
+// ---------------------------------------------------------------- map loop closure
+
+// Loop closure. A sweep that comes back to its beginning has accumulated drift and maps old landmarks a second time,
+// displaced. Here each frame is relocalised among the landmarks it should see but that are not connected to it; the
+// duplicates become one landmark, and bundle adjustment distributes the drift over the loop.
+
+// Chosen by hand.
+enum { MIN_INLIERS = 20, CLOSURE_ROUNDS = 15 };
+static const double INLIER_PX = 4;
+static const double SEARCH_WIDTH = 1.5; // of the field searched for old landmarks, in image widths and heights
+
+struct loop_scratch {
+    struct map_scratch frame;
+    int32_t *merged_into;          // of each landmark: the one that it duplicates (union-find)
+    bool *covisible;               // of each frame: shares a landmark with the present one
+    bool *known;                   // of each landmark: shown by a covisible frame
+    struct place_landmark *points; // the old landmarks searched for
+    int32_t *point_index;          // of each of those: index into map.points
+    int32_t count;
+};
+
+static void mark_covisible(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
+{
+    memset(d->known, 0, (size_t)m->point_count * sizeof *d->known);
+    for (int32_t k = 0; k < f->feature_count; k++)
+        if (f->features[k].point >= 0)
+            d->known[f->features[k].point] = true;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        d->covisible[i] = false;
+        for (int32_t k = 0; k < m->frames[i].feature_count && !d->covisible[i]; k++)
+            d->covisible[i] = m->frames[i].features[k].point >= 0 && d->known[m->frames[i].features[k].point];
+    }
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count && d->covisible[i]; k++)
+            if (m->frames[i].features[k].point >= 0)
+                d->known[m->frames[i].features[k].point] = true;
+}
+
+static void select_old_points(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
+{
+    const struct lens *lens = &m->calibration.color;
+    double wide = SEARCH_WIDTH * lens->width / lens->fx / 2, high = SEARCH_WIDTH * lens->height / lens->fy / 2;
+    d->count = 0;
+    for (int32_t i = 0; i < m->point_count; i++) {
+        struct vec3 p = pose_apply(f->camera_from_world, m->points[i].world);
+        if (d->known[i] || !(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
+            continue;
+        d->points[d->count] = m->points[i];
+        d->point_index[d->count++] = i;
+    }
+}
+
+static int32_t root(const int32_t *merged_into, int32_t i)
+{
+    while (merged_into[i] != i)
+        i = merged_into[i];
+    return i;
+}
+
+// Matches the frame's features with old landmarks. Returns how many match.
+static int match_old_points(struct map *m, struct map_frame *f, struct loop_scratch *d)
+{
+    struct pose pose;
+    struct map_scratch *frame = &d->frame;
+    const struct lens *lens = &m->calibration.color;
+    int agree, matched = 0;
+    map_index_features(frame, m, f);
+    const struct match_query query = {
+        .points = d->points, .point_count = d->count, .index = &frame->index, .lens = lens};
+    int count = relocalize_match(&query, frame->matches, MAP_MAX_FEATURES);
+    if (!relocalize(&query, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
+        return 0;
+    count =
+        landmarks_match(&query, (struct match_window){INLIER_PX, false}, NULL, &pose, frame->matches, MAP_MAX_FEATURES);
+    for (int k = 0; k < count; k++) {
+        struct map_feature *s = &f->features[frame->matches[k].feature];
+        int32_t old = d->point_index[frame->matches[k].point];
+        if (s->point < 0) {
+            s->point = old;
+        } else {
+            int32_t a = root(d->merged_into, s->point), b = root(d->merged_into, old);
+            if (a >= m->held_points || b >= m->held_points)
+                d->merged_into[a > b ? a : b] = a > b ? b : a; // the lower index is the older one
+        }
+        matched++;
+    }
+    return matched;
+}
+
+static void apply_merges(struct map *m, const int32_t *merged_into)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->frames[i].features[k].point = root(merged_into, m->frames[i].features[k].point);
+}
+
+static enum status loop_scratch_alloc(struct loop_scratch *d, const struct map *m)
+{
+    size_t points = (size_t)m->point_count + 1;
+    d->merged_into = malloc(points * sizeof *d->merged_into);
+    d->known = malloc(points * sizeof *d->known);
+    d->points = malloc(points * sizeof *d->points);
+    d->point_index = malloc(points * sizeof *d->point_index);
+    d->covisible = malloc((size_t)m->frame_count + 1);
+    return d->merged_into && d->known && d->points && d->point_index && d->covisible
+               ? OK
+               : fail(ERR_MEMORY, "no memory to close the loops of a sweep");
+}
+
+static void loop_scratch_free(struct loop_scratch *d)
+{
+    free(d->merged_into);
+    free(d->known);
+    free(d->points);
+    free(d->point_index);
+    free(d->covisible);
+    free(d);
+}
+
+enum status map_close_loops(struct map *m)
+{
+    // From loose to tight, so that a gap of many pixels is not taken for an outlier. Chosen by hand.
+    static const double EXTRA_SIGMA_PX[] = {30, 10, 3, 0};
+    struct loop_scratch *d = calloc(1, sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to close the loops of a sweep");
+    enum status status = loop_scratch_alloc(d, m);
+    int matched = 0;
+    for (int32_t i = 0; i < m->point_count && status == OK; i++)
+        d->merged_into[i] = i;
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
+        if (!m->frames[i].placed)
+            continue;
+        mark_covisible(m, &m->frames[i], d);
+        select_old_points(m, &m->frames[i], d);
+        if (d->count >= MIN_INLIERS)
+            matched += match_old_points(m, &m->frames[i], d);
+    }
+    if (matched)
+        apply_merges(m, d->merged_into);
+    loop_scratch_free(d);
+    for (size_t i = 0; i < COUNT_OF(EXTRA_SIGMA_PX) && status == OK && matched; i++)
+        status = map_bundle_adjust_relaxed(m, CLOSURE_ROUNDS, EXTRA_SIGMA_PX[i]);
+    return status;
+}
+
+// ---------------------------------------------------------------- map landmarks
 
 // Chosen by hand.
 static const double REMATCH_PX = 4;     // search radius about a landmark's projection in an adjusted map

@@ -1,9 +1,413 @@
 // Registration of frames by the landmarks they show.
 #include "capture/mapping/map_internal.h"
-
 #include "locate/relocalization.h"
 
 #include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- map bootstrap
+
+// Incremental growth of the map: frames and tags are placed from one another, the unambiguous ones first, each step
+// followed by bundle adjustment.
+
+// Wider than for a finished map, because the tags' poses are initial values. Chosen by hand.
+static const double BOOTSTRAP_RMS_PX = 6, INITIAL_POSE_PX = 1;
+enum { ROUNDS = 15 };
+// A second planar pose is discarded when its cost (whitened squared residuals) is more than twice the first one's plus
+// this. Chosen by hand.
+static const double UNAMBIGUOUS_COST = 100;
+
+// Places frames that see a mapped tag; those with two possible planar poses only where `accept_ambiguous`. Returns how
+// many were placed.
+static int place_frames(struct map *m, bool accept_ambiguous)
+{
+    const struct lens *lens = &m->calibration.color;
+    int placed = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        struct pnp_tag tags[PNP_MAX_TAGS];
+        struct pnp_solution fit;
+        if (f->placed)
+            continue;
+        int count = map_tag_correspondences(m, f, tags);
+        const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+        enum status status = count ? pnp_solve(&problem, BOOTSTRAP_RMS_PX, &fit) : NOTHING;
+        if (status == OK || (status == AMBIGUOUS && accept_ambiguous)) {
+            f->placed = true;
+            f->camera_from_world = fit.camera_from_world;
+            placed++;
+        }
+    }
+    return placed;
+}
+
+// Cost of a tag at this pose against its observations in the placed frames: whitened squared residuals.
+static double tag_cost(const struct map *m, int32_t tag, const struct pose *world_from_tag)
+{
+    double cost = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
+            if (f->tag_index[k] != tag)
+                continue;
+            struct pnp_tag t = {.seen = &f->seen[k],
+                                .depth = f->depths[k].count ? &f->depths[k] : NULL,
+                                .world_from_tag = *world_from_tag,
+                                .side_m = m->tags[tag].side_m,
+                                .map_px = MAP_TAG_PX,
+                                .used = true};
+            cost += pnp_tag_cost(&t, &f->camera_from_world, INITIAL_POSE_PX, m->calibration.color.fx,
+                                 m->calibration.color.fy);
+        }
+    }
+    return cost;
+}
+
+// Initial values of a tag's pose: the one that explains all of its observations best, and the best one of another
+// rotation. The planar pose problem has two solutions, which differ little for a distant tag; depth at a distance does
+// not decide either.
+struct tag_hypotheses {
+    struct pose pose[2];
+    double cost[2];
+    int count;        // 0, 1 or 2
+    int observations; // in placed frames
+};
+
+static const double DISTINCT_RAD = 0.15; // rotations closer than this are one solution
+
+static void add_hypothesis(struct tag_hypotheses *g, struct pose pose, double cost)
+{
+    bool like_first = g->count && pose_angle(pose, g->pose[0]) < DISTINCT_RAD;
+    if (!g->count || cost < g->cost[0]) {
+        if (g->count && !like_first) {
+            g->pose[1] = g->pose[0];
+            g->cost[1] = g->cost[0];
+            g->count = 2;
+        }
+        g->pose[0] = pose;
+        g->cost[0] = cost;
+        g->count = g->count ? g->count : 1;
+        if (g->count == 2 && pose_angle(pose, g->pose[1]) < DISTINCT_RAD)
+            g->count = 1;
+    } else if (!like_first && (g->count < 2 || cost < g->cost[1])) {
+        g->pose[1] = pose;
+        g->cost[1] = cost;
+        g->count = 2;
+    }
+}
+
+static struct tag_hypotheses hypothesize_tag(const struct map *m, int32_t tag)
+{
+    struct tag_hypotheses g = {.count = 0};
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
+            struct pose two[2];
+            if (f->tag_index[k] != tag)
+                continue;
+            int n = planar_poses(m->tags[tag].side_m, f->seen[k].ray, two);
+            for (int p = 0; p < n; p++) {
+                struct pose world_from_tag = pose_multiply(pose_inverse(f->camera_from_world), two[p]);
+                add_hypothesis(&g, world_from_tag, tag_cost(m, tag, &world_from_tag));
+            }
+            g.observations += n > 0;
+        }
+    }
+    return g;
+}
+
+// The poses that an adjustment changes, to restore them.
+struct pose_backup {
+    struct pose *frames, *tags;
+};
+
+static void save_poses(const struct map *m, struct pose_backup *s)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        s->frames[i] = m->frames[i].camera_from_world;
+    for (int32_t i = 0; i < m->tag_count; i++)
+        s->tags[i] = m->tags[i].world_from_tag;
+}
+
+static void restore_poses(struct map *m, const struct pose_backup *s)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        m->frames[i].camera_from_world = s->frames[i];
+    for (int32_t i = 0; i < m->tag_count; i++)
+        m->tags[i].world_from_tag = s->tags[i];
+}
+
+// Adds the tag to the map, at that of its two poses with which the adjusted map has the lower cost.
+static enum status add_bootstrap_tag(struct map *m, int32_t tag, const struct tag_hypotheses *g)
+{
+    m->tags[tag].mapped = true;
+    m->tags[tag].world_from_tag = g->pose[0];
+    if (g->count < 2 || g->cost[1] > 2 * g->cost[0] + UNAMBIGUOUS_COST)
+        return OK;
+    size_t frames = (size_t)m->frame_count, tags = (size_t)m->tag_count;
+    struct pose *scratch = malloc((frames + tags) * 2 * sizeof *scratch);
+    if (!scratch)
+        return fail(ERR_MEMORY, "no memory to add a tag to the map");
+    struct pose_backup before = {scratch, scratch + frames},
+                       first = {scratch + frames + tags, scratch + 2 * frames + tags};
+    double cost[2] = {0, 0};
+    save_poses(m, &before);
+    enum status status = map_bundle_adjust(m, ROUNDS, m->point_count > 0, &cost[0]);
+    if (status == OK) {
+        save_poses(m, &first);
+        restore_poses(m, &before);
+        m->tags[tag].world_from_tag = g->pose[1];
+        if (map_bundle_adjust(m, ROUNDS, m->point_count > 0, &cost[1]) != OK || !(cost[1] < cost[0]))
+            restore_poses(m, &first);
+    }
+    free(scratch);
+    return status;
+}
+
+// Places frames and tags alternately, as far as their poses are unambiguous. Once landmarks constrain the frames, only
+// the tags are adjusted.
+static enum status grow_unambiguous(struct map *m)
+{
+    for (;;) {
+        place_frames(m, false);
+        enum status status = map_bundle_adjust(m, ROUNDS, m->point_count > 0, NULL);
+        struct tag_hypotheses best = {.count = 0};
+        int32_t next = -1;
+        for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
+            struct tag_hypotheses candidate =
+                m->tags[t].mapped ? (struct tag_hypotheses){.count = 0} : hypothesize_tag(m, t);
+            if (candidate.observations > best.observations) {
+                best = candidate;
+                next = t;
+            }
+        }
+        if (status != OK || next < 0)
+            return status;
+        status = add_bootstrap_tag(m, next, &best);
+        if (status != OK)
+            return status;
+    }
+}
+
+static enum status bootstrap_from_landmarks(struct map *m)
+{
+    int placed;
+    enum status status = m->has_prior ? OK : map_init_from_depth(m);
+    if (status == OK)
+        status = map_register_frames(m, &placed);
+    if (status == OK)
+        status = map_bundle_adjust(m, ROUNDS, false, NULL);
+    return status == OK ? map_close_loops(m) : status;
+}
+
+static enum status init_from_tag(struct map *m)
+{
+    int32_t reference = map_most_observed_tag(m, false);
+    if (reference < 0)
+        return fail(ERR_INPUT,
+                    "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
+                    "flat, whole and well lit, and their numbers in the list");
+    m->tags[reference].mapped = m->tags[reference].fixed = true;
+    m->tags[reference].world_from_tag = POSE_IDENTITY;
+    return OK;
+}
+
+enum status map_bootstrap(struct map *m, bool use_points)
+{
+    m->fixed_frame = -1;
+    if (!m->tag_count)
+        return bootstrap_from_landmarks(m);
+    enum status started = m->has_prior ? OK : init_from_tag(m);
+    if (started != OK)
+        return started;
+    for (;;) {
+        enum status status = grow_unambiguous(m);
+        int placed = 0;
+        if (status == OK && use_points)
+            status = map_build_landmarks(m);
+        if (status == OK && use_points)
+            status = map_resolve_ambiguous_poses(m, &placed);
+        if (status == OK && use_points && !placed)
+            status = map_register_frames(m, &placed);
+        if (status != OK)
+            return status;
+        // The better of two planar poses is accepted only when nothing else can be placed.
+        if (!placed && !place_frames(m, true))
+            return use_points ? OK : map_bundle_adjust(m, ROUNDS, false, NULL); // else map_refine_landmarks adjusts all
+    }
+}
+
+// ---------------------------------------------------------------- map merge
+
+// Adding a sweep to an existing place. Takes and other sweeps were located by its tags and landmarks, so these keep
+// their indices and positions, bit for bit. What is new is adjusted to them, with all observations of this sweep. Only
+// a tag that was hung elsewhere is estimated again.
+
+static const double SAME_SIDE_M = 1e-4; // one measurement, written down twice
+
+static enum status add_merged_tag(struct map *m, int32_t id, double side_m)
+{
+    for (int32_t i = 0; i < m->tag_count; i++)
+        if (m->tags[i].id == id)
+            return fabs(m->tags[i].side_m - side_m) <= SAME_SIDE_M
+                       ? OK
+                       : fail(ERR_INPUT,
+                              "tag %d is %g m wide in the place, but %g m in the list of tags; correct the list",
+                              (int)id, m->tags[i].side_m, side_m);
+    struct map_tag *tag = &m->tags[m->tag_count++];
+    tag->id = id;
+    tag->side_m = side_m;
+    return tag_pattern(id, &tag->pattern)
+               ? OK
+               : fail(ERR_INPUT, "tag %d is not of the family tag36h11, which ends at %d", (int)id, TAG_ID_COUNT - 1);
+}
+
+enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags, int32_t tag_count)
+{
+    int32_t old_tags = prior ? prior->tag_count : 0, old_points = prior ? prior->point_count : 0;
+    m->has_prior = prior != NULL;
+    m->point_capacity = old_points + MAP_MAX_CANDIDATES;
+    m->tags = calloc((size_t)(old_tags + tag_count) + 1, sizeof *m->tags);
+    m->points = malloc((size_t)m->point_capacity * sizeof *m->points);
+    m->point_observations = calloc((size_t)m->point_capacity, sizeof *m->point_observations);
+    if (!m->tags || !m->points || !m->point_observations)
+        return fail(ERR_MEMORY, "no memory to map a place");
+    enum status status = OK;
+    for (int32_t i = 0; i < old_tags && status == OK; i++) {
+        status = add_merged_tag(m, prior->tags[i].id, prior->tags[i].side_m);
+        if (status == OK && m->tag_count == i)
+            status = fail(ERR_INPUT, "the place has tag %d twice", (int)prior->tags[i].id);
+        m->tags[i].world_from_tag = prior->tags[i].world_from_tag;
+        memcpy(m->tags[i].covariance, prior->tags[i].covariance, sizeof m->tags[i].covariance);
+        m->tags[i].mapped = m->tags[i].fixed = true;
+    }
+    for (int32_t i = 0; i < tag_count && status == OK; i++)
+        status = add_merged_tag(m, tags[i].id, tags[i].side_m);
+    if (old_points)
+        memcpy(m->points, prior->points, (size_t)old_points * sizeof *m->points);
+    m->point_count = m->held_points = old_points;
+    return status;
+}
+
+// Chosen by hand.
+static const double INLIER_RMS_PX = 6; // observations of a tag that was not moved fit better
+enum { MIN_TAGS = 2 };                 // that agree: of two that disagree it is unknown which was moved
+enum { MIN_POINTS = 20 };              // landmark inliers
+
+// The pose of a frame by more than a single tag: by the place's landmarks, else by tags that agree.
+static bool register_by_consensus(const struct map *m, struct map_scratch *d, const struct map_frame *f,
+                                  struct pnp_tag *tags, int tag_count, struct pose *camera_from_world)
+{
+    const struct lens *lens = &m->calibration.color;
+    struct pnp_solution fit;
+    int agree;
+    map_index_features(d, m, f);
+    const struct match_query query = {
+        .points = m->points, .point_count = m->held_points, .index = &d->index, .lens = lens};
+    const struct pose_problem problem = {.tags = tags, .tag_count = tag_count, .fx = lens->fx, .fy = lens->fy};
+    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
+    if (relocalize(&query, d->matches, count, NULL, camera_from_world, &agree) && agree >= MIN_POINTS)
+        return true;
+    if (pnp_solve(&problem, INLIER_RMS_PX, &fit) != OK || fit.used < MIN_TAGS)
+        return false;
+    *camera_from_world = fit.camera_from_world;
+    return true;
+}
+
+enum status map_release_moved_tags(struct map *m)
+{
+    int votes[MAPPER_MAX_TAGS] = {0}; // frames in which the tag is where it was, less those where it is not
+    const struct lens *lens = &m->calibration.color;
+    struct map_scratch *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to look for tags that were moved");
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        struct pnp_tag tags[PNP_MAX_TAGS];
+        struct pose pose;
+        int count = map_tag_correspondences(m, f, tags), at = 0;
+        if (!count || !register_by_consensus(m, d, f, tags, count, &pose))
+            continue;
+        for (int32_t k = 0; k < f->seen_count && at < count; k++) // in the order of map_tag_correspondences
+            if (m->tags[f->tag_index[k]].mapped)
+                votes[m->tags[f->tag_index[k]].id] +=
+                    pnp_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < INLIER_RMS_PX ? 1 : -1;
+    }
+    free(d);
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].fixed && votes[m->tags[t].id] < 0) {
+            m->tags[t].moved = true;
+            m->tags[t].fixed = m->tags[t].mapped = false;
+        }
+    return OK;
+}
+
+enum status map_check_overlap(const struct map *m)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        if (m->frames[i].placed)
+            return OK;
+    return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so it cannot be registered to it; "
+                           "begin it where the place is known, with its tags or much of what was filmed in sight");
+}
+
+// Rms of two sets of errors together.
+static double rms_of_both(double a, double count_a, double b, double count_b)
+{
+    double count = count_a + count_b;
+    return count > 0 ? sqrt((a * a * count_a + b * b * count_b) / count) : 0;
+}
+
+void map_merge_residuals(struct map *m, const struct place *prior)
+{
+    double earlier = 0, now = 0;
+    bool any_tag = false;
+    for (int32_t i = 0; i < m->tag_count; i++) {
+        now += m->tags[i].observations;
+        any_tag = any_tag || m->tags[i].mapped;
+    }
+    for (int32_t i = 0; i < prior->tag_count; i++) {
+        const struct place_tag *old = &prior->tags[i];
+        struct map_tag *tag = &m->tags[i]; // those of the place come first
+        if (tag->moved)
+            continue;
+        tag->rms_px = rms_of_both(old->rms_px, old->observations, tag->rms_px, tag->observations);
+        tag->observations += old->observations;
+        earlier += old->observations;
+    }
+    if (!any_tag) { // then the errors are those of landmarks
+        earlier = prior->point_count;
+        now = m->tag_count ? 0 : m->point_count - m->held_points;
+    }
+    m->rms_px = rms_of_both(prior->rms_px, earlier, m->rms_px, now);
+    m->rms_m = rms_of_both(prior->rms_m, prior->rms_m > 0 ? earlier : 0, m->rms_m, m->rms_m > 0 ? now : 0);
+}
+
+static void *duplicate_bytes(const void *bytes, size_t size)
+{
+    void *copy = malloc(size);
+    if (copy)
+        memcpy(copy, bytes, size);
+    return copy;
+}
+
+enum status map_copy_prior_views(const struct place *prior, struct place *out)
+{
+    const struct lens *lens = &prior->calibration.depth;
+    size_t depth_bytes = (size_t)lens->width * (size_t)lens->height * sizeof(uint16_t);
+    for (int32_t i = 0; i < prior->view_count; i++) {
+        const struct place_view *old = &prior->views[i];
+        struct place_view *view = &out->views[out->view_count++];
+        *view = *old;
+        view->jpeg = old->jpeg ? duplicate_bytes(old->jpeg, old->jpeg_bytes) : NULL;
+        view->depth = old->depth ? duplicate_bytes(old->depth, depth_bytes) : NULL;
+        if ((old->jpeg && !view->jpeg) || (old->depth && !view->depth))
+            return fail(ERR_MEMORY, "no memory for the pictures of the place");
+    }
+    return OK;
+}
+
+// ---------------------------------------------------------------- map registration
 
 enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
 {

@@ -1,5 +1,492 @@
-// Lookup of the tags that frames show. Called by the other files of the mapper, calls none of them.
+// Lookup of the tags that frames show.
+#include "base/linear_algebra.h"
 #include "capture/mapping/map_internal.h"
+#include "capture/mapping/mapper.h"
+#include "locate/tag_corners.h"
+#include "locate/tag_model.h"
+#include "platform/files/jpeg.h"
+#include "platform/files/json.h"
+#include "platform/vision/tag_detector.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- map outlier tags
+
+// Tags that one sweep shows in two positions: moved during the sweep, or two tags of the same id. The map could hold
+// only one of the positions, and frames that see the tag at the other would be placed wrongly; so it is left out.
+
+// All chosen by hand.
+// Landmark inliers that confirm a frame's pose without the tag.
+enum { MIN_POINTS = 20 };
+static const double INLIER_PX = 4;
+// A tag is displaced by at least this share of its side; less is measurement error.
+static const double MIN_OFFSET_SHARE = 0.5;
+// An outlier tag is displaced in at least so many frames, and in at least one of so many of all.
+enum { MIN_DISPLACED = 2, ONE_IN = 8 };
+
+// Whether a frame shows its k-th tag elsewhere than the map has it.
+static bool tag_is_displaced(const struct map *m, const struct map_frame *f, int32_t k)
+{
+    const struct map_tag *tag = &m->tags[f->tag_index[k]];
+    const struct pose expected = pose_multiply(f->camera_from_world, tag->world_from_tag);
+    return planar_pose_offset_m(tag->side_m, f->seen[k].ray, &expected) > MIN_OFFSET_SHARE * tag->side_m;
+}
+
+static bool landmarks_agree(const struct map *m, const struct map_frame *f)
+{
+    const struct lens *lens = &m->calibration.color;
+    int agree = 0;
+    for (int32_t i = 0; i < f->feature_count; i++) {
+        const struct map_feature *s = &f->features[i];
+        if (s->point < 0)
+            continue;
+        struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
+        agree += p.z > 0 && map_reprojection_px(lens, p, &s->feature) < INLIER_PX;
+    }
+    return agree >= MIN_POINTS;
+}
+
+// Whether the pose of the frame is confirmed without its k-th tag.
+static bool pose_is_confirmed(const struct map *m, const struct map_frame *f, int32_t k)
+{
+    for (int32_t i = 0; i < f->seen_count; i++)
+        if (i != k && m->tags[f->tag_index[i]].mapped && !tag_is_displaced(m, f, i))
+            return true;
+    return landmarks_agree(m, f);
+}
+
+static bool is_outlier_tag(const struct map *m, int32_t tag)
+{
+    int displaced = 0, all = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
+            if (f->tag_index[k] != tag || !pose_is_confirmed(m, f, k))
+                continue;
+            all++;
+            displaced += tag_is_displaced(m, f, k);
+        }
+    }
+    return displaced >= MIN_DISPLACED && displaced * ONE_IN >= all;
+}
+
+// Another tag fixes the gauge, else a frame.
+static void choose_new_reference(struct map *m)
+{
+    int32_t best = map_most_observed_tag(m, true);
+    if (best >= 0) {
+        m->tags[best].fixed = true;
+        return;
+    }
+    for (int32_t i = 0; i < m->frame_count && m->fixed_frame < 0; i++)
+        if (m->frames[i].placed)
+            m->fixed_frame = i;
+}
+
+void map_remove_outlier_tags(struct map *m)
+{
+    bool held = m->held_points > 0 || m->fixed_frame >= 0;
+    for (int32_t t = 0; t < m->tag_count; t++)
+        m->tags[t].outlier = m->tags[t].mapped && is_outlier_tag(m, t);
+    for (int32_t t = 0; t < m->tag_count; t++) {
+        if (m->tags[t].outlier)
+            m->tags[t].mapped = m->tags[t].fixed = false;
+        held = held || m->tags[t].fixed;
+    }
+    if (!held)
+        choose_new_reference(m);
+}
+
+// ---------------------------------------------------------------- map tag sides
+
+// The sides of tags as the depth shows them, against the list: a wrong number in tags.json is the commonest mistake of
+// those who hang tags, and without this check it looks like a tag that was moved.
+//
+// A tag's depth samples lie on a plane; its corners' rays meet that plane in a square whose side is measured. The error
+// is that of the plane's distance, a share of the side: samples' noise, and the sensor's common scale error, which the
+// other tags show.
+
+// All chosen by hand.
+enum { MIN_SIGHTINGS = 2, MAX_SIGHTINGS = 64, MIN_SAMPLES = 8 };
+static const double FAR_M = 60;         // no sensor measures so far, but depth in another unit is said to be
+                                        // as far
+static const double SLANT_COSINE = 0.5; // a tag seen at 60 degrees or less from its normal
+// A depth sensor's common scale error is below 3 %, and tags are not printed so inexactly.
+static const double WRONG_SHARE = 0.06;
+static const double SIGMAS = 4; // of the measured side, added to that
+
+// The plane 1 / z = a x + b y + c through the samples, by least squares. False: too few of them.
+static bool fit_plane(const struct tag_depth *depth, double plane[3])
+{
+    double n[9] = {0}, g[3] = {0};
+    if (depth->count < MIN_SAMPLES)
+        return false;
+    for (int i = 0; i < depth->count; i++) {
+        const struct depth_sample *s = &depth->sample[i];
+        const double q[3] = {s->x, s->y, 1};
+        for (int k = 0; k < 3; k++) {
+            g[k] += q[k] / s->z;
+            for (int l = 0; l < 3; l++)
+                n[k * 3 + l] += q[k] * q[l];
+        }
+    }
+    if (!cholesky_factor(n, 3))
+        return false;
+    cholesky_solve(n, 3, g);
+    for (int k = 0; k < 3; k++)
+        plane[k] = g[k];
+    return true;
+}
+
+// The side that one sighting shows, metres; 0: it shows none.
+static double measured_side(const struct tag_observation *seen, const struct tag_depth *depth)
+{
+    double plane[3];
+    struct vec3 corner[4];
+    if (!fit_plane(depth, plane))
+        return 0;
+    for (int k = 0; k < 4; k++) {
+        const double inverse = plane[0] * seen->ray[k].x + plane[1] * seen->ray[k].y + plane[2];
+        if (!(inverse > 1 / FAR_M))
+            return 0;
+        corner[k] = v3_scale(seen->ray[k], 1 / inverse);
+    }
+    struct vec3 normal = v3_unit(v3_cross(v3_sub(corner[2], corner[0]), v3_sub(corner[3], corner[1])));
+    struct vec3 middle = v3_scale(v3_add(corner[0], corner[2]), 0.5);
+    if (fabs(v3_dot(normal, v3_unit(middle))) < SLANT_COSINE)
+        return 0;
+    // From the area: insensitive to a tilt of the plane, to first order.
+    return sqrt(0.5 * v3_length(v3_cross(v3_sub(corner[2], corner[0]), v3_sub(corner[3], corner[1]))));
+}
+
+static int compare_doubles(const void *left, const void *right)
+{
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+// The median over the sweep's sightings, and its standard error from the median deviation. False: too few sightings.
+static bool side_of_tag(const struct map *m, int32_t tag, double *side_m, double *sigma_m)
+{
+    double side[MAX_SIGHTINGS];
+    int count = 0;
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].seen_count && count < MAX_SIGHTINGS; k++) {
+            const struct map_frame *f = &m->frames[i];
+            const double s = f->tag_index[k] == tag ? measured_side(&f->seen[k], &f->depths[k]) : 0;
+            if (s > 0)
+                side[count++] = s;
+        }
+    if (count < MIN_SIGHTINGS)
+        return false;
+    qsort(side, (size_t)count, sizeof *side, compare_doubles);
+    *side_m = side[count / 2];
+    for (int i = 0; i < count; i++)
+        side[i] = fabs(side[i] - *side_m);
+    qsort(side, (size_t)count, sizeof *side, compare_doubles);
+    // Of few sightings the deviation itself is uncertain: not below a hundredth of the side.
+    *sigma_m = fmax(1.4826 * side[count / 2], 0.01 * *side_m) / sqrt(count);
+    return true;
+}
+
+// The median ratio of measured to listed sides; 0 where no side was measured.
+static double common_ratio(const struct map *m)
+{
+    double ratio[MAPPER_MAX_TAGS];
+    int count = 0;
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].measured_side_m > 0 && count < MAPPER_MAX_TAGS)
+            ratio[count++] = m->tags[t].measured_side_m / m->tags[t].side_m;
+    if (!count)
+        return 0;
+    qsort(ratio, (size_t)count, sizeof *ratio, compare_doubles);
+    return ratio[count / 2];
+}
+
+static void forget_observations(struct map_frame *f, int32_t tag)
+{
+    int32_t kept = 0;
+    for (int32_t k = 0; k < f->seen_count; k++) {
+        if (f->tag_index[k] == tag)
+            continue;
+        f->seen[kept] = f->seen[k];
+        f->depths[kept] = f->depths[k];
+        f->raw_seen[kept] = f->raw_seen[k];
+        f->raw_depths[kept] = f->raw_depths[k];
+        f->tag_index[kept++] = f->tag_index[k];
+    }
+    f->seen_count = kept;
+}
+
+enum status map_check_tag_sides(struct map *m)
+{
+    double *sigma = calloc((size_t)m->tag_count + 1, sizeof *sigma);
+    if (!sigma)
+        return fail(ERR_MEMORY, "no memory to measure %d tags", (int)m->tag_count);
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (!side_of_tag(m, t, &m->tags[t].measured_side_m, &sigma[t]))
+            m->tags[t].measured_side_m = 0;
+    // What most tags agree on is the sensor's scale, unless no sensor is so wrong: then it is the list's, as when the
+    // printer scaled the pages, or depth is in another unit, or the lens is another one. There would be too little left
+    // to map by, so that these tags stay, and depth is fitted to them: which of the three it is shows in the map.
+    m->side_ratio = common_ratio(m);
+    const double ratio = m->side_ratio > 0 ? m->side_ratio : 1;
+    const bool list_is_wrong = fabs(ratio - 1) > WRONG_SHARE;
+    const double scale = list_is_wrong ? 1 : ratio;
+    m->list_is_wrong = list_is_wrong;
+    for (int32_t t = 0; t < m->tag_count; t++) {
+        struct map_tag *tag = &m->tags[t];
+        const double off = fabs(tag->measured_side_m / (scale * tag->side_m) - 1),
+                     most = WRONG_SHARE + (list_is_wrong ? 0 : SIGMAS * sigma[t] / tag->side_m);
+        tag->wrong = tag->measured_side_m > 0 && !tag->mapped && off > most; // an earlier sweep's are constants
+        tag->measured_side_m /= scale;
+        for (int32_t i = 0; i < m->frame_count && tag->wrong && !list_is_wrong; i++)
+            forget_observations(&m->frames[i], t);
+    }
+    if (list_is_wrong)
+        map_scale_depth(m, 1 / ratio);
+    free(sigma);
+    return OK;
+}
+
+// ---------------------------------------------------------------- tag list
+
+// Reading of tags.json: which tags hang in the place and how large they are.
+
+static int by_id(const void *left, const void *right)
+{
+    const struct mapper_tag *a = left, *b = right;
+    return (a->id > b->id) - (a->id < b->id);
+}
+
+static enum status read_side(const struct json *member, const char *path, struct mapper_tag *out)
+{
+    const char *name = json_name(member);
+    char *end;
+    errno = 0;
+    long id = strtol(name, &end, 10);
+    if (end == name || *end || errno || id < 0 || id >= TAG_ID_COUNT)
+        return fail(ERR_INPUT, "%s: '%s' in side_m is no tag number; tag36h11 has 0 to %d", path, name,
+                    TAG_ID_COUNT - 1);
+    double side;
+    if (!json_get_number(member, &side) || !(side >= 0.005) || !(side <= 5))
+        return fail(ERR_INPUT,
+                    "%s: the side of tag %ld must be a number of metres between 0.005 and 5, "
+                    "the outer edge of its black square",
+                    path, id);
+    *out = (struct mapper_tag){(int32_t)id, side};
+    return OK;
+}
+
+static enum status read_list(const struct json *root, const char *path, struct mapper_tag **tags, int32_t *count)
+{
+    const char *family;
+    if (!json_get_string(json_member(root, "family"), &family))
+        return fail(ERR_INPUT, "%s: the text 'family' is missing; write \"family\": \"tag36h11\"", path);
+    if (strcmp(family, "tag36h11"))
+        return fail(ERR_INPUT, "%s: tags of the family '%s' are not known here; print tags of tag36h11", path, family);
+    const struct json *sides = json_member(root, "side_m");
+    if (!json_is_object(sides) || !json_count(sides))
+        return fail(ERR_INPUT,
+                    "%s: 'side_m' names no tag; write the side of each tag in metres, as in "
+                    "\"side_m\": {\"0\": 0.2}",
+                    path);
+    int n = json_count(sides);
+    if (n > TAG_ID_COUNT)
+        return fail(ERR_INPUT, "%s: 'side_m' names %d tags; tag36h11 has %d", path, n, TAG_ID_COUNT);
+    struct mapper_tag *list = calloc((size_t)n, sizeof *list);
+    if (!list)
+        return fail(ERR_MEMORY, "no memory for %d tags", n);
+    enum status status = OK;
+    const struct json *side = json_first(sides);
+    for (int i = 0; side && status == OK; side = json_next(side), i++)
+        status = read_side(side, path, &list[i]);
+    if (status == OK)
+        qsort(list, (size_t)n, sizeof *list, by_id);
+    for (int i = 1; i < n && status == OK; i++)
+        if (list[i].id == list[i - 1].id)
+            status = fail(ERR_INPUT, "%s: tag %d is listed twice", path, (int)list[i].id);
+    if (status != OK) {
+        free(list);
+        return status;
+    }
+    *tags = list;
+    *count = n;
+    return OK;
+}
+
+enum status mapper_read_tags(const char *path, struct mapper_tag **tags, int32_t *count)
+{
+    struct json *root;
+    *tags = NULL;
+    *count = 0;
+    enum status status = json_read(path, &root);
+    if (status != OK)
+        return status;
+    status = read_list(root, path, tags, count);
+    json_free(&root);
+    return status;
+}
+
+// ---------------------------------------------------------------- map no tags
+
+// Why no listed tag is in any picture of a sweep.
+
+// All chosen by hand.
+enum { MOST_PICTURES = 8 /* that are looked at again */, MOST_OTHERS = 32 /* tags in one of them */ };
+static const double SATURATED = 250, MUCH = 0.3, DARK_MEAN = 16;
+
+struct looked {
+    int pictures, overexposed, dark, mirrored; // mirrored: that show a listed tag in a mirror
+    struct tag_of_family other[MOST_PICTURES + 1][MOST_OTHERS];
+    int others[MOST_PICTURES + 1]; // of each picture: tags of other families
+};
+
+// What they are looked at with.
+struct look {
+    struct mirrored_tags *mirror;
+    struct tag_families *families;
+    uint8_t *rgb, *gray;
+};
+
+static bool is_listed(const struct map *m, int32_t id)
+{
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].id == id)
+            return true;
+    return false;
+}
+
+static void measure_light(const uint8_t *gray, size_t pixels, struct looked *out)
+{
+    double sum = 0, saturated = 0;
+    for (size_t i = 0; i < pixels; i++) {
+        sum += gray[i];
+        saturated += gray[i] >= SATURATED;
+    }
+    out->overexposed += saturated > MUCH * (double)pixels;
+    out->dark += sum < DARK_MEAN * (double)pixels;
+}
+
+static enum status look_at(const struct map *m, const struct map_frame *f, const struct look *by, struct looked *out)
+{
+    const struct lens *lens = &m->calibration.color;
+    const struct gray_image image = {by->gray, lens->width, lens->height};
+    int listed = 0;
+    enum status status = jpeg_decode(f->jpeg, f->jpeg_bytes, by->rgb, lens->width, lens->height);
+    if (status != OK)
+        return status == ERR_CORRUPT ? OK : status;
+    gray_from_rgb(by->rgb, lens_pixels(lens), by->gray);
+    measure_light(by->gray, lens_pixels(lens), out);
+    status =
+        tag_families_look(by->families, &image, out->other[out->pictures], MOST_OTHERS, &out->others[out->pictures]);
+    if (status != OK)
+        return status;
+    status = mirrored_tags_look(by->mirror, by->gray, &listed);
+    out->mirrored += listed > 0;
+    out->pictures++;
+    return status;
+}
+
+// Some of the pictures that are kept, spread over the sweep.
+static enum status look_again(const struct map *m, struct looked *out)
+{
+    const size_t pixels = lens_pixels(&m->calibration.color);
+    int32_t ids[MAPPER_MAX_TAGS];
+    int count = 0;
+    for (int32_t t = 0; t < m->tag_count && count < MAPPER_MAX_TAGS; t++)
+        ids[count++] = m->tags[t].id;
+    struct look by = {.rgb = malloc(pixels * 4)};
+    by.gray = by.rgb ? by.rgb + 3 * pixels : NULL;
+    enum status status = by.rgb ? mirrored_tags_open(&by.mirror, &m->calibration.color, ids, count)
+                                : fail(ERR_MEMORY, "no memory to look for tags");
+    if (status == OK)
+        status = tag_families_open(&by.families);
+    const int32_t step = m->frame_count / MOST_PICTURES + 1;
+    for (int32_t i = 0, due = 0; i < m->frame_count && status == OK; i++) {
+        if (i < due || !m->frames[i].jpeg)
+            continue;
+        status = look_at(m, &m->frames[i], &by, out);
+        due = i + step;
+    }
+    tag_families_close(&by.families);
+    mirrored_tags_close(&by.mirror);
+    free(by.rgb);
+    return status;
+}
+
+static bool shows(const struct looked *l, int picture, struct tag_of_family tag)
+{
+    for (int i = 0; i < l->others[picture]; i++)
+        if (l->other[picture][i].family == tag.family && l->other[picture][i].id == tag.id)
+            return true;
+    return false;
+}
+
+// The other family of which most is seen, each tag in two pictures at least: what looks like a tag by chance does so
+// from one place. -1: none.
+static int other_family(const struct looked *l)
+{
+    int seen[TAG_FAMILIES] = {0}, best = -1;
+    for (int picture = 0; picture < l->pictures; picture++)
+        for (int i = 0; i < l->others[picture]; i++) {
+            bool again = false;
+            for (int k = 0; k < l->pictures; k++)
+                again = again || (k != picture && shows(l, k, l->other[picture][i]));
+            seen[l->other[picture][i].family] += again;
+        }
+    for (int i = 0; i < TAG_FAMILIES; i++)
+        if (seen[i] > (best < 0 ? 0 : seen[best]))
+            best = i;
+    return best;
+}
+
+enum status map_explain_no_tags(const struct map *m, const int32_t *pictures_with_tag)
+{
+    struct looked looked = {0};
+    int32_t unlisted = -1, twice = -1, others = 0;
+    const enum status status = look_again(m, &looked);
+    if (status != OK)
+        return status;
+    for (int32_t id = TAG_ID_COUNT - 1; id >= 0; id--) {
+        if (pictures_with_tag[id] > 0 && is_listed(m, id))
+            twice = id;
+        if (pictures_with_tag[id] > 1 && !is_listed(m, id)) {
+            unlisted = id;
+            others++;
+        }
+    }
+    if (2 * looked.mirrored > looked.pictures || (looked.mirrored > 1 && unlisted < 0 && twice < 0))
+        return fail(ERR_INPUT, "the pictures are mirrored, so that none of the listed tags is recognised: switch the "
+                               "camera's mirror off, or print the tags unmirrored");
+    if (twice >= 0)
+        return fail(ERR_INPUT,
+                    "tag %d hangs more than once in the room, and no other of the listed tags is in any "
+                    "picture: hang each number once",
+                    (int)twice);
+    if (unlisted >= 0)
+        return fail(ERR_INPUT,
+                    "the pictures show tag %d%s, but none of the listed tags: correct the numbers in the list",
+                    (int)unlisted, others > 1 ? " and others" : "");
+    if (other_family(&looked) >= 0)
+        return fail(ERR_INPUT,
+                    "the tags in the pictures are of the family %s; print those of tag36h11 (reenact-capture tags) and "
+                    "hang them in their place",
+                    tag_family_name(other_family(&looked)));
+    if (2 * looked.overexposed > looked.pictures)
+        return fail(ERR_INPUT, "the pictures are overexposed, and none of the listed tags is recognised: film with a "
+                               "shorter exposure");
+    if (2 * looked.dark > looked.pictures)
+        return fail(ERR_INPUT, "the pictures are too dark, and none of the listed tags is recognised: film with more "
+                               "light or a longer exposure");
+    return fail(ERR_INPUT,
+                "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
+                "flat, whole and well lit, not too far away, with a white margin, and their numbers in the list");
+}
+
+// ---------------------------------------------------------------- map tags
 
 int map_tag_correspondences(const struct map *m, const struct map_frame *f, struct pnp_tag *out)
 {

@@ -14,7 +14,7 @@
 // features in the images while the next ones come. Memory is bounded: at most 240 frames' features, 96 images.
 #pragma once
 #include "capture/mapping/sweep_plan.h"
-#include "locate/lens_verdict.h"
+#include "locate/picture_check.h"
 #include "platform/sensors/source.h"
 
 struct mapper;

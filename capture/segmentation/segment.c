@@ -1,7 +1,562 @@
-#include "capture/segmentation/segment_internal.h"
+#include "capture/segmentation/segment.h"
+
+#include "base/depth_noise.h"
+#include "capture/segmentation/floor_plane.h"
+#include "capture/segmentation/image_bounds.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+enum {
+    COLUMNS_MAX = 320,
+    DEPTH_TABLE_SIZE = 10001, // depths whose jump and noise are looked up, mm
+    // Updates at 15 Hz (every second frame of 30 Hz), chosen by hand:
+    CONFIRMED_FRAMES = 3,    // a background value is used after so many samples
+    REPLACEMENT_FRAMES = 24, // something nearer that stays this long (1.6 s) becomes background
+};
+
+struct segmenter {
+    struct lens lens;
+    int step, width, height;                // grid: pixels a cell, cells
+    struct grid_ray *ray;                   // per cell: the ray's x/z, y/z
+    uint16_t max_step_mm[DEPTH_TABLE_SIZE]; // by depth: how far two neighbouring samples of one surface may differ
+    uint16_t noise_mm[DEPTH_TABLE_SIZE];    // by depth: how far two samples of one cell's surface may differ
+    int step_slope_16;                      // max_step_mm[d] is at least d * step_slope_16 / 65536
+    uint16_t *depth;                        // per cell, mm, flying pixels removed
+    int32_t *label;                         // per cell: component, -1 none
+    int32_t *parent;                        // union-find
+    int32_t *candidate;                     // the cells that may be the person, in raster order
+    int candidate_count;
+    uint16_t *background; // per cell, learned; 0 unknown
+    uint8_t *observed_count, *nearer_count;
+    uint16_t *known_background; // per cell, set by the caller; 0 unknown
+    uint16_t *static_limit;     // per cell: the largest depth in front of the floor and of known_background, mm
+    uint16_t *depth_limit;      // the same, and in front of the learned background: up to there it may be the person
+    uint16_t *front_limit;      // by a surface's depth, mm: the largest depth that is significantly in front of it
+    uint8_t *person, *previous; // per cell: this frame's person, and the last one's
+    float *mean_depth;          // per cell: running mean of the person's depth there, mm
+    uint8_t *mean_count;        // number of consecutive samples in that mean
+    int32_t *mean_updated, update_count; // the update in which a cell's mean was last used; number of updates
+    int static_frames;                   // number of consecutive updates in which no part of the person moved
+    struct component *components;
+    int component_count, component_capacity;
+    bool have_floor, floor_given, following;
+    struct vec3 up;
+    double height_m;
+    int floor_tries;
+    struct image_bounds bounds; // of this frame
+};
+
+struct component {
+    int cells;
+    double area_m2;
+    double top, bottom;     // along up, metres (over the floor when known)
+    double low[3], high[3]; // bounds: lateral, horizontal distance, and depth along z
+    double sum[3];          // of the points
+    int border_left, border_right, border_bottom, border_top;
+    int overlap;                         // cells that were the person's in the last frame
+    int near_body;                       // cells close to the predicted body
+    int adjacent;                        // cells next to cells already taken for the person
+    bool is_person;                      // it is the person, or a part of the person
+    double top_low, top_high, top_width; // lateral bounds and extent within 0.2 m of its top
+};
+
+static inline int by_depth(const uint16_t table[DEPTH_TABLE_SIZE], int depth_mm)
+{
+    return table[depth_mm < DEPTH_TABLE_SIZE ? depth_mm : DEPTH_TABLE_SIZE - 1];
+}
+
+// To be called where a cell's background changed: sets its depth_limit.
+static inline void segmenter_update_limit(struct segmenter *s, int i)
+{
+    int front = s->observed_count[i] >= CONFIRMED_FRAMES ? s->front_limit[s->background[i]] : UINT16_MAX;
+    s->depth_limit[i] = (uint16_t)(front < s->static_limit[i] ? front : s->static_limit[i]);
+}
+
+// In front of everything that is known not to be the person.
+static inline bool may_be_person(const struct segmenter *s, int i, int depth_mm)
+{
+    return depth_mm <= s->depth_limit[i];
+}
+
+static void segmenter_detect_motion(struct segmenter *s);
+
+// ---------------------------------------------------------------- background model
+
+// The background model: a running mean of the empty room's depth in each cell, updated outside the person.
+
+// Grid cells, of 2 pixels at 640 columns; chosen by hand.
+enum {
+    PERSON_MARGIN = 4,      // hair, flying pixels and depth shadows around the person are no background
+    BOUNDS_MARGIN = 8,      // around the person's bounding box, within which only clearly farther depth is learned
+    BOUNDS_MARGIN_DOWN = 4, // the same below it
+    BEHIND_MM = 400,        // clearly farther: this much behind the person's farthest cell
+    MEAN_FRAMES = 30,       // window of the running mean
+    MOVED_CELLS_MIN = 500,  // a moved sensor is judged by at least so many known cells,
+};
+#define MOVED_SHARE 0.4 // of which more than this share disagree
+
+struct cell_box { // cells, inclusive
+    int left, top, right, bottom;
+};
+
+// label[] becomes positive within PERSON_MARGIN cells of the person, along the rows and then down the columns, else 0.
+static void dilate_person(struct segmenter *s, struct cell_box person)
+{
+    int w = s->width, h = s->height;
+    memset(s->label, 0, (size_t)w * (size_t)h * sizeof *s->label);
+    int x0 = person.left > PERSON_MARGIN ? person.left - PERSON_MARGIN : 0,
+        x1 = person.right + PERSON_MARGIN < w ? person.right + PERSON_MARGIN : w - 1,
+        y0 = person.top > PERSON_MARGIN ? person.top - PERSON_MARGIN : 0,
+        y1 = person.bottom + PERSON_MARGIN < h ? person.bottom + PERSON_MARGIN : h - 1;
+    for (int y = person.top; y <= person.bottom;
+         y++) { // distance along the row to the nearest cell of the person, from the left and from the right
+        int far = PERSON_MARGIN + 1;
+        for (int x = person.left; x <= x1; x++) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] = far <= PERSON_MARGIN;
+        }
+        far = PERSON_MARGIN + 1;
+        for (int x = person.right; x >= x0; x--) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] |= far <= PERSON_MARGIN;
+        }
+    }
+    // Down the columns, row by row; parent[] holds the distance to the last marked row.
+    for (int x = x0; x <= x1; x++)
+        s->parent[x] = PERSON_MARGIN + 1;
+    for (int y = person.top; y <= y1; y++)
+        for (int x = x0; x <= x1; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= PERSON_MARGIN);
+        }
+    for (int x = x0; x <= x1; x++)
+        s->parent[x] = PERSON_MARGIN + 1;
+    for (int y = person.bottom; y >= y0; y--)
+        for (int x = x0; x <= x1; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= PERSON_MARGIN);
+        }
+}
+
+// Updates a cell by one depth sample. Returns 1: it agrees with the background, -1: it does not, 0: none was known.
+static int update_background_cell(struct segmenter *s, int i, int d)
+{
+    int b = s->background[i], same = by_depth(s->noise_mm, d);
+    if (b && d <= b + same && d >= b - same) {
+        int n = s->observed_count[i] < MEAN_FRAMES ? s->observed_count[i] : MEAN_FRAMES;
+        s->background[i] = (uint16_t)((b * n + d + (n + 1) / 2) / (n + 1));
+        s->observed_count[i] += s->observed_count[i] < 255;
+        s->nearer_count[i] = 0;
+    } else if (!b || d > b ||
+               ++s->nearer_count[i] >= REPLACEMENT_FRAMES) { // farther than the background replaces it immediately
+        s->background[i] = (uint16_t)d;
+        s->observed_count[i] = 1;
+        s->nearer_count[i] = 0;
+    }
+    segmenter_update_limit(s, i);
+    if (!b)
+        return 0;
+    return d <= b + same && d >= b - same ? 1 : -1;
+}
+
+void segmenter_update_background(struct segmenter *s)
+{
+    int disagree = 0, known = 0, far = 0;
+    segmenter_detect_motion(s);
+    struct cell_box person = {s->width, s->height, -1, -1};
+    for (int n = 0; n < s->candidate_count; n++)
+        if (s->person[s->candidate[n]]) {
+            int i = s->candidate[n], x = i % s->width, y = i / s->width;
+            person.left = x < person.left ? x : person.left, person.right = x > person.right ? x : person.right;
+            person.top = y < person.top ? y : person.top, person.bottom = y;
+            far = s->depth[i] > far ? s->depth[i] : far;
+        }
+    dilate_person(s, person);
+    for (int y = 0; y < s->height; y++)
+        for (int x = 0; x < s->width; x++) {
+            int i = y * s->width + x, d = s->depth[i];
+            if (!d || s->label[i])
+                continue;
+            // Inside the person's bounds only depth clearly behind the person is learned: the rest may be a part of
+            // the person that the mask lost.
+            if (d < far + BEHIND_MM && x > person.left - BOUNDS_MARGIN && x < person.right + BOUNDS_MARGIN &&
+                y > person.top - BOUNDS_MARGIN && y < person.bottom + BOUNDS_MARGIN_DOWN)
+                continue;
+            int agreement = update_background_cell(s, i, d);
+            known += agreement != 0;
+            disagree += agreement < 0;
+        }
+    if (known > MOVED_CELLS_MIN && disagree > MOVED_SHARE * known) { // the sensor was moved: start from scratch
+        size_t n = (size_t)s->width * (size_t)s->height;
+        memset(s->background, 0, n * sizeof *s->background);
+        memset(s->observed_count, 0, n);
+        memcpy(s->depth_limit, s->static_limit, n * sizeof *s->depth_limit);
+    }
+}
+
+// ---------------------------------------------------------------- mask upsample
+
+// Upsamples the grid's mask to pixels: a pixel joins the person if its depth continues a neighbouring cell's.
+
+// Marks the pixels of cell (x, y) whose depth continues that of the person's cells around it, its own first.
+static void upsample_cell(const struct segmenter *s, const uint16_t *image, int x, int y, uint8_t *mask)
+{
+    int neighbor_mm[9], count = 0, w = s->width, centre = y * w + x;
+    if (s->person[centre])
+        neighbor_mm[count++] = s->depth[centre];
+    for (int j = -1; j <= 1; j++)
+        for (int i = -1; i <= 1; i++)
+            if ((i || j) && x + i >= 0 && x + i < w && y + j >= 0 && y + j < s->height && s->person[centre + j * w + i])
+                neighbor_mm[count++] = s->depth[centre + j * w + i];
+    if (!count || (!s->person[centre] && s->step == 1))
+        return;
+    for (int j = 0; j < s->step; j++)
+        for (int i = 0; i < s->step; i++) {
+            int px = x * s->step + i, py = y * s->step + j;
+            if (px >= s->lens.width || py >= s->lens.height)
+                continue;
+            int d = image[py * s->lens.width + px];
+            if (!d || (!s->person[centre] && !may_be_person(s, centre, d)))
+                continue;
+            int limit = by_depth(s->max_step_mm, d);
+            for (int k = 0; k < count; k++)
+                if (abs(neighbor_mm[k] - d) <= limit) {
+                    mask[py * s->lens.width + px] = 255;
+                    break;
+                }
+        }
+}
+
+// Upsamples the person's cells to every pixel; mask must be all 0.
+static void segmenter_upsample_mask(const struct segmenter *s, const uint16_t *image, uint8_t *mask)
+{
+    int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in three neighbouring rows
+    for (int y = -1; y < s->height; y++) {
+        int next = (y + 2) % 3;
+        left[next] = w;
+        right[next] = -1;
+        const uint8_t *row = s->person + (y + 1) * w, *first = y + 1 < s->height ? memchr(row, 1, (size_t)w) : NULL;
+        if (first) {
+            left[next] = (int)(first - row);
+            for (right[next] = w - 1; !row[right[next]];)
+                right[next]--;
+        }
+        int from = left[0] < left[1] ? left[0] : left[1], to = right[0] > right[1] ? right[0] : right[1];
+        from = from < left[2] ? from : left[2];
+        to = to > right[2] ? to : right[2];
+        for (int x = from > 0 ? from - 1 : 0; y >= 0 && x <= to + 1 && x < w; x++)
+            upsample_cell(s, image, x, y, mask);
+    }
+}
+
+// ---------------------------------------------------------------- segment components
+
+// Components of continuous depth among the cells that may be the person, and their measures.
+
+// Chosen by hand.
+static const double NEAR_BODY_M = 0.10;   // a cell this close to a sphere, and twice the noise, is near the body
+static const double REACH_MARGIN_M = 0.2; // more than NEAR_BODY_M and twice the noise at the farthest depth in use
+static const double TOP_M = 0.2;          // the height over which a component's top width is measured
+
+static struct vec3 cell_point(const struct segmenter *s, int i, double z)
+{
+    return v3((double)s->ray[i].x * z, (double)s->ray[i].y * z, z);
+}
+
+static int find_root(int32_t *parent, int i)
+{
+    while (parent[i] != i)
+        i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+static void union_cells(struct segmenter *s, int a, int b)
+{
+    int za = s->depth[a], zb = s->depth[b];
+    if (!zb || s->label[b] < 0 || abs(za - zb) > by_depth(s->max_step_mm, za < zb ? za : zb))
+        return;
+    a = find_root(s->parent, a);
+    b = find_root(s->parent, b);
+    if (a != b)
+        s->parent[a < b ? b : a] = a < b ? a : b;
+}
+
+// Labels the components of continuous depth among the cells that may be the person. ERR_MEMORY.
+static enum status segmenter_label_components(struct segmenter *s)
+{
+    int w = s->width;
+    s->candidate_count = 0;
+    for (int y = 0; y < s->height; y++)
+        for (int x = 0; x < w; x++) {
+            int i = y * w + x;
+            if (!s->depth[i] || !may_be_person(s, i, s->depth[i])) {
+                s->label[i] = -1;
+                continue;
+            }
+            s->label[i] = 0;
+            s->parent[i] = i;
+            s->candidate[s->candidate_count++] = i;
+            if (x > 0)
+                union_cells(s, i, i - 1);
+            if (x > 1 && !s->depth[i - 1]) // across a gap of one cell
+                union_cells(s, i, i - 2);
+            if (y > 0)
+                union_cells(s, i, i - w);
+            if (y > 1 && !s->depth[i - w])
+                union_cells(s, i, i - 2 * w);
+        }
+    s->component_count = 0;
+    for (int k = 0; k < s->candidate_count; k++) { // a root precedes its cells, so its label is final
+        int i = s->candidate[k];
+        if (find_root(s->parent, i) == i) {
+            if (s->component_count == s->component_capacity) {
+                int capacity = s->component_capacity ? 2 * s->component_capacity : 256;
+                struct component *more = realloc(s->components, (size_t)capacity * sizeof *more);
+                if (!more)
+                    return fail(ERR_MEMORY, "not enough memory for %d components of a depth image", capacity);
+                s->components = more;
+                s->component_capacity = capacity;
+            }
+            s->label[i] = s->component_count++;
+        } else {
+            s->label[i] = s->label[find_root(s->parent, i)];
+        }
+    }
+    return OK;
+}
+
+// Two horizontal axes: lateral, and away from the camera.
+static void horizontal_axes(const struct segmenter *s, struct vec3 *across, struct vec3 *away)
+{
+    *across = v3_unit(v3_cross(v3(0, 0, 1), v3_scale(s->up, -1)));
+    *across = v3_scale(*across, across->x < 0 ? -1 : 1);
+    *away = v3_unit(v3_cross(*across, v3_scale(s->up, -1)));
+}
+
+static void clear_components(struct segmenter *s)
+{
+    for (int c = 0; c < s->component_count; c++)
+        s->components[c] = (struct component){.top = -1e9,
+                                              .bottom = 1e9,
+                                              .low = {1e9, 1e9, 1e9},
+                                              .high = {-1e9, -1e9, -1e9},
+                                              .top_low = 1e9,
+                                              .top_high = -1e9};
+}
+
+// Counts each component's cells, and those of them that are close to the spheres.
+static void segmenter_count_near_body(struct segmenter *s, const struct bounding_sphere *spheres, int sphere_count)
+{
+    clear_components(s);
+    // One sphere around all spheres rejects most cells early.
+    struct vec3 middle = v3(0, 0, 0);
+    double reach = 0;
+    int last = 0;
+    for (int b = 0; b < sphere_count; b++)
+        middle = v3_add(middle, v3_scale(spheres[b].centre, 1.0 / sphere_count));
+    for (int b = 0; b < sphere_count; b++)
+        reach = fmax(reach, v3_distance(middle, spheres[b].centre) + spheres[b].radius + REACH_MARGIN_M);
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
+        struct component *c = &s->components[s->label[i]];
+        double z = s->depth[i] * 0.001, margin = NEAR_BODY_M + 2 * depth_sigma_m(z);
+        struct vec3 p = cell_point(s, i, z), far = v3_sub(p, middle);
+        c->cells++;
+        if (!(v3_dot(far, far) < reach * reach))
+            continue;
+        for (int k = -1; k < sphere_count; k++) {
+            int b = k < 0 ? last : k; // first the one that matched the previous cell
+            double r = spheres[b].radius + margin;
+            struct vec3 d = v3_sub(p, spheres[b].centre);
+            if (v3_dot(d, d) < r * r) {
+                c->near_body++;
+                last = b;
+                break;
+            }
+        }
+    }
+}
+
+// The lateral extent of each component's top.
+static void measure_top_widths(struct segmenter *s, struct vec3 across)
+{
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
+        double z = s->depth[i] * 0.001;
+        struct vec3 p = cell_point(s, i, z);
+        struct component *c = &s->components[s->label[i]];
+        if (v3_dot(s->up, p) + s->height_m > c->top - TOP_M) {
+            c->top_low = fmin(c->top_low, v3_dot(across, p));
+            c->top_high = fmax(c->top_high, v3_dot(across, p));
+        }
+    }
+    for (int c = 0; c < s->component_count; c++)
+        s->components[c].top_width = fmax(0, s->components[c].top_high - s->components[c].top_low);
+}
+
+// Fills every other measure of the components. Without memory the top widths stay 0: every top then counts as narrow.
+static void segmenter_measure_components(struct segmenter *s)
+{
+    struct vec3 across, away;
+    horizontal_axes(s, &across, &away);
+    clear_components(s);
+    int w = s->width;
+    double cell = s->step / s->lens.fx;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
+        struct component *c = &s->components[s->label[i]];
+        double z = s->depth[i] * 0.001;
+        struct vec3 p = cell_point(s, i, z);
+        double h = v3_dot(s->up, p) + s->height_m, level[3] = {v3_dot(across, p), v3_dot(away, p), z};
+        c->cells++;
+        c->area_m2 += cell * cell * z * z;
+        c->top = fmax(c->top, h);
+        c->bottom = fmin(c->bottom, h);
+        for (int k = 0; k < 3; k++) {
+            c->low[k] = fmin(c->low[k], level[k]);
+            c->high[k] = fmax(c->high[k], level[k]);
+        }
+        c->sum[0] += p.x, c->sum[1] += p.y, c->sum[2] += p.z;
+        c->overlap += s->previous[i];
+        int x = i % w, y = i / w;
+        c->border_left += x < s->bounds.left / s->step + 2;
+        c->border_right += x >= s->bounds.right / s->step - 1;
+        c->border_top += y < s->bounds.top / s->step + 2;
+        c->border_bottom += y >= s->bounds.bottom / s->step - 1;
+    }
+    measure_top_widths(s, across);
+}
+
+// Of the outline of that component, the share along which its surface continues, within max_step_mm, in cells that
+// cannot be the person: a person's feet on the floor; disoccluded background nearly all round. Cell sides, 0 to 1.
+static double segmenter_continued_share(const struct segmenter *s, int component)
+{
+    const int w = s->width;
+    int edge = 0, continued = 0;
+    for (int n = 0; n < s->candidate_count; n++) {
+        const int i = s->candidate[n], x = i % w, y = i / w;
+        if (s->label[i] != component)
+            continue;
+        const int next[4] = {x ? i - 1 : -1, x + 1 < w ? i + 1 : -1, y ? i - w : -1, y + 1 < s->height ? i + w : -1};
+        for (int k = 0; k < 4; k++) {
+            if (next[k] < 0 || s->label[next[k]] == component)
+                continue;
+            const int there = s->depth[next[k]];
+            edge++;
+            continued +=
+                there && s->label[next[k]] < 0 &&
+                abs(there - s->depth[i]) <= by_depth(s->max_step_mm, there < s->depth[i] ? there : s->depth[i]);
+        }
+    }
+    return edge ? (double)continued / edge : 0;
+}
+
+// ---------------------------------------------------------------- static object
+
+// Static object rejection: whether any part of the person moves. People sway and breathe; what does not move at all for
+// seconds is furniture that was taken for a person. Tested against the running mean of each cell's depth: the whole
+// person's mean shift, and that of blocks of cells.
+
+enum {
+    BLOCK = 8, // cells of 2 pixels: an arm's width at 3 m
+    BLOCKS_MAX = (COLUMNS_MAX / BLOCK + 1) * (COLUMNS_MAX / BLOCK + 1),
+    MEAN_CONFIRMED = 3,   // a cell's mean is used after so many samples,
+    MEAN_WINDOW = 8,      // and averages over as many
+    BLOCK_CELLS_MIN = 15, // confirmed cells that a block needs
+};
+
+// Chosen by hand; real people in recordings reached 3 static frames (STATIC_FRAMES_MIN in tracker_decide.c is 12).
+#define STATIC_MM           2.0 // a smaller shift is no motion: sensors drift while they warm up
+#define PERSON_SIGMAS       3.0 // significance of the whole person's mean shift,
+#define BLOCK_SIGMAS        4.5 // and of one block's, of which there are about a hundred
+#define CONFIRMED_SHARE_MIN 0.5 // of the cells; less is motion: edges flicker, a walking person changes most cells
+#define INTERIOR_SHARE      0.8 // of a block's cells: no edge of the person runs through it
+
+struct motion_block {
+    int cells, confirmed;
+    double shift_mm, variance_mm2; // summed over the confirmed ones
+};
+
+static void add(struct motion_block *to, const struct motion_block *from)
+{
+    to->cells += from->cells;
+    to->confirmed += from->confirmed;
+    to->shift_mm += from->shift_mm;
+    to->variance_mm2 += from->variance_mm2;
+}
+
+static bool has_moved(const struct motion_block *b, double sigmas)
+{
+    return fabs(b->shift_mm) > STATIC_MM * b->confirmed + sigmas * sqrt(b->variance_mm2);
+}
+
+static bool is_interior(const struct motion_block *b)
+{
+    return b->confirmed >= BLOCK_CELLS_MIN && b->confirmed >= INTERIOR_SHARE * b->cells;
+}
+
+// Compares one of the person's cells with its mean, and updates that.
+static struct motion_block update_cell_mean(struct segmenter *s, int i)
+{
+    double d = s->depth[i], sigma = 1000 * depth_sigma_m(0.001 * d), off = d - (double)s->mean_depth[i];
+    struct motion_block b = {.cells = 1};
+    bool known = s->mean_updated[i] && s->mean_updated[i] == s->update_count - 1;
+    s->mean_updated[i] = s->update_count;
+    if (!known || fabs(off) > by_depth(s->noise_mm, s->depth[i])) {
+        s->mean_depth[i] = s->depth[i];
+        s->mean_count[i] = 1;
+        return b;
+    }
+    if (s->mean_count[i] >= MEAN_CONFIRMED)
+        b = (struct motion_block){1, 1, off, sigma * sigma};
+    s->mean_count[i] += s->mean_count[i] < MEAN_WINDOW;
+    s->mean_depth[i] += (float)(off / s->mean_count[i]);
+    return b;
+}
+
+// Compares the person's cells with their running means and updates static_frames.
+static void segmenter_detect_motion(struct segmenter *s)
+{
+    struct motion_block blocks[BLOCKS_MAX], all = {0};
+    int side = BLOCK;
+    while ((s->width / side + 1) * (s->height / side + 1) > BLOCKS_MAX) // an image much higher than wide
+        side *= 2;
+    int across = s->width / side + 1, down = s->height / side + 1;
+    memset(blocks, 0, sizeof *blocks * (size_t)(across * down));
+    s->update_count++;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
+        if (!s->person[i])
+            continue;
+        struct motion_block cell = update_cell_mean(s, i);
+        add(&blocks[i / s->width / side * across + i % s->width / side], &cell);
+        add(&all, &cell);
+    }
+    if (!all.cells) // no person, or occluded
+        return;
+    bool moved = all.confirmed < CONFIRMED_SHARE_MIN * all.cells || has_moved(&all, PERSON_SIGMAS);
+    for (int k = 0; k < across * down && !moved; k++)
+        moved = is_interior(&blocks[k]) && has_moved(&blocks[k], BLOCK_SIGMAS);
+    // One frame in which a person touches the object, or an edge flickers, only halves the count.
+    s->static_frames = moved ? s->static_frames / 2 : s->static_frames + 1;
+}
+
+int segmenter_static_frames(const struct segmenter *s) { return s->static_frames; }
+
+void segmenter_absorb_static(struct segmenter *s)
+{
+    for (int i = 0; i < s->width * s->height; i++)
+        if (s->person[i] && s->depth[i]) {
+            s->background[i] = s->depth[i];
+            s->observed_count[i] = CONFIRMED_FRAMES;
+            s->nearer_count[i] = 0;
+            segmenter_update_limit(s, i);
+        }
+    segmenter_drop_person(s);
+}
+
+// ---------------------------------------------------------------- segment
 
 static const double SLOPE_MAX = 4; // depth over lateral distance: a surface up to 76 degrees off the image plane
 

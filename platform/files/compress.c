@@ -1,8 +1,18 @@
 #include "platform/files/compress.h"
 
 #include <stdlib.h>
+#include <zlib.h>
 #include <zstd.h>
 #include <zstd_errors.h>
+
+// ---------------------------------------------------------------- checksum
+
+uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count)
+{
+    return count ? (uint32_t)crc32_z(crc, bytes, count) : crc; // of NULL zlib returns what a CRC begins with
+}
+
+// ---------------------------------------------------------------- compress
 
 struct compressor {
     ZSTD_CCtx *pack;

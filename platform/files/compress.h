@@ -1,7 +1,18 @@
 // General lossless compression of memory (zstd). The same input, level and
 // library version give the same output. A handle belongs to one thread at a time.
 #pragma once
+#include <stddef.h>
+#include <stdint.h>
 #include "base/status.h"
+
+// ---------------------------------------------------------------- checksum
+
+// CRC-32 (polynomial 0x04c11db7, as in PNG and gzip), by zlib.
+
+// Of what `crc` is of, followed by these bytes; 0: of nothing before. Any thread may call.
+uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
+
+// ---------------------------------------------------------------- compress
 
 struct compressor; // working memory, kept between calls
 

@@ -1,6 +1,6 @@
 // SQLite's write-ahead log (fileformat2.html, section 4), read beside the file whose last part it should hold.
 #pragma once
-#include "platform/files/database_pages.h"
+#include "platform/files/database_sides.h"
 
 // Where the file's header says that there is a log (SQLite writes that before it writes a log, and takes it out when
 // the log is gone), it is proved to be the file's, BESIDE_OWN: no two marks differ, and the file's page 1 has the

@@ -2,6 +2,23 @@
 #pragma once
 #include "base/status.h"
 
+// ---------------------------------------------------------------- file kind
+
+// What a file is that is not what it was taken for, by its first bytes, to say so to whoever chose it.
+
+// A phrase that goes on after "it is": "a zip archive: unpack it first". NULL: nothing that is known, or it cannot be
+// read. The file is opened and closed: not for one of which this process holds POSIX locks.
+const char *file_kind(const char *path);
+
+// Returns ERR_FORMAT with a sentence that says it is not a recording, and what it is instead.
+enum status file_fail_not_recording(const char *path);
+
+// The same of a file's first bytes, `total` bytes being in all of it.
+const char *file_kind_of(const uint8_t *bytes, size_t count, uint64_t total);
+enum { FILE_KIND_BYTES = 512 }; // as many of the first as are looked at
+
+// ---------------------------------------------------------------- file
+
 // *bytes is malloc'ed with a 0 after its `count` bytes; the caller frees it. On error *bytes is untouched.
 // ERR_MISSING, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status file_read(const char *path, uint8_t **bytes, size_t *count);

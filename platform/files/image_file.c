@@ -1,7 +1,6 @@
 #include "platform/files/image_file.h"
 
 #include "platform/files/file.h"
-#include "platform/files/file_kind.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
 

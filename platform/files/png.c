@@ -2,7 +2,6 @@
 
 #include "base/pixels.h"
 #include "platform/files/file.h"
-#include "platform/files/file_kind.h"
 
 #include <png.h>
 #include <setjmp.h>

@@ -58,7 +58,7 @@ enum status ros_guard_start(struct ros_guard **out, const char *master, const ch
     int ends[2];
     struct ros_guard *g = *out = calloc(1, sizeof *g);
     char **words = words_of(master, remap);
-    enum status status = g && words ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = g && words ? OK : fail(ERR_MEMORY, "no memory for the robot's guard");
     if (status == OK && socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
         status = fail(ERR_IO, "no connection to a process that guards the robot: %s", strerror(errno));
     if (status == OK) {

@@ -1,11 +1,398 @@
+#include "platform/screen/gpu.h"
+
 #include "platform/screen/gpu_internal.h"
 
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
-
+#include <GLES2/gl2ext.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- gpu draw
+
+// The draw call of gpu.h.
+
+static int min_int(int a, int b) { return a < b ? a : b; }
+static int max_int(int a, int b) { return a > b ? a : b; }
+
+// Limits drawing to the box and extends the area that the next clear has to cover.
+static void set_scissor(struct gpu_target *t, const struct gpu_box *box)
+{
+    if (!box->width) {
+        gpu_target_mark_drawn(t);
+        return;
+    }
+    const int left = max_int(box->left, 0), right = max_int(left, min_int(box->left + box->width, t->width));
+    const int top = max_int(box->top, 0), bottom = max_int(top, min_int(box->top + box->height, t->height));
+    const bool cleared = t->right <= t->left;
+    t->left = cleared ? left : min_int(t->left, left);
+    t->top = cleared ? top : min_int(t->top, top);
+    t->right = max_int(t->right, right);
+    t->bottom = max_int(t->bottom, bottom);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(left, top, right - left, bottom - top);
+}
+
+void gpu_draw(const struct gpu_job *job)
+{
+    gpu_make_current(job->target->g);
+    job->target->g->counts.draws++;
+    assert(!job->depth_test || job->target->kind != GPU_TARGET_COLOR);
+    glBindFramebuffer(GL_FRAMEBUFFER, job->target->framebuffer);
+    glViewport(0, 0, job->target->width, job->target->height);
+    set_scissor(job->target, &job->within);
+    glFrontFace(GL_CW); // images have their top row first, which mirrors triangles
+    if (job->closed)
+        glEnable(GL_CULL_FACE);
+    else
+        glDisable(GL_CULL_FACE);
+    if (job->blend) {
+        glEnable(GL_BLEND);
+        glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    } else {
+        glDisable(GL_BLEND);
+    }
+    if (job->depth_test) {
+        glEnable(GL_DEPTH_TEST);
+        glDepthFunc(GL_LESS);
+        glDepthMask(!job->no_depth_write);
+    } else {
+        glDisable(GL_DEPTH_TEST);
+    }
+    glUseProgram(job->program->id);
+    for (int i = 0; i < job->program->sampler_count; i++) {
+        glActiveTexture(GL_TEXTURE0 + (GLenum)i);
+        glBindTexture(job->textures[i]->layers ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D, job->textures[i]->id);
+    }
+    glActiveTexture(GL_TEXTURE0);
+    glBindVertexArray(job->mesh->array);
+    if (job->points)
+        glDrawArrays(GL_POINTS, job->first, job->count ? job->count : job->mesh->vertex_count);
+    else
+        glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
+                       (const void *)(sizeof(uint16_t) * (size_t)job->first));
+    glBindVertexArray(0);
+    glDisable(GL_SCISSOR_TEST);
+}
+
+// ---------------------------------------------------------------- gpu import
+
+// As in drm_fourcc.h: the letters name the channels from the most significant byte of a little-endian word.
+#define FOURCC(a, b, c, d) ((EGLint)(a) | (EGLint)(b) << 8 | (EGLint)(c) << 16 | (EGLint)(d) << 24)
+
+static EGLint drm_format(enum gpu_format format)
+{
+    switch (format) {
+    case GPU_R8: return FOURCC('R', '8', ' ', ' ');
+    case GPU_RG8: return FOURCC('G', 'R', '8', '8');
+    case GPU_RGBA8: return FOURCC('A', 'B', '2', '4');
+    default: return 0;
+    }
+}
+
+static bool lists_format(EGLDisplay display, EGLint wanted)
+{
+    PFNEGLQUERYDMABUFFORMATSEXTPROC query =
+        (PFNEGLQUERYDMABUFFORMATSEXTPROC)eglGetProcAddress("eglQueryDmaBufFormatsEXT");
+    EGLint formats[256], count = 0;
+    if (!query || !query(display, (EGLint)COUNT_OF(formats), formats, &count))
+        return false;
+    for (EGLint i = 0; i < count; i++)
+        if (formats[i] == wanted)
+            return true;
+    return false;
+}
+
+bool gpu_can_import(struct gpu *g)
+{
+    gpu_make_current(g);
+    EGLDisplay display = eglGetCurrentDisplay();
+    const char *extensions = display == EGL_NO_DISPLAY ? NULL : eglQueryString(display, EGL_EXTENSIONS);
+    if (!gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import") ||
+        !gpu_has_extension(extensions, "EGL_KHR_image_base") ||
+        !gpu_has_extension((const char *)glGetString(GL_EXTENSIONS), "GL_OES_EGL_image"))
+        return false;
+    // A driver that cannot list its formats may support them nevertheless.
+    return !gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import_modifiers") ||
+           (lists_format(display, drm_format(GPU_R8)) && lists_format(display, drm_format(GPU_RG8)) &&
+            lists_format(display, drm_format(GPU_RGBA8)));
+}
+
+static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const struct gpu_dmabuf *memory)
+{
+    PFNEGLCREATEIMAGEKHRPROC create = (PFNEGLCREATEIMAGEKHRPROC)eglGetProcAddress("eglCreateImageKHR");
+    PFNEGLDESTROYIMAGEKHRPROC destroy = (PFNEGLDESTROYIMAGEKHRPROC)eglGetProcAddress("eglDestroyImageKHR");
+    PFNGLEGLIMAGETARGETTEXTURE2DOESPROC use =
+        (PFNGLEGLIMAGETARGETTEXTURE2DOESPROC)eglGetProcAddress("glEGLImageTargetTexture2DOES");
+    if (!create || !destroy || !use)
+        return fail(ERR_DEVICE, "the graphics driver (%s) cannot import memory", t->g->renderer);
+    const EGLint what[] = {EGL_WIDTH,
+                           t->width,
+                           EGL_HEIGHT,
+                           t->height,
+                           EGL_LINUX_DRM_FOURCC_EXT,
+                           drm_format(t->format),
+                           EGL_DMA_BUF_PLANE0_FD_EXT,
+                           memory->file,
+                           EGL_DMA_BUF_PLANE0_OFFSET_EXT,
+                           (EGLint)memory->offset,
+                           EGL_DMA_BUF_PLANE0_PITCH_EXT,
+                           (EGLint)memory->stride,
+                           EGL_NONE};
+    EGLImageKHR image = create(display, EGL_NO_CONTEXT, EGL_LINUX_DMA_BUF_EXT, NULL, what);
+    if (image == EGL_NO_IMAGE_KHR)
+        return fail(ERR_DEVICE, "the graphics driver (%s) cannot read the memory (EGL error 0x%x)", t->g->renderer,
+                    eglGetError());
+    glBindTexture(GL_TEXTURE_2D, t->id);
+    use(GL_TEXTURE_2D, image);
+    destroy(display, image); // the texture keeps its own reference
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return gpu_check(t->g);
+}
+
+enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
+                               const struct gpu_dmabuf *memory)
+{
+    assert(width > 0 && height > 0 && drm_format(format));
+    *out = NULL;
+    enum status status = gpu_check(g); // report earlier errors separately
+    if (status != OK)
+        return status;
+    struct gpu_texture *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "no memory for an imported image");
+    *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height, .borrowed = true};
+    glGenTextures(1, &t->id);
+    g->counts.made++;
+    status = bind_image(t, eglGetCurrentDisplay(), memory);
+    if (status != OK) {
+        gpu_texture_close(&t);
+        return status;
+    }
+    *out = t;
+    return OK;
+}
+
+// ---------------------------------------------------------------- fences
+
+struct gpu_fence {
+    struct gpu *g;
+    GLsync sync;
+};
+
+enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
+{
+    *out = NULL;
+    struct gpu_fence *f = calloc(1, sizeof *f);
+    if (!f)
+        return fail(ERR_MEMORY, "no memory for an imported image");
+    gpu_make_current(g);
+    *f = (struct gpu_fence){g, glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0)};
+    if (!f->sync) {
+        free(f);
+        return fail(ERR_DEVICE, "the graphics driver (%s) has no fences", g->renderer);
+    }
+    *out = f;
+    return OK;
+}
+
+bool gpu_fence_passed(struct gpu_fence *f, bool wait)
+{
+    gpu_make_current(f->g);
+    GLenum result = glClientWaitSync(f->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
+    return result != GL_TIMEOUT_EXPIRED;
+}
+
+void gpu_fence_close(struct gpu_fence **f)
+{
+    if (!*f)
+        return;
+    gpu_make_current((*f)->g);
+    glDeleteSync((*f)->sync);
+    free(*f);
+    *f = NULL;
+}
+
+// ---------------------------------------------------------------- gpu target
+
+// Render targets of gpu.h: framebuffers with their textures.
+
+// A depth texture of 16 or 24 bit, attached to the framebuffer that is bound.
+static void attach_depth_texture(struct gpu_target *t, struct gpu_texture *texture, int bits)
+{
+    glGenTextures(1, &texture->id);
+    glBindTexture(GL_TEXTURE_2D, texture->id);
+    glTexImage2D(GL_TEXTURE_2D, 0, bits == 16 ? GL_DEPTH_COMPONENT16 : GL_DEPTH_COMPONENT24, t->width, t->height, 0,
+                 GL_DEPTH_COMPONENT, bits == 16 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT, NULL);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, texture->id, 0);
+}
+
+static enum status make_shadow_map(struct gpu_target *t)
+{
+    if (t->width > t->g->max_size || t->height > t->g->max_size)
+        return gpu_fail_too_large(t->g, t->width, t->height);
+    attach_depth_texture(t, &t->texture, 16);
+    glDrawBuffers(1, &(const GLenum){GL_NONE});
+    glReadBuffer(GL_NONE);
+    return gpu_check(t->g);
+}
+
+static enum status make_color_texture(struct gpu_target *t)
+{
+    enum status status = gpu_make_texture(&t->texture, GPU_NEAREST, NULL);
+    if (status == OK)
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
+    return status;
+}
+
+static enum status make_target(struct gpu_target *t)
+{
+    glGenFramebuffers(1, &t->framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    enum status status = t->kind == GPU_TARGET_DEPTH ? make_shadow_map(t) : make_color_texture(t);
+    if (status != OK)
+        return status;
+    if (t->kind == GPU_TARGET_COMPARABLE) {
+        attach_depth_texture(t, &t->depth_texture, 24);
+    } else if (t->kind == GPU_TARGET_COLOR_DEPTH) {
+        glGenRenderbuffers(1, &t->depth);
+        glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
+        glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
+        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
+    }
+    status = gpu_check(t->g);
+    if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into an image of %d x %d pixels",
+                      t->g->renderer, t->width, t->height);
+    return status;
+}
+
+static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_target_kind kind, int width, int height)
+{
+    static const size_t bytes_a_pixel[] = {
+        [GPU_TARGET_COLOR_DEPTH] = 8, [GPU_TARGET_COMPARABLE] = 8, [GPU_TARGET_COLOR] = 4, [GPU_TARGET_DEPTH] = 2};
+    assert(width > 0 && height > 0);
+    *out = NULL;
+    gpu_make_current(g);
+    struct gpu_target *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "no memory for a render target");
+    *t = (struct gpu_target){.g = g,
+                             .kind = kind,
+                             .width = width,
+                             .height = height,
+                             .bytes = (size_t)width * (size_t)height * bytes_a_pixel[kind],
+                             .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
+    gpu_count_made(g, t->bytes);
+    enum status status = make_target(t);
+    if (status != OK) {
+        gpu_target_close(&t);
+        return status;
+    }
+    gpu_target_mark_drawn(t);
+    gpu_target_clear(t);
+    *out = t;
+    return OK;
+}
+
+enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_COLOR_DEPTH, width, height);
+}
+
+enum status gpu_target_open_comparable(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_COMPARABLE, width, height);
+}
+
+enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_COLOR, width, height);
+}
+
+enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_DEPTH, width, height);
+}
+
+void gpu_target_close(struct gpu_target **t)
+{
+    if (!*t)
+        return;
+    gpu_make_current((*t)->g);
+    (*t)->g->counts.bytes_held -= (*t)->bytes;
+    glDeleteFramebuffers(1, &(*t)->framebuffer);
+    glDeleteRenderbuffers(1, &(*t)->depth);
+    glDeleteTextures(1, &(*t)->texture.id);
+    glDeleteTextures(1, &(*t)->depth_texture.id);
+    free(*t);
+    *t = NULL;
+}
+
+void gpu_target_mark_drawn(struct gpu_target *t)
+{
+    t->left = t->top = 0;
+    t->right = t->width, t->bottom = t->height;
+}
+
+// A GPU clears a whole target at no cost per pixel, and then need not load its old contents. A software renderer clears
+// pixel by pixel: only the area that was drawn into.
+void gpu_target_clear(struct gpu_target *t)
+{
+    bool is_clear = t->right <= t->left || t->bottom <= t->top;
+    gpu_make_current(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    glClearColor(0, 0, 0, 0);
+    glClearDepthf(1);
+    glDepthMask(GL_TRUE);
+    if (t->g->software_renderer) {
+        glEnable(GL_SCISSOR_TEST);
+        glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
+    }
+    if (!is_clear || !t->g->software_renderer)
+        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    glDisable(GL_SCISSOR_TEST);
+    t->left = t->top = t->right = t->bottom = 0;
+}
+
+void gpu_target_resize(struct gpu_target *t, int width, int height)
+{
+    assert(width > 0 && height > 0 && width <= t->texture.width && height <= t->texture.height);
+    if (width == t->width && height == t->height)
+        return;
+    gpu_target_clear(t); // the old size may reach beyond the new one
+    t->width = t->texture.used_width = width;
+    t->height = t->texture.used_height = height;
+}
+
+int gpu_target_width(const struct gpu_target *t) { return t->width; }
+
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
+
+const struct gpu_texture *gpu_target_depth(const struct gpu_target *t)
+{
+    assert(t->kind == GPU_TARGET_COMPARABLE);
+    return &t->depth_texture;
+}
+
+enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
+{
+    assert(t->kind != GPU_TARGET_DEPTH);
+    gpu_make_current(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
+    glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
+    return gpu_check(t->g);
+}
+
+// ---------------------------------------------------------------- gpu
 
 // ---------------------------------------------------------------- the context
 
@@ -132,7 +519,7 @@ static enum status open_as(struct gpu **out, bool adopted)
     *out = NULL;
     struct gpu *g = calloc(1, sizeof *g);
     if (!g)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the graphics card's objects");
     g->adopted = adopted;
     enum status status = OK;
     if (!adopted)
@@ -242,7 +629,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     gpu_make_current(g);
     struct gpu_program *p = calloc(1, sizeof *p);
     if (!p)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the graphics card's objects");
     p->g = g;
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
@@ -333,7 +720,7 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, const stru
     gpu_make_current(g);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the graphics card's objects");
     *t = (struct gpu_texture){.g = g, .format = layout->format, .width = layout->width, .height = layout->height};
     enum status status = gpu_make_texture(t, layout->filter, pixels);
     gpu_count_made(g, texture_bytes(t));
@@ -401,7 +788,7 @@ enum status gpu_texture_open_array(struct gpu_texture **out, struct gpu *g, cons
         return gpu_fail_too_large(g, width, height);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the graphics card's objects");
     *t = (struct gpu_texture){.g = g, .array_format = layout->format, .width = width, .height = height};
     t->layers = layers;
     t->bytes = (size_t)width * (size_t)height * (size_t)layers * array_formats[layout->format].bytes;
@@ -441,7 +828,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu
     gpu_make_current(g);
     struct gpu_mesh *m = calloc(1, sizeof *m);
     if (!m)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the graphics card's objects");
     *m = (struct gpu_mesh){.g = g,
                            .index_count = index_count,
                            .vertex_count = vertex_count,

@@ -28,7 +28,7 @@ enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct
     *out = NULL;
     struct gpu_draw2d *f = calloc(1, sizeof *f);
     if (!f)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for drawing the screen");
     f->g = g;
     const struct gpu_program_source text = {.name = "flat",
                                             .vertex = texts->vertex,

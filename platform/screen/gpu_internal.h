@@ -1,4 +1,4 @@
-// The objects behind gpu.h, shared by gpu.c, gpu_target.c, gpu_draw.c, gpu_draw2d.c and gpu_import.c only. Names are
+// The objects behind gpu.h, shared by gpu.c and gpu_draw2d.c only. Names are
 // OpenGL's.
 #pragma once
 #include "platform/screen/gpu.h"

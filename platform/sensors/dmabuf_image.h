@@ -30,7 +30,7 @@ struct dmabuf_image {
     void (*release)(struct dmabuf_image *l); // frees it; call dmabuf_image_release()
 };
 
-// NULL is fine; sets *l = NULL. Where a GPU reads it, wait for that to end first (gpu_import.h).
+// NULL is fine; sets *l = NULL. Where a GPU reads it, wait for that to end first (gpu.h).
 static inline void dmabuf_image_release(struct dmabuf_image **l)
 {
     if (*l)

@@ -23,7 +23,6 @@
 // refused, because the order of its frames is unknown.
 #include "base/text.h"
 #include "platform/files/file.h"
-#include "platform/files/file_kind.h"
 #include "platform/files/image_file.h"
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"

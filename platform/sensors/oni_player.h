@@ -25,9 +25,6 @@ struct oni_reply {
     bool has_color;
 };
 
-// The player itself; does not return.
-_Noreturn void oni_player_run(const char *name);
-
 // In openni.c: as a source_opener, of the file that is open as PLAYER_FILE, with the pictures in PLAYER_MEMORY, which
 // gets its size here. openni_kind reads and closes it.
 MUST_CHECK enum status oni_play(void **self, const char *name, struct source_facts *facts);

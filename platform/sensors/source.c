@@ -1,6 +1,6 @@
 #include "platform/sensors/source.h"
 
-#include "platform/files/file_kind.h"
+#include "platform/files/file.h"
 #include "platform/sensors/source_internal.h"
 
 #include <stdlib.h>

@@ -34,7 +34,7 @@ extern const struct source_kind folder_kind;
 source_opener openni_open; // where: "" or the number of the device
 extern const struct source_kind openni_kind;
 
-source_opener oni_open; // where: the file; in oni_file.c
+source_opener oni_open; // where: the file; in oni_player.c
 extern const struct source_kind oni_kind;
 
 source_opener mkv_open; // where: the file; in azure_kinect.c

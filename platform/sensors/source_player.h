@@ -16,7 +16,7 @@
 //
 // Times are those of clock_now_ns(), ns. Threads: what is marked so is for the worker's thread alone.
 #pragma once
-#include "base/worker_thread.h"
+#include "base/threads.h"
 #include "platform/sensors/source.h"
 
 struct source_player {

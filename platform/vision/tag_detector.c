@@ -1,8 +1,100 @@
 #include "platform/vision/tag_detector.h"
 
 #include <apriltag/apriltag.h>
+#include <apriltag/tag16h5.h>
+#include <apriltag/tag25h9.h>
+#include <apriltag/tag36h10.h>
 #include <apriltag/tag36h11.h>
+#include <apriltag/tagCircle21h7.h>
+#include <apriltag/tagCircle49h12.h>
+#include <apriltag/tagCustom48h12.h>
+#include <apriltag/tagStandard41h12.h>
+#include <apriltag/tagStandard52h13.h>
 #include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- tag families
+
+// The library's mean distance of a cell's grey value from the border between black and white, 0 to 127. By hand: of
+// printed tags in poor light it is 30 and more, of furniture that happens to have a code mostly below 10.
+static const float CLEAR = 20;
+
+static const struct {
+    const char *name;
+    apriltag_family_t *(*create)(void);
+    void (*destroy)(apriltag_family_t *);
+} families[TAG_FAMILIES] = {
+    {"tag16h5", tag16h5_create, tag16h5_destroy},
+    {"tag25h9", tag25h9_create, tag25h9_destroy},
+    {"tag36h10", tag36h10_create, tag36h10_destroy},
+    {"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
+    {"tagCircle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
+    {"tagCustom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
+    {"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+    {"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
+};
+
+struct tag_families {
+    apriltag_detector_t *detector;
+    apriltag_family_t *family[TAG_FAMILIES];
+};
+
+enum status tag_families_open(struct tag_families **out)
+{
+    struct tag_families *f = *out = calloc(1, sizeof *f);
+    bool made = f && (f->detector = apriltag_detector_create());
+    for (int i = 0; i < TAG_FAMILIES && made; i++) {
+        made = (f->family[i] = families[i].create());
+        if (made) // without errors corrected: with two the table of the largest family would take gigabytes
+            apriltag_detector_add_family_bits(f->detector, f->family[i], 0);
+    }
+    if (!made) {
+        tag_families_close(out);
+        return fail(ERR_MEMORY, "no memory to look for tags of other families");
+    }
+    f->detector->quad_decimate = 1;
+    f->detector->nthreads = 1;
+    return OK;
+}
+
+void tag_families_close(struct tag_families **f)
+{
+    if (!*f)
+        return;
+    if ((*f)->detector)
+        apriltag_detector_destroy((*f)->detector);
+    for (int i = 0; i < TAG_FAMILIES; i++)
+        if ((*f)->family[i])
+            families[i].destroy((*f)->family[i]);
+    free(*f);
+    *f = NULL;
+}
+
+enum status tag_families_look(struct tag_families *f, const struct gray_image *gray, struct tag_of_family *out,
+                              int capacity, int *count)
+{
+    const int width = gray->width, height = gray->height;
+    *count = 0;
+    if (width < 16 || height < 16) // smaller than any decodable tag and than the library's tiles
+        return OK;
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
+    zarray_t *found = apriltag_detector_detect(f->detector, &image);
+    if (!found)
+        return fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);
+    for (int i = 0; i < zarray_size(found) && *count < capacity; i++) {
+        apriltag_detection_t *detection;
+        zarray_get(found, i, &detection);
+        for (int k = 0; k < TAG_FAMILIES && detection->decision_margin >= CLEAR; k++)
+            if (detection->family == f->family[k])
+                out[(*count)++] = (struct tag_of_family){k, detection->id};
+    }
+    apriltag_detections_destroy(found);
+    return OK;
+}
+
+const char *tag_family_name(int family) { return families[family].name; }
+
+// ---------------------------------------------------------------- tag detector
 
 struct tag_detector {
     apriltag_detector_t *detector;

@@ -13,7 +13,7 @@
 // No threads, no memory of its own but 110 KiB of stack; cannot fail; deterministic.
 #pragma once
 #include "reenact/avatar/tsdf.h"
-#include "reenact/skeleton/joint_noise.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 // Corrects the joints' transforms, in each bone's bind-pose axes.
 struct bone_corrections {

@@ -1,14 +1,294 @@
 #include "reenact/avatar/avatar.h"
-#include "base/portable_math.h"
 
-#include "base/pipeline.h"
+#include "base/archive.h"
+#include "base/threads.h"
+#include "base/portable_math.h"
+#include "recording/prepared.h"
 #include "reenact/avatar/axial_rotation.h"
+#include "reenact/avatar/deformation.h"
 #include "reenact/avatar/silhouette_constraint.h"
-#include "reenact/observation/depth_frame_cache.h"
-#include "reenact/skeleton/take_skeletons.h"
+#include "reenact/avatar/tsdf.h"
+#include "reenact/observation/depth_frame.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- avatar check
+
+// Whether an avatar that was read from a file can be drawn: every number that something is looked up by is in range,
+// and every other one is finite and one that a person's model can have. Not its TSDF, which tsdf.h checks. Pure.
+
+// ---------------------------------------------------------------- avatar check
+
+// Farther, brighter, later than anything that a sensor sees of a person; chosen by hand so that sums and conversions of
+// what passes cannot overflow.
+#define MOST_M     100.0
+#define MOST_COLOR 1000.0
+#define MOST_S     1e7
+#define UNIT_ERROR 1e-3 // of a unit vector's or quaternion's squared length
+
+// False for what is not a number.
+static bool within(double value, double most) { return fabs(value) <= most; }
+
+static bool all_within(const double *values, size_t count, double most)
+{
+    bool good = true;
+    for (size_t i = 0; i < count; i++)
+        good &= within(values[i], most);
+    return good;
+}
+
+static bool floats_within(const float *values, size_t count, double most)
+{
+    bool good = true;
+    for (size_t i = 0; i < count; i++)
+        good &= within((double)values[i], most);
+    return good;
+}
+
+static bool points_within(const struct vec3 *points, int count, double most)
+{
+    return all_within(&points->x, 3 * (size_t)count, most);
+}
+
+static bool is_unit(struct vec3 v) { return within(v3_dot(v, v) - 1, UNIT_ERROR); }
+
+static bool pose_is_rigid(const struct pose *p)
+{
+    const struct quat q = p->rotation;
+    return within(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1, UNIT_ERROR) &&
+           points_within(&p->translation, 1, MOST_M);
+}
+
+static bool indices_within(const int32_t *numbers, int count, int32_t least, int32_t limit)
+{
+    for (int i = 0; i < count; i++)
+        if (numbers[i] < least || numbers[i] >= limit)
+            return false;
+    return true;
+}
+
+// ------------------------------------------------------------- the parts
+
+static bool bind_pose_is_sound(const struct bind_pose *b)
+{
+    bool good = points_within(b->skeleton.joint, JOINT_COUNT, MOST_M) &&
+                floats_within(b->skeleton.confidence, JOINT_COUNT, 1) &&
+                all_within(b->own_length, BONE_COUNT, MOST_M) && all_within(b->radius, BONE_COUNT, MOST_M);
+    for (int i = 0; i < BONE_COUNT && good; i++) {
+        const struct bone_frame *f = &b->frame[i];
+        if (b->known[i])
+            good = points_within(&f->origin, 1, MOST_M) && within(f->length, MOST_M) && is_unit(f->x) &&
+                   is_unit(f->y) && is_unit(f->z) && b->radius[i] >= 0;
+    }
+    for (int j = 0; j < JOINT_COUNT && good; j++)
+        good = covariance_is_finite(b->skeleton.covariance[j]);
+    return good && b->known[PART_UPPER_TORSO];
+}
+
+static bool surface_is_sound(const struct avatar *f)
+{
+    const struct surface_mesh *s = &f->surface;
+    const struct vertex_colors *c = &f->vertex_colors;
+    const size_t points = (size_t)s->point_count;
+    bool good = s->point_count > 0 && s->corner_count > 0 && s->corner_count % 3 == 0 &&
+                indices_within(s->corners, s->corner_count, 0, s->point_count) &&
+                points_within(s->points, s->point_count, MOST_M) &&
+                points_within(s->normals, s->point_count, 1 + UNIT_ERROR) &&
+                floats_within(c->color[0], 3 * points, MOST_COLOR) && floats_within(c->time_s, points, MOST_S) &&
+                floats_within(c->irradiance.term, SH_TERMS, MOST_COLOR);
+    good = good && deformation_grid_is_small(s);
+    for (size_t i = 0; i < points && good; i++) {
+        const struct skin_weights *w = &f->skins[i];
+        good = floats_within(w->weight, SKIN_BONES, 1 + UNIT_ERROR);
+        for (int k = 0; k < SKIN_BONES; k++)
+            good = good && w->bone[k] < BONE_COUNT && w->weight[k] >= 0;
+    }
+    return good;
+}
+
+static bool atlas_is_sound(const struct texture_atlas *a, int surface_points)
+{
+    const struct uv_mesh *m = &a->mesh;
+    const int triangles = m->corner_count / 3;
+    bool good = m->point_count > 0 && triangles > 0 && indices_within(m->points, m->point_count, 0, surface_points) &&
+                indices_within(m->corners, m->corner_count, 0, m->point_count) &&
+                indices_within(m->neighbor[0], 3 * triangles, -1, triangles) &&
+                points_within(a->points, m->point_count, MOST_M) &&
+                points_within(a->normals, m->point_count, 1 + UNIT_ERROR);
+    for (int i = 0; i < m->point_count && good; i++)
+        good =
+            m->at[i][0] >= 0 && m->at[i][0] <= (float)m->width && m->at[i][1] >= 0 && m->at[i][1] <= (float)m->height;
+    return good;
+}
+
+static bool frames_are_sound(const struct avatar *f, const struct take *take)
+{
+    bool good = f->frame_count > 0;
+    for (int i = 0; i < f->frame_count && good; i++) {
+        good = f->frames[i] >= (i ? f->frames[i - 1] + 1 : 0) && f->frames[i] < take_frame_count(take);
+        for (int b = 0; b < BONE_COUNT && good; b++)
+            good = pose_is_rigid(&f->frame_corrections[i].bone[b]);
+    }
+    return good;
+}
+
+// of that take
+static bool avatar_is_sound(const struct avatar *f, const struct take *take)
+{
+    const struct joint_noise *errors = &f->joint_errors;
+    return bind_pose_is_sound(&f->bind_pose) && surface_is_sound(f) &&
+           atlas_is_sound(&f->atlas, f->surface.point_count) && frames_are_sound(f, take) &&
+           all_within(errors->m, BONE_COUNT, MOST_M) && all_within(errors->rad, BONE_COUNT, MOST_M);
+}
+
+// ---------------------------------------------------------------- avatar store
+
+// archive_array for a typed pointer.
+#define ARRAY(a, pointer, count)                                                                                       \
+    do {                                                                                                               \
+        void *array_ = (pointer);                                                                                      \
+        archive_array((a), &array_, &(count), sizeof *(pointer));                                                      \
+        (pointer) = array_;                                                                                            \
+    } while (0)
+
+static void bind_pose_archive(struct archive *a, struct bind_pose *b)
+{
+    ARCHIVE(a, b->skeleton.joint);
+    ARCHIVE(a, b->skeleton.confidence);
+    ARCHIVE(a, b->skeleton.covariance);
+    for (int i = 0; i < BONE_COUNT; i++) {
+        uint8_t known = b->known[i];
+        ARCHIVE(a, known);
+        b->known[i] = known != 0;
+    }
+    ARCHIVE(a, b->frame);
+    ARCHIVE(a, b->own_length);
+    ARCHIVE(a, b->radius);
+}
+
+// Arrays of the surface's points; *count comes back as their number, or the archive fails.
+static void surface_archive(struct archive *a, struct avatar *f)
+{
+    struct surface_mesh *s = &f->surface;
+    struct vertex_colors *c = &f->vertex_colors;
+    int points = s->point_count, normals = points, colors = points, times = points, filled = points;
+    ARRAY(a, s->points, points);
+    ARRAY(a, s->normals, normals);
+    ARRAY(a, c->color, colors);
+    ARRAY(a, c->time_s, times);
+    ARRAY(a, c->filled, filled);
+    ARRAY(a, s->corners, s->corner_count);
+    ARCHIVE(a, c->irradiance);
+    s->point_count = points;
+    a->failed |= normals != points || colors != points || times != points || filled != points;
+}
+
+// Field by field: the struct has padding.
+static void skins_archive(struct archive *a, struct avatar *f)
+{
+    const size_t points = (size_t)f->surface.point_count;
+    if (a->reading && !a->failed) {
+        f->skins = malloc(points * sizeof *f->skins + 1);
+        a->failed |= a->out_of_memory |= !f->skins;
+    }
+    for (size_t i = 0; i < points && !a->failed; i++) {
+        ARCHIVE(a, f->skins[i].bone);
+        ARCHIVE(a, f->skins[i].weight);
+    }
+}
+
+static void atlas_archive(struct archive *a, struct texture_atlas *atlas)
+{
+    struct uv_mesh *m = &atlas->mesh;
+    int points = m->point_count, at = points, moved = points, normals = points, triangles = m->corner_count / 3;
+    ARCHIVE(a, m->width);
+    ARCHIVE(a, m->height);
+    a->failed |= m->width < 1 || m->height < 1 || m->width > 4096 || m->height > 4096;
+    int texels = a->failed ? 0 : 3 * m->width * m->height, times = a->failed ? 0 : 4 * m->width * m->height;
+    const int wanted_texels = texels, wanted_times = times;
+    ARRAY(a, m->points, points);
+    ARRAY(a, m->at, at);
+    ARRAY(a, m->corners, m->corner_count);
+    ARRAY(a, m->neighbor, triangles);
+    ARRAY(a, atlas->points, moved);
+    ARRAY(a, atlas->normals, normals);
+    ARRAY(a, atlas->color, texels);
+    ARRAY(a, atlas->seen_time, times);
+    m->point_count = points;
+    a->failed |= at != points || moved != points || normals != points || m->corner_count != 3 * triangles ||
+                 texels != wanted_texels || times != wanted_times;
+}
+
+static void avatar_archive(struct archive *a, struct avatar *f)
+{
+    int corrections = f->frame_count;
+    bind_pose_archive(a, &f->bind_pose);
+    surface_archive(a, f);
+    skins_archive(a, f);
+    atlas_archive(a, &f->atlas);
+    ARCHIVE(a, f->joint_errors);
+    ARRAY(a, f->frames, f->frame_count);
+    ARRAY(a, f->frame_corrections, corrections);
+    a->failed |= corrections != f->frame_count;
+}
+
+enum status avatar_pack(const struct avatar *avatar, uint8_t **bytes, size_t *count)
+{
+    struct archive a = archive_writer();
+    struct avatar copy = *avatar; // of the pointers; writing changes nothing
+    avatar_archive(&a, &copy);
+    tsdf_archive(&a, &copy.tsdf, NULL);
+    if (!archive_is_whole(&a)) {
+        free(a.bytes);
+        return fail(ERR_MEMORY, "no memory to keep the avatar");
+    }
+    *bytes = a.bytes;
+    *count = a.count;
+    return OK;
+}
+
+enum status avatar_unpack(struct avatar *out, const struct take *take, const void *bytes, size_t count)
+{
+    struct archive a = archive_reader(bytes, count);
+    *out = (struct avatar){0};
+    avatar_archive(&a, out);
+    if (!a.failed)
+        tsdf_archive(&a, &out->tsdf, &(struct tsdf_of){&out->bind_pose, take_calibration(take)});
+    if (archive_is_whole(&a) && avatar_is_sound(out, take))
+        return OK;
+    avatar_free(out);
+    return a.out_of_memory ? fail(ERR_MEMORY, "no memory for the avatar")
+                           : fail(ERR_CORRUPT, "what the recording keeps of the actor's model cannot be used");
+}
+
+enum status avatar_load(struct avatar *out, const struct take *take)
+{
+    uint8_t *bytes;
+    size_t count;
+    *out = (struct avatar){0};
+    enum status status = prepared_read(take, PREPARED_AVATAR, AVATAR_VERSION, &bytes, &count);
+    if (status != OK)
+        return status;
+    status = avatar_unpack(out, take, bytes, count);
+    free(bytes);
+    return status == ERR_CORRUPT ? NOTHING : status;
+}
+
+enum status avatar_save(const uint8_t *bytes, size_t count, const char *path, const struct take *take)
+{
+    return prepared_write(path, take, PREPARED_AVATAR, AVATAR_VERSION, bytes, count);
+}
+
+enum status avatar_obtain(struct avatar *out, struct take *take, const struct source_rays *rays,
+                          const struct avatar_options *options)
+{
+    const enum status status = avatar_load(out, take);
+    return status == OK ? OK : avatar_make(out, take, rays, options);
+}
+
+// ---------------------------------------------------------------- avatar
 
 enum { SMOOTH_PASSES = 2, YAW_BINS = 24 };
 static const double CORRECTION_DECAY = 0.85;           // share of a frame's corrections that the next starts with
@@ -41,7 +321,7 @@ static enum status choose_frames(struct avatar *f, const struct take *take, int 
     f->frames = malloc(sizeof *f->frames * (size_t)most);
     f->frame_corrections = malloc(sizeof *f->frame_corrections * (size_t)most);
     if (!f->frames || !f->frame_corrections)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the avatar");
     double quota = 0.5;
     for (int64_t i = 0; i < frames && f->frame_count < most; i++) {
         const struct take_entry *e = take_entry(take, i);
@@ -102,7 +382,7 @@ static enum status open_build(struct avatar_build *r, struct take *take, const s
         status = depth_frame_open(&r->job[i].depth_frame, take, rays);
         r->job[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
         if (status == OK && !r->job[i].rgb)
-            status = fail(ERR_MEMORY, "out of memory");
+            status = fail(ERR_MEMORY, "no memory for the avatar");
     }
     r->take = take;
     return status;
@@ -303,7 +583,8 @@ static enum status find_axial_rotations(struct avatar *f, struct avatar_build *r
 {
     struct surface_mesh surface = {0};
     double *time_s = malloc(sizeof *time_s * (size_t)f->frame_count);
-    enum status status = time_s ? tsdf_extract_surface(f->tsdf, &surface) : fail(ERR_MEMORY, "out of memory");
+    enum status status =
+        time_s ? tsdf_extract_surface(f->tsdf, &surface) : fail(ERR_MEMORY, "no memory for the avatar");
     if (status == OK)
         status = axial_rotation_open(&r->rotations, &f->bind_pose, &surface, take_calibration(r->take), f->frame_count);
     if (status == OK)
@@ -351,7 +632,7 @@ static enum status make_vertex_colors(struct avatar *f, struct avatar_build *r)
 {
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the avatar");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = bind_pose_skin_weights(&f->bind_pose, f->surface.points[i]);
     const struct vertex_color_target target = {&f->bind_pose, &f->surface, f->skins};

@@ -1,7 +1,7 @@
 #include "reenact/avatar/axial_rotation.h"
 #include "base/portable_math.h"
 
-#include "reenact/observation/depth_agreement.h"
+#include "reenact/observation/depth_frame.h"
 
 #include <float.h>
 #include <stdlib.h>
@@ -82,7 +82,7 @@ enum status axial_rotation_open(struct axial_rotation **out, const struct bind_p
 {
     struct axial_rotation *t = *out = calloc(1, sizeof *t);
     if (!t)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the bones' axial rotation");
     t->bind_pose = bind_pose;
     t->calibration = *calibration;
     t->depth_from_color = pose_inverse(calibration->color_from_depth);
@@ -91,7 +91,7 @@ enum status axial_rotation_open(struct axial_rotation **out, const struct bind_p
     t->seed_score = calloc((size_t)frames, sizeof *t->seed_score);
     if (!t->cost || !t->seed_score) {
         axial_rotation_close(out);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the bones' axial rotation");
     }
     for (int b = 0; b < BONE_COUNT; b++)
         if (bind_pose->known[b] && rotation_from_colors(b))
@@ -408,7 +408,7 @@ enum status axial_rotation_apply(const struct axial_rotation *t, const double *t
 {
     double(*forward)[ANGLES] = malloc(sizeof *forward * (size_t)t->frames);
     double *angle = malloc(sizeof *angle * (size_t)t->frames);
-    enum status status = forward && angle ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = forward && angle ? OK : fail(ERR_MEMORY, "no memory for the bones' axial rotation");
     for (int b = 0; b < BONE_COUNT && status == OK; b++) {
         if (!t->samples[b].count)
             continue;

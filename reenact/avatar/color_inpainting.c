@@ -1,7 +1,7 @@
 #include "reenact/avatar/color_inpainting.h"
 
 #include "base/clamp.h"
-#include "base/parallel.h"
+#include "base/threads.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -45,7 +45,7 @@ static enum status height_bins_open(struct height_bins *s, const struct surface_
     if (!s->first || !s->points) {
         free(s->first);
         free(s->points);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for inpainting colours");
     }
     for (int i = 0; i < surface->point_count; i++)
         s->first[height_bin_of(s, surface->points[i].y)] += !filled[i];
@@ -268,8 +268,8 @@ enum status color_inpaint(struct vertex_colors *vertex_colors, const struct vert
 {
     const struct surface_mesh *surface = target->surface;
     struct inpainting f = {.target = target, .vertex_colors = vertex_colors, .ring = calloc(1, sizeof *f.ring)};
-    enum status status =
-        f.ring ? height_bins_open(&f.bins, surface, vertex_colors->filled) : fail(ERR_MEMORY, "out of memory");
+    enum status status = f.ring ? height_bins_open(&f.bins, surface, vertex_colors->filled)
+                                : fail(ERR_MEMORY, "no memory for inpainting colours");
     if (status == OK) {
         find_ring_samples(f.ring, vertex_colors, target);
         parallel_for(threads, (surface->point_count + CHUNK - 1) / CHUNK, fill_chunk, &f);

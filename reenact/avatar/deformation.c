@@ -1,8 +1,429 @@
-#include "reenact/avatar/deformation_internal.h"
-#include "base/portable_math.h"
+#include "reenact/avatar/deformation.h"
 
+#include "base/portable_math.h"
+#include "reenact/observation/depth_frame.h"
+
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+// x, y, z and an unused fourth component, so that processors can use their vector instructions.
+typedef float four __attribute__((vector_size(16)));
+typedef double four_doubles __attribute__((vector_size(32)));
+
+// One equation: sum of share[c] * dot(n, shift of node[c]) = value, metres; weight in 1/m².
+struct deformation_row {
+    four n;
+    int32_t node[8];
+    float share[8], value, weight;
+};
+
+// A depth sample of the actor, mapped into the bind pose by the bone that shows there.
+struct deformation_sample {
+    struct vec3 bind_point, ray; // ray: the viewing direction, unit, bind-pose axes
+};
+
+// A point of the actor's silhouette in the depth image.
+struct contour_point {
+    struct pixel px;
+    double nx, ny; // outwards, unit
+    int part;      // that is seen inside it
+};
+
+// A point of the surface that may project onto the silhouette.
+struct silhouette_candidate {
+    struct pixel px; // depth image
+    double nx, ny;   // outwards in the image, unit
+    double z;        // depth camera's axes, metres
+    int point;       // of the surface
+    int next;        // in the same tile; -1: none
+};
+
+// A point of the surface whose colour can be compared with the frame's image. Colours are gamma-encoded (square roots
+// of linear ones), 0 to 1.
+enum { DEFORMATION_COLOR_POINTS = 4000 };
+struct color_point {
+    struct vec3 bind_point, at; // at: colour camera's axes
+    int bone;
+    float known[3];                    // the avatar's colour there, under the frame's irradiance
+    float seen[3], across[3], down[3]; // the smoothed image's colour there, and its change per pixel
+};
+
+struct deformation {
+    struct bind_pose bind_pose;
+    struct lens depth_lens;
+    struct pose depth_from_color;
+    struct deformation_grid grid;
+    int32_t *node;          // of each grid point: number of its node; -1: none
+    int32_t (*neighbor)[3]; // of each node: the next nodes in x, y, z; -1: none
+    int node_count;
+    four *shift;                                           // of each node
+    four *rhs, *residual, *direction, *product, *diagonal; // the solver's
+    struct deformation_row *rows;
+    int row_count, row_most;
+    struct deformation_sample *depth_samples;
+    int sample_count;
+    struct contour_point *contour;
+    int contour_count;
+    struct silhouette_candidate *candidates;
+    int candidate_count;
+    int32_t *tile;    // of the depth image: the first of its candidates; -1: none
+    int across, down; // tiles
+    struct color_point *color_points;
+    int color_point_count;
+    uint8_t *quantized; // of each grid point: x, y, z, unused; what deformation_at reads
+};
+
+// bind_point should move by `gap` metres along `normal` beyond its current shift.
+struct deformation_constraint {
+    struct vec3 bind_point, normal; // normal: unit, bind-pose axes
+    double gap, weight;             // weight: 1/m²
+};
+
+// ---------------------------------------------------------------- deformation grid
+
+struct deformation_grid deformation_grid_about(const struct surface_mesh *s)
+{
+    struct vec3 low = s->points[0], high = low;
+    for (int i = 1; i < s->point_count; i++) {
+        struct vec3 p = s->points[i];
+        low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
+        high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
+    }
+    const struct vec3 margin = {DEFORMATION_STEP_M, DEFORMATION_STEP_M, DEFORMATION_STEP_M};
+    struct deformation_grid g = {.corner = v3_sub(low, margin)};
+    struct vec3 extent = v3_sub(v3_add(high, margin), g.corner);
+    g.size[0] = (int)ceil(extent.x / DEFORMATION_STEP_M) + 1;
+    g.size[1] = (int)ceil(extent.y / DEFORMATION_STEP_M) + 1;
+    g.size[2] = (int)ceil(extent.z / DEFORMATION_STEP_M) + 1;
+    return g;
+}
+
+bool deformation_grid_is_small(const struct surface_mesh *s)
+{
+    const struct deformation_grid g = deformation_grid_about(s);
+    return (int64_t)g.size[0] * g.size[1] * g.size[2] <= DEFORMATION_POINTS_MOST;
+}
+
+int deformation_grid_count(const struct deformation_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
+
+static struct vec3 deformation_grid_point(const struct deformation_grid *g, int at)
+{
+    return v3_add(g->corner, v3_scale(v3(at % g->size[0], at / g->size[0] % g->size[1], at / g->size[0] / g->size[1]),
+                                      DEFORMATION_STEP_M));
+}
+
+// False: p lies outside the grid.
+static bool deformation_grid_cell(const struct deformation_grid *g, struct vec3 p, struct deformation_cell *out)
+{
+    const double q[3] = {(p.x - g->corner.x) / DEFORMATION_STEP_M, (p.y - g->corner.y) / DEFORMATION_STEP_M,
+                         (p.z - g->corner.z) / DEFORMATION_STEP_M};
+    int cell[3];
+    double in[3];
+    for (int i = 0; i < 3; i++) {
+        if (!(q[i] >= 0 && q[i] < g->size[i] - 1))
+            return false;
+        cell[i] = (int)q[i];
+        in[i] = q[i] - cell[i];
+    }
+    const int at = (cell[2] * g->size[1] + cell[1]) * g->size[0] + cell[0];
+    for (int c = 0; c < 8; c++) {
+        out->at[c] = at + (c & 1) + ((c >> 1 & 1) + (c >> 2) * g->size[1]) * g->size[0];
+        out->weight[c] = 1;
+        for (int i = 0; i < 3; i++)
+            out->weight[c] *= c >> i & 1 ? in[i] : 1 - in[i];
+    }
+    return true;
+}
+
+// ---------------------------------------------------------------- deformation equations
+
+// Linear least squares for the shifts of a deformation's nodes: rows of
+// depth, silhouette and colours, smoothness and size priors, preconditioned conjugate gradients.
+
+enum { STEPS = 20 }; // of conjugate gradients
+
+// Standard deviations, metres; with the sigmas of the evidence they set its weight. Tuned by hand on the takes of
+// docs/notes/avatar.md, where softer and stiffer ones were no better.
+static const float SMOOTHNESS_M = 0.024F; // of the difference between neighbouring nodes' shifts
+static const float SHIFT_PRIOR_M = 0.04F; // of each shift
+
+// The shift of a point of the bind pose in the current iteration, not quantised.
+static struct vec3 deformation_current_shift(const struct deformation *w, struct vec3 bind_point)
+{
+    struct vec3 sum = v3(0, 0, 0);
+    struct deformation_cell cell;
+    if (!deformation_grid_cell(&w->grid, bind_point, &cell))
+        return sum;
+    for (int c = 0; c < 8; c++) {
+        int node = w->node[cell.at[c]];
+        if (node < 0)
+            continue;
+        const four s = w->shift[node];
+        sum = v3_add(sum, v3_scale(v3((double)s[0], (double)s[1], (double)s[2]), cell.weight[c]));
+    }
+    return sum;
+}
+
+// Drops a constraint outside the nodes, or where the rows are full.
+static void deformation_add_row(struct deformation *w, const struct deformation_constraint *k)
+{
+    struct deformation_cell cell;
+    if (w->row_count == w->row_most || !deformation_grid_cell(&w->grid, k->bind_point, &cell))
+        return;
+    struct deformation_row *r = &w->rows[w->row_count];
+    for (int c = 0; c < 8; c++) {
+        r->node[c] = w->node[cell.at[c]];
+        r->share[c] = (float)cell.weight[c];
+        if (r->node[c] < 0)
+            return;
+    }
+    r->n = (four){(float)k->normal.x, (float)k->normal.y, (float)k->normal.z, 0};
+    r->value = (float)(v3_dot(k->normal, deformation_current_shift(w, k->bind_point)) + k->gap);
+    r->weight = (float)k->weight;
+    w->row_count++;
+}
+
+// out = A x; A: the normal equations of the rows, of the smoothness between neighbours and of the shifts' prior.
+static void multiply(const struct deformation *w, const four *x, four *out)
+{
+    const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
+    for (int i = 0; i < w->node_count; i++)
+        out[i] = shift_weight * x[i];
+    for (int i = 0; i < w->node_count; i++)
+        for (int k = 0; k < 3; k++) {
+            int j = w->neighbor[i][k];
+            if (j < 0)
+                continue;
+            four apart = bend * (x[i] - x[j]);
+            out[i] += apart;
+            out[j] -= apart;
+        }
+    for (int r = 0; r < w->row_count; r++) {
+        const struct deformation_row *row = &w->rows[r];
+        four shift = {0};
+        for (int c = 0; c < 8; c++)
+            shift += row->share[c] * x[row->node[c]];
+        shift *= row->n;
+        four back = row->weight * (shift[0] + shift[1] + shift[2]) * row->n;
+        for (int c = 0; c < 8; c++)
+            out[row->node[c]] += row->share[c] * back;
+    }
+}
+
+// The right-hand side, and the diagonal of A as preconditioner (6: of a node with all neighbours).
+static void prepare(struct deformation *w)
+{
+    const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
+    memset(w->rhs, 0, sizeof *w->rhs * (size_t)w->node_count);
+    for (int i = 0; i < w->node_count; i++)
+        w->diagonal[i] = (four){0} + (shift_weight + 6 * bend);
+    for (int r = 0; r < w->row_count; r++) {
+        const struct deformation_row *row = &w->rows[r];
+        for (int c = 0; c < 8; c++) {
+            four j = row->share[c] * row->n;
+            w->rhs[row->node[c]] += row->weight * row->value * j;
+            w->diagonal[row->node[c]] += row->weight * j * j;
+        }
+    }
+}
+
+static double total(const four_doubles *s) { return (*s)[0] + (*s)[1] + (*s)[2] + (*s)[3]; }
+
+// Conjugate gradients with the diagonal as preconditioner. Dot products are summed in double, in a fixed order.
+// Solves the rows for the shifts, starting from the current ones.
+static void deformation_solve(struct deformation *w)
+{
+    const int count = w->node_count;
+    four *x = w->shift, *r = w->residual, *d = w->direction, *q = w->product, *scale = w->diagonal;
+    prepare(w);
+    multiply(w, x, q);
+    four_doubles sizes = {0};
+    for (int i = 0; i < count; i++) {
+        r[i] = w->rhs[i] - q[i];
+        d[i] = r[i] / scale[i];
+        sizes += __builtin_convertvector(r[i] * d[i], four_doubles);
+    }
+    double size = total(&sizes);
+    for (int step = 0; step < STEPS && size > 0; step++) {
+        multiply(w, d, q);
+        four_doubles curves = {0}, nexts = {0};
+        for (int i = 0; i < count; i++)
+            curves += __builtin_convertvector(d[i] * q[i], four_doubles);
+        float go = (float)(size / total(&curves));
+        for (int i = 0; i < count; i++) {
+            x[i] += go * d[i];
+            r[i] -= go * q[i];
+            nexts += __builtin_convertvector(r[i] * r[i] / scale[i], four_doubles);
+        }
+        double next = total(&nexts);
+        float back = (float)(next / size);
+        for (int i = 0; i < count; i++)
+            d[i] = r[i] / scale[i] + back * d[i];
+        size = next;
+    }
+}
+
+// ---------------------------------------------------------------- deformation photometric
+
+// The photometric term of the deformation: image gradients at the surface's points, as in direct image alignment.
+
+enum { KERNEL_RADIUS_MOST = 8, EDGE_MARGIN_PX = 2 };
+
+// Colours are gamma-encoded, 0 to 1. Tuned by hand on the takes of docs/results.md.
+static const double COLOR_SIGMA = 0.08;  // standard deviation of a channel between frame and avatar
+static const double COLOR_OUTLIER = 0.1; // at this difference a channel's weight is a quarter
+static const double LEAST_COLOR_FACING =
+    0.35;                               // cosine: where the surface is more oblique, a pixel covers too much of it
+static const double GRADIENT_LEAST = 3; // per metre: a weaker gradient does not locate the point
+
+// ---------------------------------------------------------------- image samples
+
+// A Gaussian along one axis: the weights of the pixels from `first` on, and their change as its centre moves by a
+// pixel.
+struct gaussian_kernel {
+    int first, count;
+    float weight[2 * KERNEL_RADIUS_MOST + 1], change[2 * KERNEL_RADIUS_MOST + 1], sum, change_sum;
+};
+
+static struct gaussian_kernel gaussian_at(double center, double sigma)
+{
+    const int reach = (int)ceil(2 * sigma);
+    struct gaussian_kernel b = {.first = (int)floor(center + 0.5) - reach, .count = 2 * reach + 1};
+    assert(reach <= KERNEL_RADIUS_MOST);
+    for (int i = 0; i < b.count; i++) {
+        const double off = (b.first + i - center) / sigma;
+        b.weight[i] = (float)portable_exp(-0.5 * off * off);
+        b.change[i] = b.weight[i] * (float)(off / sigma);
+        b.sum += b.weight[i];
+        b.change_sum += b.change[i];
+    }
+    return b;
+}
+
+// The smoothed image's colour and gradient at px. False: too near the image's edge.
+static bool sample_image(const struct lens *lens, const uint8_t *rgb, struct pixel px, double sigma,
+                         struct color_point *out)
+{
+    const struct gaussian_kernel x = gaussian_at(px.x, sigma), y = gaussian_at(px.y, sigma);
+    if (x.first < 0 || y.first < 0 || x.first + x.count > lens->width || y.first + y.count > lens->height)
+        return false;
+    float sum[3] = {0}, across[3] = {0}, down[3] = {0};
+    for (int j = 0; j < y.count; j++) {
+        const uint8_t *row = rgb + 3 * ((size_t)(y.first + j) * (size_t)lens->width + (size_t)x.first);
+        for (int c = 0; c < 3; c++) {
+            float line = 0, line_change = 0;
+            for (int i = 0; i < x.count; i++) {
+                line += x.weight[i] * (float)row[3 * i + c];
+                line_change += x.change[i] * (float)row[3 * i + c];
+            }
+            sum[c] += y.weight[j] * line;
+            across[c] += y.weight[j] * line_change;
+            down[c] += y.change[j] * line;
+        }
+    }
+    const float all = 1 / (255 * x.sum * y.sum);
+    for (int c = 0; c < 3; c++) {
+        out->seen[c] = sum[c] * all;
+        out->across[c] = across[c] * all - out->seen[c] * x.change_sum / x.sum;
+        out->down[c] = down[c] * all - out->seen[c] * y.change_sum / y.sum;
+    }
+    return true;
+}
+
+// ---------------------------------------------------------------- points
+
+// What colours are compared with, for one iteration.
+struct photometric {
+    struct deformation *w;
+    const struct deformation_model *model;
+    const struct depth_frame *depth_frame;
+    const struct bone_transforms *transforms;
+    const struct deformation_colors *colors;
+    double sigma_px;
+};
+
+// False: the frame does not show the point, or only obliquely, or too near the image's edge.
+static bool make_color_point(const struct photometric *a, int point, struct color_point *out)
+{
+    const struct deformation *w = a->w;
+    const struct deformation_colors *k = a->colors;
+    const struct surface_mesh *surface = a->model->surface;
+    const struct skin_weights *skin = &a->model->skins[point];
+    struct vec3 n;
+    out->bind_point = surface->points[point];
+    out->bone = skin->bone[0];
+    linear_blend_skin(skin, a->transforms, v3_add(out->bind_point, deformation_current_shift(w, out->bind_point)),
+                      surface->normals[point], &out->at, &n);
+    if (!(out->at.z > 0.05) || -v3_dot(n, v3_unit(out->at)) < LEAST_COLOR_FACING ||
+        !depth_agrees_with_bone(a->depth_frame, &w->depth_lens, pose_apply(w->depth_from_color, out->at), out->bone,
+                                EDGE_MARGIN_PX))
+        return false;
+    const struct lens *lens = &k->calibration->color;
+    const struct vec3 world = quat_rotate(k->world_from_color, n);
+    const float irradiance =
+        sh_irradiance_at(k->irradiance, (const float[3]){(float)world.x, (float)world.y, (float)world.z});
+    for (int c = 0; c < 3; c++)
+        out->known[c] = sqrtf(k->albedo[point][c] * irradiance);
+    return sample_image(lens, k->rgb, lens_project(lens, out->at), a->sigma_px, out);
+}
+
+static void find_color_points(const struct photometric *a)
+{
+    struct deformation *w = a->w;
+    const int points = a->model->surface->point_count, every = points / DEFORMATION_COLOR_POINTS + 1;
+    w->color_point_count = 0;
+    for (int i = 0; i < points; i += every)
+        if (!a->colors->filled[i] && make_color_point(a, i, &w->color_points[w->color_point_count]))
+            w->color_point_count++;
+}
+
+// ---------------------------------------------------------------- rows
+
+// The frame's brightness against the avatar's, least squares: exposure changes.
+static float exposure_gain(const struct deformation *w)
+{
+    float both = 0, own = 0;
+    for (int i = 0; i < w->color_point_count; i++)
+        for (int c = 0; c < 3; c++) {
+            const struct color_point *p = &w->color_points[i];
+            both += p->seen[c] * p->known[c];
+            own += p->known[c] * p->known[c];
+        }
+    return own > 0 ? both / own : 1;
+}
+
+// A row along the image gradient of channel c: how far the point should move for the image to show its known colour.
+static void add_channel(const struct photometric *a, const struct color_point *p, int c, float gain)
+{
+    const struct lens *lens = &a->colors->calibration->color;
+    const double x = (double)p->across[c] * lens->fx / p->at.z, y = (double)p->down[c] * lens->fy / p->at.z;
+    const struct vec3 change = {x, y, -(x * p->at.x + y * p->at.y) / p->at.z}; // per metre, since px = f p / z
+    const double size = v3_length(change), off = (double)(gain * p->known[c] - p->seen[c]);
+    if (!(size > GRADIENT_LEAST))
+        return;
+    const struct quat bind_from_color = quat_conjugate(a->transforms->bone[p->bone].rotation);
+    const double robust = COLOR_OUTLIER * COLOR_OUTLIER / (COLOR_OUTLIER * COLOR_OUTLIER + off * off),
+                 each = robust * size / COLOR_SIGMA;
+    const struct vec3 normal = quat_rotate(bind_from_color, v3_scale(change, 1 / size));
+    deformation_add_row(a->w, &(struct deformation_constraint){p->bind_point, normal, off / size, each * each});
+}
+
+// Adds a row for each point and channel where the image, smoothed by sigma_px, has a gradient: move the surface so that
+// the image shows the avatar's colours where they are.
+static void deformation_add_colors(struct deformation *w, const struct deformation_model *model,
+                                   const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
+                                   const struct deformation_colors *colors, double sigma_px)
+{
+    const struct photometric a = {w, model, depth_frame, transforms, colors, sigma_px};
+    find_color_points(&a);
+    const float gain = exposure_gain(w);
+    for (int i = 0; i < w->color_point_count; i++)
+        for (int c = 0; c < 3; c++)
+            add_channel(&a, &w->color_points[i], c, gain);
+}
+
+// ---------------------------------------------------------------- deformation
 
 enum { POINTS = 3000, ITERATIONS = 3, TILE_PX = 16, SILHOUETTE_STRIDE_PX = 2 };
 
@@ -51,7 +472,7 @@ enum status deformation_open(struct deformation **out, const struct bind_pose *b
 {
     struct deformation *w = *out = calloc(1, sizeof *w);
     if (!w)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the deformation");
     w->bind_pose = *bind_pose;
     w->depth_lens = calibration->depth;
     w->depth_from_color = pose_inverse(calibration->color_from_depth);
@@ -82,7 +503,7 @@ enum status deformation_open(struct deformation **out, const struct bind_pose *b
         !w->product || !w->diagonal || !w->rows || !w->depth_samples || !w->contour || !w->candidates ||
         !w->color_points || !w->tile) {
         deformation_close(out);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the deformation");
     }
     connect_nodes(w);
     deformation_clear(w);

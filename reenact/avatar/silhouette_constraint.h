@@ -5,7 +5,7 @@
 // threads; deterministic. Memory: silhouette_measure takes 32 KiB of stack.
 #pragma once
 #include "reenact/avatar/tsdf.h"
-#include "reenact/skeleton/bone_chart.h"
+#include "reenact/skeleton/body_cylinders.h"
 
 // A point of the actor's silhouette in a frame, between a background pixel and one of the actor's.
 struct silhouette_point {

@@ -1,6 +1,6 @@
 #include "reenact/avatar/texture_atlas.h"
 
-#include "base/parallel.h"
+#include "base/threads.h"
 #include "base/portable_math.h"
 #include "platform/vision/mesh_simplify.h"
 
@@ -87,7 +87,7 @@ static enum status point_grid_open(struct point_grid *f, const struct surface_me
     f->triangle = malloc(sizeof *f->triangle * (size_t)s->corner_count);
     if (!f->head || !f->next || !f->first || !f->triangle) {
         point_grid_close(f);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the texture atlas");
     }
     for (size_t i = 0; i < cubes; i++)
         f->head[i] = -1;
@@ -277,7 +277,7 @@ static enum status bake(struct texture_atlas *a, const struct point_grid *grid,
         assign_texels(&f);
         parallel_for(threads, (a->mesh.height + ROWS - 1) / ROWS, write_rows, &f);
     } else {
-        status = fail(ERR_MEMORY, "out of memory");
+        status = fail(ERR_MEMORY, "no memory for the texture atlas");
     }
     free(f.owner);
     free(f.off);
@@ -374,7 +374,7 @@ static enum status coarse_mesh_make(struct coarse_mesh *c, const struct surface_
                               .weights = malloc(sizeof *c->weights * count)};
     if (!points || !c->corners || !c->points || !c->normals || !c->moves || !c->weights) {
         free(points);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the texture atlas");
     }
     memcpy(c->points, s->points, sizeof *c->points * count);
     for (size_t i = 0; i < count; i++) {
@@ -401,7 +401,7 @@ static enum status unwrap_coarse(struct texture_atlas *a, const struct surface_m
     a->points = malloc(sizeof *a->points * (size_t)m->point_count);
     a->normals = malloc(sizeof *a->normals * (size_t)m->point_count);
     if (!a->points || !a->normals)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the texture atlas");
     for (int i = 0; i < m->point_count; i++) {
         a->points[i] = c->points[m->points[i]];
         a->normals[i] = c->normals[m->points[i]];

@@ -11,7 +11,7 @@
 #include "reenact/observation/depth_frame.h"
 #include "reenact/skeleton/bind_pose.h"
 #include "reenact/skeleton/body_cylinders.h"
-#include "reenact/skeleton/bone_chart.h"
+#include "base/archive.h"
 
 struct tsdf;
 
@@ -62,3 +62,71 @@ struct surface_mesh {
 // NOTHING: there is no surface. ERR_MEMORY. *out is empty then; else the caller frees it with surface_mesh_free.
 MUST_CHECK enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out);
 void surface_mesh_free(struct surface_mesh *s);
+
+// ---------------------------------------------------------------- tsdf
+
+// The state of a TSDF, for tsdf.c and its tests only.
+
+#define TSDF_TRUNCATION_M 0.045F // distances are clamped to this; 5 voxels
+
+// A grid point that is near a bone.
+struct tsdf_cell {
+    int32_t at;     // its index in the grid
+    float point[3]; // bind-pose axes
+    struct skin_weights skin;
+};
+
+// The value at a grid point; one struct, since all of it is read together.
+struct tsdf_voxel {
+    float distance, weight; // weight 0: not near a bone, no value
+    float seen;             // the part of the weight that came from depth samples of a surface near it
+};
+
+// A pixel of a depth frame, likewise.
+struct labelled_sample {
+    uint16_t depth;
+    uint8_t part, edge, half;
+};
+
+// Cells with the same bones, processed together.
+enum { TSDF_LANES = 8 };
+struct tsdf_block {
+    int32_t at[TSDF_LANES]; // lanes from `count` on repeat the first
+    float point[3][TSDF_LANES], weight[SKIN_BONES][TSDF_LANES];
+    uint8_t bone[SKIN_BONES]; // unused bones repeat the first, with weight 0
+    uint8_t count;
+};
+
+enum { TSDF_POINTS_MOST = 32000000 }; // of a grid, 384 MB: ten times what a dancer's takes (3.3 million)
+
+struct tsdf {
+    struct bind_pose bind_pose;
+    struct calibration calibration;
+    struct pose depth_from_color;
+    struct vec3 corner;
+    double step; // between neighbouring grid points, metres
+    int threads;
+    int size[3]; // index of point (x, y, z): (z * size[1] + y) * size[0] + x
+    struct tsdf_cell *cells;
+    int cell_count;
+    struct tsdf_cell *active_cells; // copies of those that are still integrated, in their order; NULL: all are
+    int active_count;
+    struct tsdf_block *blocks; // of the active cells; NULL: no frame was integrated since they changed
+    int block_count;
+    struct tsdf_voxel *voxels;       // of the grid
+    struct labelled_sample *samples; // of the frame that is being integrated
+};
+
+// ---------------------------------------------------------------- tsdf store
+
+// A TSDF's values to and from an archive, for avatar.c: the grid points near a bone.
+
+// What a TSDF that is read belongs to.
+struct tsdf_of {
+    const struct bind_pose *bind_pose;
+    const struct calibration *calibration;
+};
+
+// Writes *v, or makes it (of: not NULL then). What is made can be sampled (tsdf_sample) and nothing else. Where the
+// archive fails, as it does on numbers that are not finite or not a person's, *v is NULL.
+void tsdf_archive(struct archive *a, struct tsdf **v, const struct tsdf_of *of);

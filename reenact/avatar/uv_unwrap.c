@@ -51,7 +51,7 @@ static enum status find_neighbours(struct unwrapper *c)
 {
     struct mesh_edge *edges = malloc(sizeof *edges * 3 * (size_t)c->triangles);
     if (!edges)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for unwrapping the mesh");
     for (int i = 0; i < 3 * c->triangles; i++) {
         int32_t a = c->corners[i], b = c->corners[i % 3 == 2 ? i - 2 : i + 1];
         edges[i] = (struct mesh_edge){a < b ? a : b, a < b ? b : a, i / 3, i % 3};
@@ -254,7 +254,7 @@ enum status uv_unwrap(struct uv_mesh *out, const struct surface_mesh *surface, c
     enum status status = OK;
     if (!c.facing || !c.neighbor || !c.chart_of || !c.order || !c.texel_owner || !c.charts || !number || !out->points ||
         !out->at || !out->corners)
-        status = fail(ERR_MEMORY, "out of memory");
+        status = fail(ERR_MEMORY, "no memory for unwrapping the mesh");
     if (status == OK)
         status = unwrap_with(&c, out, number);
     free(c.facing);

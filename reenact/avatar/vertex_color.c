@@ -1,12 +1,36 @@
 #include "reenact/avatar/vertex_color.h"
 
 #include "base/linear_algebra.h"
-#include "base/parallel.h"
+#include "base/threads.h"
 #include "reenact/avatar/color_inpainting.h"
-#include "reenact/observation/depth_agreement.h"
+#include "reenact/observation/depth_frame.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- irradiance sh
+
+// The basis functions at the unit normal n, without their normalisation constants, which the coefficients absorb:
+// 1, x, y, z, xy, yz, xz, x² - y², 3z² - 1.
+static void sh_basis(const float n[3], float y[SH_TERMS])
+{
+    y[0] = 1;
+    y[1] = n[0], y[2] = n[1], y[3] = n[2];
+    y[4] = n[0] * n[1], y[5] = n[1] * n[2], y[6] = n[0] * n[2];
+    y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
+}
+
+float sh_irradiance_at(const struct sh_irradiance *irradiance, const float n[3])
+{
+    float y[SH_TERMS], sum = 0;
+    sh_basis(n, y);
+    for (int i = 0; i < SH_TERMS; i++)
+        sum += irradiance->term[i] * y[i];
+    return fminf(fmaxf(sum, IRRADIANCE_LEAST), IRRADIANCE_MOST);
+}
+
+// ---------------------------------------------------------------- vertex color
 
 enum { SAMPLES_KEPT = 16, ITERATIONS = 8, RIM_PX = 1, CHUNK = 4096 };
 
@@ -36,7 +60,7 @@ enum status vertex_color_open(struct vertex_color_builder **out, const struct ve
 {
     struct vertex_color_builder *m = *out = calloc(1, sizeof *m);
     if (!m)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the mesh's colours");
     m->target = *target;
     m->threads = threads;
     m->calibration = *calibration;
@@ -47,7 +71,7 @@ enum status vertex_color_open(struct vertex_color_builder **out, const struct ve
     if (m->samples)
         return OK;
     vertex_color_close(out);
-    return fail(ERR_MEMORY, "out of memory");
+    return fail(ERR_MEMORY, "no memory for the mesh's colours");
 }
 
 void vertex_color_close(struct vertex_color_builder **m)
@@ -293,7 +317,7 @@ enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_col
     if (!out->color || !out->time_s || !out->filled || !fit.equations) {
         free(fit.equations);
         vertex_colors_free(out);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the mesh's colours");
     }
     for (int iteration = 0; iteration < ITERATIONS; iteration++)
         iterate_sh(&fit);

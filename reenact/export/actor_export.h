@@ -9,7 +9,6 @@
 #pragma once
 #include "reenact/avatar/avatar.h"
 #include "reenact/skeleton/skeleton_track.h"
-
 #include <stdio.h>
 
 struct actor_export {

@@ -1,7 +1,7 @@
 // The viewer page: viewer.html, embedded at build time, with the title and the model put in.
 #include "reenact/export/actor_export.h"
 
-#include "base/html.h"
+#include "base/text.h"
 #include "reenact/export/viewer_page.h"
 
 #include <string.h>

@@ -1,11 +1,181 @@
 #include "reenact/frame/frame_layer.h"
 
-#include "reenact/frame/exposure.h"
-#include "reenact/frame/triangle_visibility.h"
 #include "reenact/avatar/deformation.h"
+#include "reenact/observation/depth_frame.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- exposure
+
+// Estimates a frame's exposure gain against the avatar's mean colours: lamps are nearer or farther, and the camera's
+// automatic exposure varies. It is measured where the frame saw the actor; what it did not see is drawn from the
+// avatar's colours multiplied by it. Method: a one-parameter weighted least-squares fit, iterated, with Geman-McClure
+// weights against outliers and a prior at gain 1. Pure; deterministic.
+
+struct exposure_input {
+    const struct avatar *avatar;
+    const struct depth_frame *depth_frame;
+    const struct lens *color; // the frame's
+    const uint8_t *rgb;       // the frame's colours, gamma-encoded
+};
+
+// ---------------------------------------------------------------- triangle visibility
+
+// Which of the avatar's triangles may take colours of the shown frame: a conservative test of the shader's depth
+// agreement over each triangle's footprint in the depth image. The others, which the frame did not see, saw at a
+// grazing angle or saw occluded, are drawn without sampling the frame. Pure; deterministic.
+
+// ---------------------------------------------------------------- exposure
+
+enum { PASSES = 4, EXPOSURE_INNER_PX = 3 };
+
+static const float MIN_VISIBILITY = 0.5F; // of frame_layer_point. These constants are chosen by hand
+static const double OUTLIER_SCALE = 0.2;  // of colours 0..1: a residual this large has weight a quarter
+static const double PRIOR = 1;            // of the gain 1, in the unit of the sums: squared colours 0..1
+static const double MAX_GAIN = 1.4;
+
+// The frame's pixel at a window's texture coordinates; -1: outside.
+static int pixel_of(const float at[2], const float window[4], int width, int height)
+{
+    const int x = (int)floorf(at[0] * window[2] + window[0]), y = (int)floorf(at[1] * window[3] + window[1]);
+    return x < 0 || y < 0 || x >= width || y >= height ? -1 : y * width + x;
+}
+
+// The frame's colour of a point that it saw frontally, well within a surface; NULL: it did not.
+static const uint8_t *sample_color(const struct exposure_input *in, const struct frame_layer *f,
+                                   const struct frame_layer_point *p)
+{
+    const struct depth_frame *s = in->depth_frame;
+    if (p->visibility < MIN_VISIBILITY)
+        return NULL;
+    const int depth = pixel_of(p->depth_uv, f->windows[1], s->width, s->height);
+    const int color = pixel_of(p->color_uv, f->windows[0], in->color->width, in->color->height);
+    if (depth < 0 || color < 0 || !depth_agrees(s, depth, (double)p->depth_m, EXPOSURE_INNER_PX))
+        return NULL;
+    return in->rgb + 3 * (size_t)color;
+}
+
+// f: its points' positions, visibility and irradiance, the last before any gain. Returns the gain of gamma-encoded
+// colours (square roots of linear ones), in [1/1.4, 1.4]; near 1 where too little is seen.
+static float exposure_estimate(const struct exposure_input *in, const struct frame_layer *f)
+{
+    const struct vertex_colors *vertex_colors = &in->avatar->vertex_colors;
+    const int32_t *points = in->avatar->atlas.mesh.points;
+    double gain = 1;
+    for (int pass = 0; pass < PASSES; pass++) {
+        double shown_known = PRIOR, known_known = PRIOR;
+        for (int i = 0; i < f->point_count; i++) {
+            const uint8_t *rgb = vertex_colors->filled[points[i]] ? NULL : sample_color(in, f, &f->points[i]);
+            double shown[3], known[3], residual2 = 0;
+            for (int c = 0; c < 3 && rgb; c++) {
+                shown[c] = rgb[c] / 255.0;
+                known[c] = (double)(sqrtf(vertex_colors->color[points[i]][c]) * f->points[i].irradiance);
+                residual2 += (shown[c] - gain * known[c]) * (shown[c] - gain * known[c]);
+            }
+            const double weight = 1 / (1 + residual2 / (OUTLIER_SCALE * OUTLIER_SCALE));
+            for (int c = 0; c < 3 && rgb; c++) {
+                shown_known += weight * weight * shown[c] * known[c];
+                known_known += weight * weight * known[c] * known[c];
+            }
+        }
+        gain = fmin(fmax(shown_known / known_known, 1 / MAX_GAIN), MAX_GAIN);
+    }
+    return (float)gain;
+}
+
+// ---------------------------------------------------------------- triangle visibility
+
+static const double DEPTH_TOLERANCE_M = 0.09;        // from here on depth_agreement.glsl rejects the frame's colour
+static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for the shader's rounding
+
+// A triangle projected into the depth image: corners in texels, depth as a plane over them.
+struct depth_triangle {
+    double at[3][2];
+    double depth_m, slope[2]; // at its first corner, and the change for one texel
+};
+
+// False: it is seen edge-on, and nothing can be said of its inside.
+static bool project_triangle(const struct frame_layer *f, const int32_t *corners, struct depth_triangle *out)
+{
+    double edges[2][3]; // from its first corner to the others: x, y in texels, depth in metres
+    for (int k = 0; k < 3; k++) {
+        const struct frame_layer_point *p = &f->points[corners[k]];
+        out->at[k][0] = (double)p->depth_uv[0] * f->depth.width;
+        out->at[k][1] = (double)p->depth_uv[1] * f->depth.height;
+        if (k == 0) {
+            out->depth_m = (double)p->depth_m;
+            continue;
+        }
+        edges[k - 1][0] = out->at[k][0] - out->at[0][0];
+        edges[k - 1][1] = out->at[k][1] - out->at[0][1];
+        edges[k - 1][2] = (double)p->depth_m - out->depth_m;
+    }
+    const double area = edges[0][0] * edges[1][1] - edges[0][1] * edges[1][0];
+    if (fabs(area) < 1e-6)
+        return false;
+    out->slope[0] = (edges[0][2] * edges[1][1] - edges[1][2] * edges[0][1]) / area;
+    out->slope[1] = (edges[1][2] * edges[0][0] - edges[0][2] * edges[1][0]) / area;
+    return true;
+}
+
+// Whether the triangle may overlap a texel's square, which lies outside none of its edges.
+static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
+{
+    bool all = true;
+    for (int k = 0; k < 3; k++) {
+        const double *a = l->at[k], *b = l->at[(k + 1) % 3], *c = l->at[(k + 2) % 3];
+        const double across[2] = {a[1] - b[1], b[0] - a[0]};
+        const double inwards = across[0] * (c[0] - a[0]) + across[1] * (c[1] - a[1]) > 0 ? 1 : -1;
+        const double middle = inwards * (across[0] * (x + 0.5 - a[0]) + across[1] * (y + 0.5 - a[1]));
+        all = all && middle + (0.5 + SLACK_PX) * (fabs(across[0]) + fabs(across[1])) >= 0;
+    }
+    return all;
+}
+
+// Whether a texel's depth may agree with some of the triangle.
+static bool texel_agrees(const struct frame_layer_image *depth, const struct depth_triangle *l, int x, int y)
+{
+    const uint8_t *texel = depth->pixels + 4 * ((size_t)y * (size_t)depth->width + (size_t)x);
+    const double seen_m = (texel[0] * 256 + texel[1]) * 1e-3;
+    const double middle_m = l->depth_m + l->slope[0] * (x + 0.5 - l->at[0][0]) + l->slope[1] * (y + 0.5 - l->at[0][1]);
+    const double reach_m = (0.5 + SLACK_PX) * (fabs(l->slope[0]) + fabs(l->slope[1])) + SLACK_M;
+    return texel[2] > 0 && fabs(middle_m - seen_m) - reach_m < DEPTH_TOLERANCE_M;
+}
+
+static bool may_be_visible(const struct frame_layer *f, const int32_t *corners)
+{
+    struct depth_triangle l;
+    int low[2], high[2];
+    float most = 0;
+    for (int k = 0; k < 3; k++)
+        most = fmaxf(most, f->points[corners[k]].visibility);
+    if (!f->has_images || !(most > 0))
+        return false;
+    if (!project_triangle(f, corners, &l))
+        return true;
+    for (int a = 0; a < 2; a++) {
+        // Outside the image the texture is clamped to its border, which agrees with nothing.
+        const double last = (a ? f->depth.height : f->depth.width) - 1;
+        low[a] = (int)floor(fmax(fmin(l.at[0][a], fmin(l.at[1][a], l.at[2][a])) - SLACK_PX, 0));
+        high[a] = (int)floor(fmin(fmax(l.at[0][a], fmax(l.at[1][a], l.at[2][a])) + SLACK_PX, last));
+    }
+    for (int y = low[1]; y <= high[1]; y++)
+        for (int x = low[0]; x <= high[0]; x++)
+            if (texel_overlaps(&l, x, y) && texel_agrees(&f->depth, &l, x, y))
+                return true;
+    return false;
+}
+
+// out: one flag for each of the mesh's triangles. f: its depth image and points are used. Conservative: never false for
+// a triangle of which avatar.frag would take the frame's colour for some pixel.
+static void triangle_visibility_find(const struct uv_mesh *mesh, const struct frame_layer *f, bool *out)
+{
+    for (int t = 0; t < mesh->corner_count / 3; t++)
+        out[t] = may_be_visible(f, mesh->corners + 3 * (size_t)t);
+}
+
+// ---------------------------------------------------------------- frame layer
 
 enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: edges are searched no farther, since more than INNER_PX suffices
 
@@ -45,14 +215,14 @@ enum status frame_layer_loader_open(struct frame_layer_loader **out, const struc
 {
     struct frame_layer_loader *l = *out = calloc(1, sizeof *l);
     if (!l)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame layer");
     l->take = source->take;
     l->skeletons = source->skeletons;
     l->avatar = avatar;
     const struct calibration *c = take_calibration(l->take);
     l->rgb = malloc(3 * (size_t)c->color.width * (size_t)c->color.height);
-    enum status status =
-        l->rgb ? depth_frame_open(&l->depth_frame, l->take, source->rays) : fail(ERR_MEMORY, "out of memory");
+    enum status status = l->rgb ? depth_frame_open(&l->depth_frame, l->take, source->rays)
+                                : fail(ERR_MEMORY, "no memory for a frame layer");
     l->depth_frame.max_edge_distance = EDGE_PX;
     if (status == OK)
         status = deformation_open(&l->deformation, &avatar->bind_pose, &avatar->surface, c);
@@ -78,7 +248,7 @@ static enum status alloc_image(struct frame_layer_image *p, int width, int heigh
 {
     p->width = width, p->height = height;
     p->pixels = calloc(texels(p), (size_t)bytes_per_pixel);
-    return p->pixels ? OK : fail(ERR_MEMORY, "out of memory");
+    return p->pixels ? OK : fail(ERR_MEMORY, "no memory for a frame layer");
 }
 
 // The smallest side no smaller than that which is no power of two: Mesa's software renderer compiles a program again
@@ -182,7 +352,7 @@ static enum status fill_points(const struct frame_layer_loader *l, const struct 
     out->shift = malloc(sizeof *out->shift * (size_t)out->point_count);
     out->points = calloc((size_t)out->point_count, sizeof *out->points);
     if (!out->shift || !out->points)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame layer");
     for (int i = 0; i < out->point_count; i++) {
         struct frame_layer_point *to = &out->points[i];
         const struct vec3 shift = deformation_at(l->deformation, a->points[i]);
@@ -218,7 +388,7 @@ static enum status fill_triangle_visibility(const struct frame_layer_loader *l, 
     out->triangle_count = m->corner_count / 3;
     out->triangle_visible = malloc(sizeof *out->triangle_visible * (size_t)out->triangle_count);
     if (!out->triangle_visible)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame layer");
     triangle_visibility_find(m, out, out->triangle_visible);
     return OK;
 }

@@ -1,7 +1,7 @@
 // A frame layer: what one recorded frame adds to the avatar while that frame is shown: its colours and depth about the
 // actor, the registration of the avatar to it (articulated_icp.h), the non-rigid deformation (deformation.h) and the
-// exposure (exposure.h). It depends on the take and the avatar alone, not on the viewpoint, so it can be prefetched on
-// any thread; frame_layer_cache.h uploads it. Deterministic. One loader, one thread; loaders with their own take
+// exposure (frame_layer.c). It depends on the take and the avatar alone, not on the viewpoint, so it can be prefetched
+// on any thread; frame_layer_cache.h uploads it. Deterministic. One loader, one thread; loaders with their own take
 // handles may share an avatar.
 #pragma once
 #include "reenact/avatar/avatar.h"
@@ -30,12 +30,12 @@ struct frame_layer {
         depth;           // RGBA: millimetres (red high, green low byte); blue: distance to the nearest edge,
                          // 255 well within a surface of the actor, 0 at its edges, elsewhere and on the border
     float windows[2][4]; // of color and depth: left, top, width, height in the frame's pixels
-    float exposure_gain; // of gamma-encoded colours against the avatar's (exposure.h)
+    float exposure_gain; // of gamma-encoded colours against the avatar's (frame_layer.c)
     struct bone_corrections corrections; // of the joints' pose
     float (*shift)[3];                   // deformation of each point of the atlas's mesh, in the bind pose, metres
     struct frame_layer_point *points;    // of the same points; NULL, as shift: the frame's pose is unknown
     int point_count, triangle_count;
-    bool *triangle_visible; // of each of the mesh's triangles (triangle_visibility.h); NULL, as points
+    bool *triangle_visible; // of each of the mesh's triangles (frame_layer.c); NULL, as points
 };
 void frame_layer_free(struct frame_layer *f);          // zeroed is fine
 size_t frame_layer_bytes(const struct frame_layer *f); // with images as textures of 4 bytes a pixel

@@ -1,9 +1,155 @@
 #include "reenact/observation/depth_frame.h"
 
-#include "reenact/skeleton/joint_inpainting.h"
+#include "base/clamp.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- depth agreement
+
+int depth_pixel_at(const struct lens *lens, struct vec3 p)
+{
+    if (!(p.z > 0.05))
+        return -1;
+    const struct pixel px = lens_project(lens, p);
+    const double x = floor(px.x + 0.5), y = floor(px.y + 0.5);
+    return x >= 0 && y >= 0 && x < lens->width && y < lens->height ? (int)y * lens->width + (int)x : -1;
+}
+
+bool depth_agrees(const struct depth_frame *s, int pixel, double depth_m, int margin_px)
+{
+    return s->part[pixel] < PART_COUNT && s->edge_distance[pixel] >= margin_px &&
+           fabs(s->depth[pixel] * 1e-3 - depth_m) <= DEPTH_AGREEMENT_M;
+}
+
+bool depth_agrees_with_bone(const struct depth_frame *s, const struct lens *lens, struct vec3 p, int bone,
+                            int margin_px)
+{
+    const int pixel = depth_pixel_at(lens, p);
+    return pixel >= 0 && depth_agrees(s, pixel, p.z, margin_px) && bones_adjacent(s->part[pixel], (int)bone_part(bone));
+}
+
+// ---------------------------------------------------------------- part label
+
+struct part_capsules part_capsules_of(const struct skeleton *skeleton, const struct body *body)
+{
+    struct part_capsules b = {0};
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (!part_is_known(body, skeleton, (enum part)p))
+            continue;
+        int i = b.count++;
+        b.part[i] = (enum part)p;
+        b.from[i] = skeleton->joint[part_ends[p].from];
+        b.along[i] = v3_sub(skeleton->joint[part_ends[p].to], b.from[i]);
+        b.along2[i] = v3_dot(b.along[i], b.along[i]);
+        b.radius[i] = body->radius_rate[p] * sqrt(b.along2[i]);
+        b.middle[i] = v3_add(b.from[i], v3_scale(b.along[i], 0.5));
+        b.bounding_radius[i] = 0.5 * sqrt(b.along2[i]) + b.radius[i];
+    }
+    return b;
+}
+
+uint16_t part_label(const struct part_capsules *b, struct vec3 p, double shared_m, double outside_m)
+{
+    double gap[PART_COUNT], best = outside_m;
+    for (int i = 0; i < b->count; i++) {
+        struct vec3 d = v3_sub(p, b->from[i]);
+        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
+        t = clamp_double(t, 0, 1);
+        gap[i] = v3_length(v3_sub(d, v3_scale(b->along[i], t))) - b->radius[i];
+        best = fmin(best, gap[i]);
+    }
+    if (!(best < outside_m))
+        return 0;
+    uint16_t parts = PART_LABEL_PERSON;
+    for (int i = 0; i < b->count; i++)
+        if (gap[i] <= best + shared_m)
+            parts |= (uint16_t)(1 << b->part[i]);
+    return parts;
+}
+
+// The nearest part, the lowest on a tie; -1: p is more than outside_m outside every part.
+static int part_nearest(const struct part_capsules *b, struct vec3 p, double outside_m)
+{
+    double best = outside_m;
+    int nearest = -1;
+    for (int i = 0; i < b->count; i++) {
+        struct vec3 d = v3_sub(p, b->from[i]), from_middle = v3_sub(p, b->middle[i]);
+        double away = best + b->bounding_radius[i];
+        if (v3_dot(from_middle, from_middle) > away * away)
+            continue; // the bounding ball is farther than the nearest part
+        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
+        t = clamp_double(t, 0, 1);
+        d = v3_sub(d, v3_scale(b->along[i], t));
+        double away2 = v3_dot(d, d), reach = best + b->radius[i];
+        if (!(reach > 0) || away2 > reach * reach)
+            continue; // farther than the nearest part, found without a square root
+        double gap = sqrt(away2) - b->radius[i];
+        if (gap < best)
+            best = gap, nearest = (int)b->part[i];
+    }
+    return nearest;
+}
+
+double part_max_distance_m(bool has_mask) { return has_mask ? 0.25 : 0.10; }
+
+bool part_pixel_on_surface(const uint16_t *depth, const uint8_t *mask, int width, int height, int i)
+{
+    int same_mm = 30 + depth_step_mm(depth[i]);
+    int x = i % width, y = i / width;
+    if (!depth[i] || (mask && !mask[i]) || x == 0 || y == 0 || x == width - 1 || y == height - 1)
+        return false;
+    const int around[] = {i - 1, i + 1, i - width, i + width};
+    int same = 0;
+    for (int n = 0; n < 4; n++)
+        same += abs(depth[around[n]] - depth[i]) <= same_mm;
+    return same >= 2;
+}
+
+struct source_rays {
+    int count;
+    struct pose color_from_depth;
+    bool same_axes;
+    float xy[][2]; // z = 1
+};
+
+enum status source_rays_open(struct source_rays **out, const struct calibration *c)
+{
+    *out = NULL;
+    int width = c->depth.width, height = c->depth.height;
+    struct source_rays *r = malloc(sizeof *r + sizeof r->xy[0] * (size_t)width * (size_t)height);
+    if (!r)
+        return fail(ERR_MEMORY, "no memory for the labels of body parts");
+    r->count = width * height;
+    r->color_from_depth = c->color_from_depth;
+    r->same_axes = c->registered;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            struct vec3 ray = lens_ray(&c->depth, (struct pixel){x, y});
+            r->xy[y * width + x][0] = (float)ray.x;
+            r->xy[y * width + x][1] = (float)ray.y;
+        }
+    *out = r;
+    return OK;
+}
+
+void source_rays_close(struct source_rays **r)
+{
+    free(*r);
+    *r = NULL;
+}
+
+int source_rays_count(const struct source_rays *r) { return r->count; }
+
+struct vec3 source_rays_point(const struct source_rays *r, int i, uint16_t depth_mm)
+{
+    double z = depth_mm * 1e-3;
+    struct vec3 p = v3(r->xy[i][0] * z, r->xy[i][1] * z, z);
+    return r->same_axes ? p : pose_apply(r->color_from_depth, p);
+}
+
+// ---------------------------------------------------------------- depth frame
 
 enum { UNASSIGNED = 0 }; // of a pixel of the actor before depth_frame_relabel: any value below PART_COUNT
 
@@ -31,7 +177,7 @@ enum status depth_frame_open(struct depth_frame *out, const struct take *take, c
     if (out->depth && out->part && out->edge_distance && out->half_width)
         return OK;
     depth_frame_close(out);
-    return fail(ERR_MEMORY, "out of memory");
+    return fail(ERR_MEMORY, "no memory for a depth frame");
 }
 
 void depth_frame_close(struct depth_frame *s)
@@ -305,7 +451,7 @@ enum status depth_frame_clean_colors(const struct depth_frame *s, const struct c
     const struct actor_box box = padded_actor_box(s);
     struct interior_pixel *from = malloc(sizeof *from * (size_t)box.w * (size_t)box.h);
     if (!from)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a depth frame");
     find_interior_pixels(s, &box, from);
     for (int i = 0; i < box.w * box.h; i++) {
         const int at = (box.top + i / box.w) * s->width + box.left + i % box.w;
@@ -314,5 +460,142 @@ enum status depth_frame_clean_colors(const struct depth_frame *s, const struct c
             memcpy(out + 3 * (size_t)at, rgb + 3 * (size_t)of, 3);
     }
     free(from);
+    return OK;
+}
+
+// ---------------------------------------------------------------- depth frame cache
+
+enum { PIXEL_BYTES = 5 }; // depth 2, part, edge_distance and half_width 1 each
+
+struct cached_window {
+    uint8_t *bytes; // planes of the window: depth, part, edge_distance, half_width; NULL: not kept
+    int left, top, width, height;
+    struct depth_frame bounds; // only the actor's bounds and has_mask are used
+};
+
+struct depth_frame_cache {
+    struct frame_source source;
+    int64_t *frames;
+    struct cached_window *windows; // of each frame
+    int count;
+    size_t bytes, max_bytes;
+};
+
+enum status depth_frame_cache_open(struct depth_frame_cache **out, const struct frame_source *source,
+                                   const int64_t *frames, int count, size_t max_bytes)
+{
+    struct depth_frame_cache *s = *out = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "no memory for the cache of depth frames");
+    s->source = *source;
+    s->count = count;
+    s->max_bytes = max_bytes;
+    s->frames = malloc(sizeof *s->frames * (size_t)count);
+    s->windows = calloc((size_t)count, sizeof *s->windows);
+    if (!s->frames || !s->windows) {
+        depth_frame_cache_close(out);
+        return fail(ERR_MEMORY, "no memory for the cache of depth frames");
+    }
+    memcpy(s->frames, frames, sizeof *s->frames * (size_t)count);
+    return OK;
+}
+
+void depth_frame_cache_close(struct depth_frame_cache **out)
+{
+    struct depth_frame_cache *s = *out;
+    if (!s)
+        return;
+    for (int i = 0; i < s->count && s->windows; i++)
+        free(s->windows[i].bytes);
+    free(s->windows);
+    free(s->frames);
+    free(s);
+    *out = NULL;
+}
+
+static int at_least(int value, int least) { return value > least ? value : least; }
+static int at_most(int value, int most) { return value < most ? value : most; }
+
+// The window that is kept: the actor's bounds, and as far about them as edge distances are measured.
+static void set_window(struct cached_window *k, const struct depth_frame *s)
+{
+    k->left = at_least(s->left - DEPTH_FRAME_MAX_EDGE_PX, 0);
+    k->top = at_least(s->top - DEPTH_FRAME_MAX_EDGE_PX, 0);
+    k->width = at_most(s->right + DEPTH_FRAME_MAX_EDGE_PX, s->width - 1) + 1 - k->left;
+    k->height = at_most(s->bottom + DEPTH_FRAME_MAX_EDGE_PX, s->height - 1) + 1 - k->top;
+}
+
+static void store_window(struct depth_frame_cache *all, int i, const struct depth_frame *s)
+{
+    struct cached_window *k = &all->windows[i];
+    if (s->right < s->left)
+        return;
+    set_window(k, s);
+    size_t pixels = (size_t)k->width * (size_t)k->height, row = (size_t)k->width;
+    if (all->bytes + PIXEL_BYTES * pixels > all->max_bytes)
+        return;
+    k->bytes = malloc(PIXEL_BYTES * pixels);
+    if (!k->bytes)
+        return; // it is read from the take each time instead
+    all->bytes += PIXEL_BYTES * pixels;
+    k->bounds = *s;
+    uint8_t *part = k->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
+    for (int y = 0; y < k->height; y++) {
+        size_t from = (size_t)(k->top + y) * (size_t)s->width + (size_t)k->left, to = (size_t)y * row;
+        memcpy(k->bytes + 2 * to, s->depth + from, 2 * row);
+        memcpy(part + to, s->part + from, row);
+        memcpy(edge + to, s->edge_distance + from, row);
+        memcpy(half + to, s->half_width + from, row);
+    }
+}
+
+static void restore_window(const struct cached_window *k, struct depth_frame *s)
+{
+    size_t pixels = (size_t)k->width * (size_t)k->height, row = (size_t)k->width,
+           all = (size_t)s->width * (size_t)s->height;
+    const uint8_t *part = k->bytes + 2 * pixels, *edge = part + pixels, *half = edge + pixels;
+    s->has_mask = k->bounds.has_mask;
+    s->left = k->bounds.left, s->top = k->bounds.top, s->right = k->bounds.right, s->bottom = k->bounds.bottom;
+    memset(s->depth, 0, sizeof *s->depth * all);
+    memset(s->part, DEPTH_FRAME_BACKGROUND, all);
+    memset(s->edge_distance, DEPTH_FRAME_MAX_EDGE_PX, all);
+    memset(s->half_width, UINT8_MAX, all);
+    for (int y = 0; y < k->height; y++) {
+        size_t to = (size_t)(k->top + y) * (size_t)s->width + (size_t)k->left, from = (size_t)y * row;
+        memcpy(s->depth + to, k->bytes + 2 * from, 2 * row);
+        memcpy(s->part + to, part + from, row);
+        memcpy(s->edge_distance + to, edge + from, row);
+        memcpy(s->half_width + to, half + from, row);
+    }
+}
+
+static void copy_colors(const struct depth_frame_cache *s, const struct take_images *images, uint8_t *rgb)
+{
+    const struct lens *lens = &take_calibration(s->source.take)->color;
+    memcpy(rgb, images->color, 3 * (size_t)lens->width * (size_t)lens->height);
+}
+
+enum status depth_frame_cache_read(struct depth_frame_cache *s, int i, struct depth_frame *into, uint8_t *rgb)
+{
+    assert(i >= 0 && i < s->count);
+    const bool is_kept = s->windows[i].bytes != NULL;
+    const struct take_entry *e = take_entry(s->source.take, s->frames[i]);
+    if (!e->has_depth || !e->has_skeleton)
+        return NOTHING;
+    struct take_images images;
+    const unsigned want = (is_kept ? 0u : TAKE_DEPTH | TAKE_MASK) | (rgb ? TAKE_COLOR : 0u);
+    enum status status = take_read(s->source.take, s->frames[i], want, &images);
+    if (status != OK)
+        return status == ERR_CORRUPT ? NOTHING : status; // a damaged frame costs itself alone
+    if (is_kept) {
+        restore_window(&s->windows[i], into);
+    } else {
+        depth_frame_label(into, &images, take_skeletons_at(s->source.skeletons, s->frames[i]));
+        store_window(s, i, into);
+    }
+    if (rgb && !images.color)
+        return NOTHING;
+    if (rgb)
+        copy_colors(s, &images, rgb);
     return OK;
 }

@@ -54,7 +54,7 @@ static enum status erode_labels(struct source_image *image)
     int w = image->width, h = image->height;
     uint16_t *rows = malloc(sizeof(uint16_t) * 2 * (size_t)w);
     if (!rows)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame's texture");
     uint16_t *above = rows, *here = rows + w; // labels before erosion
     memset(above, 0, sizeof(uint16_t) * (size_t)w);
     for (int y = 0; y < h; y++) {
@@ -85,7 +85,7 @@ enum status source_image_load(struct source_image *image, struct take *take, int
         image->parts = malloc(pixels * sizeof(uint16_t));
     if (!image->rgb || (rays && !image->parts)) {
         source_image_free(image);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame's texture");
     }
     image->frame = -1;
     image->labelled = false;
@@ -221,7 +221,7 @@ enum status source_patch_make(const struct source_image *image, const struct tak
     if (!row || !w.rgb) {
         free(row);
         free(w.rgb);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a frame's texture");
     }
     nearest_in_columns(image, &w, bit, row);
     fill(image, &w, row);

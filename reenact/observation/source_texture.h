@@ -3,7 +3,7 @@
 // that part and not clearly nearer another one; never at the silhouette, where colours mix with the background's.
 // Pure; deterministic; the take is only read. Memory: 5 bytes a colour pixel.
 #pragma once
-#include "reenact/observation/part_label.h"
+#include "reenact/observation/depth_frame.h"
 
 struct source_image {
     int64_t frame; // -1: nothing loaded

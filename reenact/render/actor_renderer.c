@@ -1,11 +1,304 @@
-// Draws the actor: opening, level of detail, draw order. Its render targets: actor_targets.c.
-#include "reenact/render/actor_renderer_internal.h"
+// Draws the actor: opening, level of detail, draw order.
+#include "reenact/render/actor_renderer.h"
 
-#include "reenact/avatar/avatar_store.h"
-#include "reenact/render/lod_error.h"
+#include "reenact/avatar/avatar.h"
+#include "reenact/render/avatar_renderer.h"
+#include "reenact/render/cylinder_renderer.h"
+#include "reenact/render/occlusion_shadow.h"
 #include "reenact/render/shaders.h"
+#include "reenact/skeleton/skeleton_track.h"
 
 #include <stdlib.h>
+#include <string.h>
+
+struct renderer {
+    struct gpu *gpu;
+    struct take *take;
+    struct lens lens, drawn; // the viewer camera's; the same at `resolution_scale`, which is drawn with
+    double resolution_scale; // per axis
+    enum detail detail;
+    struct take_skeletons *own_skeletons; // NULL: the options gave them
+    const struct take_skeletons *skeletons;
+    struct skeleton_track *motion;
+    struct cylinder_renderer *cylinders;
+    struct source_rays *rays; // NULL: the take has no depth
+    struct occlusion_shadow *occlusion;
+    struct avatar_renderer *avatar; // NULL: the take shows too little for an avatar; rounded cylinders then
+    struct gpu_program *compose_program;
+    struct gpu_mesh *fullscreen; // one triangle over the whole target
+    struct gpu_texture *camera;
+    struct gpu_target *paper, *full, *composed; // actor at DETAIL_PAPER, at DETAIL_FULL, composed image
+    struct gpu_target *actor;                   // `paper` or `full`, whichever was drawn last
+    struct gpu_target *room_depth;              // occluder mesh's depth for DETAIL_FULL; NULL: no room
+    bool room_drawn;                            // it is not empty
+    struct gpu_target *shadow;                  // NULL: not wanted
+    struct gpu_texture *no_shadow;              // one transparent pixel
+    bool shaded;                                // the image last drawn has a shadow
+    struct depth_overlay *overlay;              // NULL: none was drawn yet, as the following
+    struct gpu_target *strokes;
+    bool stroked;              // the image last drawn has strokes
+    struct gpu_target *source; // as renderer_read_source; NULL: not wanted
+    bool writes_source;        // wanted for the next image
+    bool upload_pending;       // waiting for the avatar or its upload
+    bool avatar_later;         // renderer_set_avatar gives it
+    double error_px;           // predicted error that DETAIL_AUTO accepts
+    double cylinder_error_m;   // of the cylinders against the avatar's surface
+};
+
+// ---------------------------------------------------------------- lod error
+
+// Predicted errors of the levels of detail.
+
+// Half a voxel of the TSDF, and 4 mm of residual distance to the depth samples after articulated ICP; chosen by hand.
+// docs/notes/retrieval-and-drawing.md compares the predictions with measured silhouette errors.
+static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
+
+// Mean distance of the avatar's surface points from the body cylinders, metres.
+static double lod_cylinder_error_m(const struct avatar *a)
+{
+    double sum = 0;
+    for (int i = 0; i < a->surface.point_count; i++)
+        sum += fabs(bind_pose_distance(&a->bind_pose, a->surface.points[i]));
+    return a->surface.point_count ? sum / a->surface.point_count : 0;
+}
+
+double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer)
+{
+    double nearest = INFINITY;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (in_viewer->confidence[j] > 0 && in_viewer->joint[j].z > 0.05)
+            nearest = fmin(nearest, in_viewer->joint[j].z);
+    return isfinite(nearest) ? lens->fx / nearest : 0;
+}
+
+double lod_paper_error_m(double cylinder_error_m, double cost_m)
+{
+    return cylinder_error_m + cost_m / JOINT_COUNT; // equation 5 has the sum over the joints
+}
+
+double lod_full_error_m(void) { return FULL_ERROR_M; }
+
+// ---------------------------------------------------------------- actor targets
+
+// The actor renderer's render targets: sizes, resolution scale, lens, read-back.
+
+enum { ROOM_SUPERSAMPLING = 2 }; // texels of the room's depth along a pixel's side
+enum { SHADOW_PX = 2 };          // image pixels along a shadow pixel: it is soft, and each one visits the whole body
+
+static void set_view_lens(struct renderer *p)
+{
+    cylinder_renderer_set_lens(p->cylinders, &p->drawn);
+    if (p->avatar)
+        avatar_renderer_set_lens(p->avatar, &p->drawn);
+    occlusion_shadow_set_lens(p->occlusion, &p->drawn);
+}
+
+// Opens the render targets at the lens's size. ERR_DEVICE, ERR_MEMORY; close them then, too.
+static enum status actor_targets_open(struct renderer *p, bool sources, bool shadow)
+{
+    int w = p->lens.width, h = p->lens.height;
+    enum status status =
+        gpu_texture_open(&p->camera, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
+    if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
+        status = gpu_target_open_comparable(&p->paper, p->gpu, w, h);
+    if (status == OK && p->detail != DETAIL_PAPER)
+        status = gpu_target_open_comparable(&p->full, p->gpu, w, h);
+    if (status == OK)
+        status = gpu_target_open_color(&p->composed, p->gpu, w, h);
+    if (status == OK && sources)
+        status = gpu_target_open(&p->source, p->gpu, w, h);
+    if (status == OK && shadow)
+        status = gpu_target_open(&p->shadow, p->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
+    p->actor = p->paper ? p->paper : p->full;
+    p->writes_source = sources;
+    return status;
+}
+
+static enum status actor_targets_open_room_depth(struct renderer *p)
+{
+    return gpu_target_open_depth(&p->room_depth, p->gpu, ROOM_SUPERSAMPLING * p->lens.width,
+                                 ROOM_SUPERSAMPLING * p->lens.height);
+}
+
+static void actor_targets_close(struct renderer *p)
+{
+    gpu_target_close(&p->room_depth);
+    gpu_target_close(&p->paper);
+    gpu_target_close(&p->full);
+    gpu_target_close(&p->composed);
+    gpu_target_close(&p->strokes);
+    gpu_target_close(&p->source);
+    gpu_target_close(&p->shadow);
+    gpu_texture_close(&p->camera);
+}
+
+// Where the room's depth is drawn that hides p->actor: into p->room_depth, or into its own.
+static struct gpu_target *actor_targets_room(const struct renderer *p)
+{
+    return p->actor == p->full && p->avatar && p->room_depth ? p->room_depth : p->actor;
+}
+
+static void resize(struct gpu_target *t, int width, int height)
+{
+    if (t)
+        gpu_target_resize(t, width, height);
+}
+
+// Applies the resolution scale and the lens to targets and renderers. Targets keep their allocation
+// at the lens's size and use their top left, so that nothing is allocated when the scale changes.
+static void actor_targets_apply_scale(struct renderer *p)
+{
+    p->drawn = lens_resized(&p->lens, p->resolution_scale);
+    const int w = p->drawn.width, h = p->drawn.height;
+    set_view_lens(p);
+    resize(p->paper, w, h);
+    resize(p->full, w, h);
+    resize(p->source, w, h);
+    resize(p->strokes, w, h);
+    resize(p->room_depth, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
+    resize(p->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
+}
+
+void renderer_set_resolution_scale(struct renderer *p, double resolution_scale)
+{
+    if (resolution_scale == p->resolution_scale)
+        return;
+    p->resolution_scale = resolution_scale;
+    actor_targets_apply_scale(p);
+}
+
+enum status renderer_set_lens(struct renderer *p, const struct lens *lens)
+{
+    enum status status = lens_check(lens, "tablet's");
+    if (status != OK)
+        return status;
+    bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
+         shadow = p->shadow, room_depth = p->room_depth, writes_source = p->writes_source;
+    p->lens = *lens;
+    if (resized) {
+        actor_targets_close(p);
+        status = actor_targets_open(p, sources, shadow);
+        p->writes_source = writes_source;
+    }
+    if (resized && status == OK && room_depth)
+        status = actor_targets_open_room_depth(p);
+    actor_targets_apply_scale(p);
+    return status;
+}
+
+// ---------------------------------------------------------------- read-back
+
+static enum status read_rgb(const struct renderer *p, struct gpu_target *from, uint8_t *rgb)
+{
+    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
+    uint8_t *rgba = malloc(pixels * 4);
+    if (!rgba)
+        return fail(ERR_MEMORY, "no memory for the renderer's targets");
+    enum status status = gpu_target_read(from, rgba);
+    for (size_t i = 0; i < pixels && status == OK; i++)
+        memcpy(rgb + 3 * i, rgba + 4 * i, 3);
+    free(rgba);
+    return status;
+}
+
+enum status renderer_read(struct renderer *p, uint8_t *rgb) { return read_rgb(p, p->composed, rgb); }
+
+enum status renderer_read_actor(struct renderer *p, uint8_t *rgba)
+{
+    enum status status = gpu_target_read(p->actor, rgba);
+    if (status != OK)
+        return status;
+    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
+    for (size_t i = 0; i < pixels; i++) { // premultiplied to straight
+        uint8_t *at = rgba + 4 * i;
+        for (int c = 0; c < 3 && at[3] && at[3] < 255; c++) {
+            int straight = (at[c] * 255 + at[3] / 2) / at[3];
+            at[c] = (uint8_t)(straight < 255 ? straight : 255);
+        }
+    }
+    return OK;
+}
+
+enum status renderer_read_source(struct renderer *p, uint8_t *rgb)
+{
+    assert(p->source);
+    return read_rgb(p, p->source, rgb);
+}
+
+const struct gpu_texture *renderer_actor_texture(struct renderer *p) { return gpu_target_texture(p->actor); }
+
+const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
+{
+    return p->shaded ? gpu_target_texture(p->shadow) : NULL;
+}
+
+// ---------------------------------------------------------------- actor overlay
+
+// What is drawn over the actor's image at a depth of its own, and what is asked of it.
+
+// Radii about strokes' ends and about points of which the room's depth is drawn. Chosen by hand.
+static const double STROKE_M = 0.15, POINT_M = 0.02;
+
+// Draws the room's depth where it may hide what is in the frustum. True: there is any.
+static bool draw_room(struct renderer *p, const struct renderer_view *view, const struct occlusion_frustum *hidden)
+{
+    return hidden->farthest_m > 0 &&
+           occlusion_shadow_draw_room(p->occlusion, actor_targets_room(p), view->viewer_from_room, hidden);
+}
+
+static bool draw_rooms(struct renderer *p, const struct renderer_view *view)
+{
+    const struct overlay *o = view->overlay;
+    struct occlusion_frustum strokes = {0};
+    bool any = false;
+    for (int i = 0; i < o->stroke_count; i++) {
+        occlusion_frustum_add(&strokes, o->strokes[i].from, STROKE_M);
+        occlusion_frustum_add(&strokes, o->strokes[i].to, STROKE_M);
+    }
+    any = draw_room(p, view, &strokes);
+    for (int g = 0; g < o->group_count && g < OVERLAY_GROUPS_MOST; g++) { // each alone: they may be far apart
+        struct occlusion_frustum points = {0};
+        for (int i = 0; i < OVERLAY_POINTS; i++)
+            occlusion_frustum_add(&points, o->groups[g].point[i], POINT_M);
+        any |= draw_room(p, view, &points);
+    }
+    return any;
+}
+
+// Draws view->overlay over the actor just drawn, and the depth of the room that may hide it. ERR_DEVICE, ERR_MEMORY.
+static enum status actor_overlay_draw(struct renderer *p, const struct renderer_view *view)
+{
+    enum status status = p->overlay ? OK : depth_overlay_open(&p->overlay, p->gpu);
+    if (status == OK && view->overlay->stroke_count && !p->strokes) {
+        status = gpu_target_open_color(&p->strokes, p->gpu, p->lens.width, p->lens.height);
+        actor_targets_apply_scale(p);
+    }
+    if (status != OK)
+        return status;
+    if (view->viewer_from_room && draw_rooms(p, view))
+        p->room_drawn = true;
+    p->stroked = view->overlay->stroke_count > 0;
+    if (p->stroked)
+        gpu_target_clear(p->strokes);
+    const bool apart = p->room_drawn && actor_targets_room(p) == p->room_depth;
+    const struct overlay_picture picture = {
+        gpu_target_depth(p->actor), apart ? gpu_target_texture(p->room_depth) : NULL, p->drawn, p->resolution_scale};
+    depth_overlay_draw(p->overlay, p->strokes, &picture, view->overlay);
+    return gpu_check(p->gpu);
+}
+
+const struct gpu_texture *renderer_overlay_texture(struct renderer *p)
+{
+    return p->stroked ? gpu_target_texture(p->strokes) : NULL;
+}
+
+enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MOST], int *count)
+{
+    *count = 0;
+    return p->overlay ? depth_overlay_read(p->overlay, share, count) : OK;
+}
+
+// ---------------------------------------------------------------- actor renderer
 
 enum { UPLOAD_BYTES = 512 << 10 }; // of the avatar with each image; chosen by hand
 enum { FRAMES_FIRST = 400 };       // cylinder_renderer_open: 20 ms before the first image of a long take; by hand
@@ -135,7 +428,7 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
                                "record again with the arms once held away from the body");
     struct renderer *p = calloc(1, sizeof *p);
     if (!p)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the actor's renderer");
     p->gpu = gpu;
     p->take = take;
     p->lens = p->drawn = *lens;

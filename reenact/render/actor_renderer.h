@@ -1,7 +1,7 @@
 // Draws the recorded actor into a viewer camera's image, after [D14] 4.2: interpolates and
 // transforms the skeleton to the viewer camera, draws the level of detail asked for
 // (body cylinders, or the avatar), and composes it with the image; lens distortion included.
-// What an app needs beyond this, which draws continuously, is in actor_renderer_live.h.
+// What an app needs beyond this, which draws continuously, follows below.
 //
 // Pure but for the GPU and the take: no clock; an image does not depend on those drawn
 // before, unless view.within_ns allows it. One renderer, one thread: that of the GPU context.
@@ -11,11 +11,29 @@
 // the take's images for the shown frame, 46 bytes a pixel of the viewer's (with all options),
 // and 16 MiB for meshes and the avatar's texture.
 #pragma once
+#include "reenact/avatar/avatar.h"
 #include "recording/recording.h"
 #include "platform/screen/gpu.h"
 #include "reenact/frame/frame_layer.h"
 #include "reenact/render/depth_overlay.h"
 #include "reenact/scene/occluder_mesh.h"
+
+// ---------------------------------------------------------------- lod error
+
+// Predicted error of each level of detail, before it is drawn: metres by which surface
+// points are displaced or wrongly coloured, times pixels per metre at the actor's distance.
+// Pure.
+
+// At the nearest joint. in_viewer: the skeleton to be shown, viewer camera's axes. 0: no joint is before the camera.
+double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer);
+
+// cylinder_error_m: as above, or a typical value where there is no avatar. cost_m: of the
+// frame that frame_selector_find_body selected ([D14] eq. 5, a sum over the joints): its
+// mean joint distance displaces the projected colours.
+double lod_paper_error_m(double cylinder_error_m, double cost_m);
+double lod_full_error_m(void); // of the avatar
+
+// ---------------------------------------------------------------- actor renderer
 
 enum detail {
     DETAIL_PAPER, // [D14] to the letter, the yardstick: one source frame for the whole body
@@ -34,8 +52,8 @@ struct renderer_options {
     double error_px;                        // predicted error that DETAIL_AUTO accepts, pixels. Default 1
     bool sources;                           // renderer_read_source will be called. Default no
     bool shadow;                            // occlusion shadow on the floor, where the take has a place. Default no
-    bool avatar_later;                  // renderer_set_avatar will give the avatar (actor_renderer_live.h). Default no
-    const struct progress_watch *watch; // of renderer_open making the avatar. Default NULL
+    bool avatar_later;                      // renderer_set_avatar will give the avatar. Default no
+    const struct progress_watch *watch;     // of renderer_open making the avatar. Default NULL
 };
 struct renderer_options renderer_default_options(void);
 
@@ -63,7 +81,7 @@ struct renderer_view {
     int64_t within_ns; // where the nearest frame's layer is not resident, a resident one at most so far from it in
                        // time gives colours and deformation. 0: the nearest is loaded
     const struct overlay *overlay; // also drawn and asked for: viewer camera's axes. For renderer_overlay_texture and
-                                   // renderer_read_seen (actor_renderer_live.h). NULL: nothing
+                                   // renderer_read_seen. NULL: nothing
 };
 
 struct renderer_result {
@@ -73,7 +91,7 @@ struct renderer_result {
     int parts;             // number of body parts drawn
     int width, height;     // of the actor's image, pixels: the lens's, or less (renderer_set_resolution_scale)
     struct gpu_box within; // in that image: nothing of DETAIL_FULL was drawn outside
-    double error_px;       // predicted (lod_error.h), of the level drawn
+    double error_px;       // predicted, of the level drawn
 };
 
 // Draws. For an image without a pose there is renderer_draw_background. OK also when no actor is
@@ -95,3 +113,61 @@ MUST_CHECK enum status renderer_read_actor(struct renderer *p, uint8_t *rgba);
 // (never seen; color_inpainting.h). Green, blue: high and low byte of that other frame's distance
 // in time, hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status renderer_read_source(struct renderer *p, uint8_t *rgb);
+
+// ---------------------------------------------------------------- actor renderer live
+
+// The part of the actor renderer for an app that draws continuously: an avatar that comes
+// later, from another thread; frame layers loaded ahead; images as textures; changes of
+// resolution and lens. Threads, memory and errors as above.
+
+// ---- the avatar and its frame layers
+
+// Sets the avatar that options.avatar_later announced, made by avatar_make from another handle on
+// the same take, on any thread. It is uploaded in steps with the next images; until all is uploaded,
+// every level is drawn as DETAIL_PAPER. NULL: there is none; DETAIL_FULL is then drawn as rounded
+// cylinders. Takes over its contents and zeroes *avatar, also on failure. ERR_INPUT: too many
+// vertices. ERR_DEVICE, ERR_MEMORY. After a failure there is no avatar.
+MUST_CHECK enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar);
+
+// True: everything that was set is uploaded.
+bool renderer_upload_done(const struct renderer *p);
+
+// Uploads what is left of the avatar in one go: where a hitch costs less than another look of the actor.
+void renderer_finish_upload(struct renderer *p);
+
+// For prefetching frame layers on another thread (frame_layer.h): the avatar, owned by the renderer,
+// valid until it is closed or another is set. NULL: there is none, or it is not uploaded yet.
+const struct avatar *renderer_avatar(const struct renderer *p);
+
+// Adds a prefetched frame layer. Images are the same with and without it. Takes over its contents
+// and zeroes *loaded, also on failure. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded);
+
+// The resident frame nearest in time to `frame`, at most within_ns away; -1: none.
+int64_t renderer_nearest_resident_frame(const struct renderer *p, int64_t frame, int64_t within_ns);
+
+// ---- images as textures, top row first, premultiplied alpha; owned by the renderer
+
+const struct gpu_texture *renderer_actor_texture(struct renderer *p);   // the actor last drawn, alone
+const struct gpu_texture *renderer_shadow_texture(struct renderer *p);  // its shadow, to compose below it. NULL: none
+const struct gpu_texture *renderer_overlay_texture(struct renderer *p); // view.overlay's strokes. NULL: none drawn
+
+// What was asked with the last view.overlay that had points: depth_overlay_read. ERR_DEVICE.
+MUST_CHECK enum status renderer_read_seen(struct renderer *p, float share[OVERLAY_GROUPS_MOST], int *count);
+
+// ---- changes between images
+
+// Sets the resolution scale per axis, (0, 1]: the share of the lens's pixels at which the actor is
+// drawn. Textures keep their displayed size; read-backs shrink. Allocates nothing. view.color must
+// then be NULL.
+void renderer_set_resolution_scale(struct renderer *p, double resolution_scale);
+
+// Replaces the viewer camera's lens; the resolution scale stays. Cheap unless the image size changes.
+// ERR_INPUT: nothing changed; ERR_DEVICE, ERR_MEMORY: the renderer can only be closed.
+MUST_CHECK enum status renderer_set_lens(struct renderer *p, const struct lens *lens);
+
+// With options.sources: whether the next images write their sources, which costs time. Initially true.
+void renderer_set_sources(struct renderer *p, bool wanted);
+
+// Sets the predicted error that DETAIL_AUTO accepts, pixels.
+void renderer_set_error(struct renderer *p, double error_px);

@@ -1,5 +1,5 @@
 // Draws the avatar (avatar.h) with one skinned mesh. Skinning (LBS) and silhouette
-// selection run on the CPU, per image (silhouette_edges.h); texturing on the GPU. The
+// selection run on the CPU, per image (avatar_renderer.c); texturing on the GPU. The
 // atlas is uploaded once, in steps; the shown frame's colour and depth when that frame
 // changes (frame_layer_cache.h); the visible vertices and triangles with each image.
 // The avatar may be set after opening. One thread: that of the GPU context.

@@ -1,8 +1,7 @@
 // Draws body cylinders: source frame for each part, meshes by size on screen.
 #include "reenact/render/cylinder_renderer.h"
 
-#include "base/thread_priority.h"
-#include "base/worker_thread.h"
+#include "base/threads.h"
 #include "reenact/skeleton/body_cylinders.h"
 #include "reenact/render/shaders.h"
 #include "reenact/render/texture_cache.h"
@@ -122,7 +121,7 @@ enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *g
 {
     struct cylinder_renderer *c = *out = calloc(1, sizeof *c);
     if (!c)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the cylinders' renderer");
     c->gpu = gpu;
     c->take = take;
     worker_thread_open(&c->maker.worker);

@@ -45,7 +45,7 @@ static enum status open_quads(struct gpu_mesh **out, struct gpu *gpu, int floats
     static const uint16_t order[QUAD_CORNERS] = {0, 1, 2, 2, 1, 3};
     uint16_t *corners = malloc(sizeof *corners * QUAD_CORNERS * (size_t)quads);
     if (!corners)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the overlay");
     for (int i = 0; i < QUAD_CORNERS * quads; i++)
         corners[i] = (uint16_t)(QUAD * (i / QUAD_CORNERS) + order[i % QUAD_CORNERS]);
     const struct gpu_mesh_data data = {NULL, floats, QUAD * quads, corners, QUAD_CORNERS * quads};
@@ -58,10 +58,10 @@ enum status depth_overlay_open(struct depth_overlay **out, struct gpu *gpu)
 {
     struct depth_overlay *o = *out = calloc(1, sizeof *o);
     if (!o)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the overlay");
     o->stroke_vertices = calloc((size_t)QUAD * OVERLAY_STROKES_MOST, sizeof *o->stroke_vertices);
     o->point_vertices = calloc((size_t)QUAD * POINTS_MOST, sizeof *o->point_vertices);
-    enum status status = o->stroke_vertices && o->point_vertices ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = o->stroke_vertices && o->point_vertices ? OK : fail(ERR_MEMORY, "no memory for the overlay");
     if (status == OK)
         status = open_programs(o, gpu);
     if (status == OK)

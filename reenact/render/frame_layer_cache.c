@@ -28,7 +28,7 @@ enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *g
 {
     struct frame_layer_cache *f = *out = calloc(1, sizeof *f);
     if (!f)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the cache of frame layers");
     f->gpu = gpu;
     f->source = *source;
     f->max_bytes = max_bytes;
@@ -104,7 +104,7 @@ static enum status evict_until_fits(struct frame_layer_cache *f, size_t bytes)
     int capacity = f->capacity ? 2 * f->capacity : 16;
     struct cached_layer *layers = realloc(f->layers, sizeof *layers * (size_t)capacity);
     if (!layers)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the cache of frame layers");
     f->layers = layers;
     f->capacity = capacity;
     return OK;

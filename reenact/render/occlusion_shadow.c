@@ -1,12 +1,49 @@
 // Draws the occluder mesh's depth and the occlusion shadow.
 #include "reenact/render/occlusion_shadow.h"
-#include "base/portable_math.h"
 
+#include "base/portable_math.h"
 #include "reenact/render/shaders.h"
-#include "reenact/render/screen_bounds.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- screen bounds
+
+// Screen bounds by projecting points along the frustum's sides.
+
+struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const double high[2])
+{
+    enum { SIDE = 16, MARGIN_PX = 2 };
+    const struct gpu_box all = {0, 0, 0, 0};
+    const double largest = lens_max_radius2(lens);
+    double first[2] = {INFINITY, INFINITY}, last[2] = {-INFINITY, -INFINITY};
+    for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which distortion curves
+        const int side = i % 4;                // left, right, top, bottom
+        const double along = i / 4 / (double)SIDE;
+        const double u = side < 2 ? side : along, v = side < 2 ? along : side - 2;
+        const struct vec3 ray = {(1 - u) * low[0] + u * high[0], (1 - v) * low[1] + v * high[1], 1};
+        if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
+            return all; // out there the shaders hold the radial factor (lens.glsl)
+        const struct pixel px = lens_project(lens, ray);
+        if (!isfinite(px.x) || !isfinite(px.y)) // fmin and fmax would pass over NaN
+            return all;
+        const double at[2] = {px.x, px.y};
+        for (int a = 0; a < 2; a++) {
+            first[a] = fmin(first[a], at[a]);
+            last[a] = fmax(last[a], at[a]);
+        }
+    }
+    const double far[2] = {2.0 * lens->width, 2.0 * lens->height};
+    if (!isfinite(first[0]) || !isfinite(first[1]) || !isfinite(last[0]) || !isfinite(last[1]))
+        return all;
+    for (int a = 0; a < 2; a++) {
+        first[a] = fmin(fmax(floor(first[a]) - MARGIN_PX, -far[a]), far[a]);
+        last[a] = fmin(fmax(ceil(last[a]) + MARGIN_PX, -far[a]), far[a]);
+    }
+    return (struct gpu_box){(int)first[0], (int)first[1], (int)(last[0] - first[0]) + 1, (int)(last[1] - first[1]) + 1};
+}
+
+// ---------------------------------------------------------------- occlusion shadow
 
 // The floor patch: quads per side, so that lens distortion applies to the shadow, too.
 enum { PATCH = 16, PATCH_POINTS = (PATCH + 1) * (PATCH + 1), PATCH_CORNERS = 6 * PATCH * PATCH };
@@ -76,7 +113,7 @@ static enum status open_mesh(struct occlusion_shadow *a)
     a->occluding = malloc(sizeof *a->occluding * (size_t)(a->room.corner_count + 1));
     if (!points || !a->occluding) {
         free(points);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the shadow");
     }
     for (int i = 0; i < of_room; i++) {
         memcpy(points[i], a->room.points[i], sizeof *a->room.points);
@@ -104,7 +141,7 @@ enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu
 {
     struct occlusion_shadow *a = *out = calloc(1, sizeof *a);
     if (!a)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the shadow");
     a->gpu = gpu;
     const struct gpu_program_source text = {.name = "occlusion_shadow",
                                             .vertex = shader_find("occlusion_shadow.vert"),

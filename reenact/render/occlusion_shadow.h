@@ -3,7 +3,18 @@
 // (occlusion_shadow.frag). One thread: that of the GPU context.
 #pragma once
 #include "platform/screen/gpu.h"
-#include "reenact/scene/occlusion_frustum.h"
+#include "base/lens.h"
+#include "reenact/scene/occluder_mesh.h"
+
+// ---------------------------------------------------------------- screen bounds
+
+// Bounding box in pixels of what lies within a frustum, lens distortion included. Pure.
+
+// low, high: bounds of x / z and y / z, camera axes; infinite: unbounded on that side. The box has a margin of 2 pixels
+// for smooth silhouettes. Width 0: the whole image.
+struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const double high[2]);
+
+// ---------------------------------------------------------------- occlusion shadow
 
 struct occlusion_shadow;
 

@@ -34,7 +34,7 @@ static enum status add_piece(struct solid_mesh *m, struct gpu *gpu, const struct
     if (drawn)
         m->drawn = drawn;
     if (!pieces || !drawn)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the solids' renderer");
     const enum status status = gpu_mesh_open(&m->pieces[m->count], gpu, data);
     if (status == OK)
         m->drawn[m->count++] = data->index_count;
@@ -87,7 +87,9 @@ enum status solid_mesh_open(struct solid_mesh **out, struct gpu *gpu, const stru
                          .corners = malloc(sizeof *s.corners * (size_t)(corner_count + 1)),
                          .number = malloc(sizeof *s.number * (size_t)(vertex_count + 1)),
                          .members = malloc(sizeof *s.members * MOST_VERTICES)};
-    enum status status = m && s.vertices && s.corners && s.number && s.members ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = m && s.vertices && s.corners && s.number && s.members
+                             ? OK
+                             : fail(ERR_MEMORY, "no memory for the solids' renderer");
     for (int i = 0; i < vertex_count && status == OK; i++)
         s.number[i] = -1;
     if (status == OK)
@@ -139,7 +141,7 @@ enum status solid_renderer_open(struct solid_renderer **out, struct gpu *gpu)
                                             .sampler_count = 1};
     struct solid_renderer *r = *out = calloc(1, sizeof *r);
     if (!r)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the solids' renderer");
     enum status status = gpu_program_open(&r->program, gpu, &text);
     if (status == OK)
         status = gpu_texture_open(&r->white, gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST}, white);

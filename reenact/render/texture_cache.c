@@ -32,7 +32,7 @@ enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, stru
     *out = NULL;
     struct texture_cache *c = calloc(1, sizeof *c);
     if (!c)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the cache of textures");
     c->gpu = gpu;
     c->take = take;
     c->max_bytes = max_bytes;
@@ -84,7 +84,7 @@ static enum status evict_until_fits(struct texture_cache *c, size_t bytes)
     int capacity = c->capacity ? c->capacity * 2 : 64;
     struct cached_texture *entries = realloc(c->entries, sizeof *entries * (size_t)capacity);
     if (!entries)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the cache of textures");
     c->entries = entries;
     c->capacity = capacity;
     return OK;

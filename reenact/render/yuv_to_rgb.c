@@ -45,7 +45,7 @@ enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
     *out = NULL;
     struct yuv_to_rgb *r = calloc(1, sizeof *r);
     if (!r)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for converting an image");
     r->gpu = gpu;
     enum status status = fullscreen_mesh_open(&r->fullscreen, gpu);
     if (status == OK)

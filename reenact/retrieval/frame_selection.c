@@ -193,7 +193,7 @@ static enum status open_arrays(struct frame_selector *s)
     bool enough = s->frames && s->skeletons && views;
     for (int p = 0; p < PART_COUNT && views; p++)
         s->views[p] = views + (size_t)p * capacity;
-    enum status status = enough ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = enough ? OK : fail(ERR_MEMORY, "no memory for the choice of frames");
     if (status == OK)
         status = pose_index_open(&s->body_index, COUNT_OF(body_joints), BODY_UNIT_M, s->capacity);
     for (int p = 0; p < PART_COUNT && status == OK; p++)
@@ -207,7 +207,7 @@ enum status frame_selector_open(struct frame_selector **out, int64_t capacity)
     *out = NULL;
     struct frame_selector *s = calloc(1, sizeof *s);
     if (!s)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the choice of frames");
     s->capacity = capacity;
     enum status status = open_arrays(s);
     if (status != OK)

@@ -12,7 +12,7 @@
 // axes; mean difference of neighbouring joints in the part's axes; share of the part occluded
 // by the body, and uncertainty of its joints; distance from the camera beyond the viewer's.
 #pragma once
-#include "reenact/skeleton/bone_frame.h"
+#include "reenact/skeleton/bind_pose.h"
 
 struct frame_selector;
 

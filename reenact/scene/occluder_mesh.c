@@ -1,11 +1,190 @@
 // Builds the occluder mesh: fuses a TSDF, extracts its surface, bounds it with spheres.
-#include "reenact/scene/occluder_grid.h"
+#include "reenact/scene/occluder_mesh.h"
 
 #include "base/clamp.h"
-#include "base/parallel.h"
+#include "base/threads.h"
+#include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- surface nets
+
+// Naive surface nets of the occluder grid; allocation of its mesh.
+
+static const float MIN_WEIGHT = 0.4F; // about two views from 2 m; chosen by hand
+
+// The net's vertex in the cube from grid point `at`: the mean of the zero crossings on its edges. False: the cube has
+// none, or a corner is unknown.
+static bool surface_net_point(const struct occluder_grid *g, size_t at, float out[3])
+{
+    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
+    float d[8], sum[3] = {0};
+    int inside = 0, crossings = 0;
+    for (int i = 0; i < 8; i++) {
+        size_t corner = at + (i & 1) * step[0] + (size_t)(i >> 1 & 1) * step[1] + (size_t)(i >> 2) * step[2];
+        if (!(g->weight[corner] >= MIN_WEIGHT))
+            return false;
+        d[i] = g->sum[corner] / g->weight[corner];
+        inside += d[i] < 0;
+    }
+    if (inside == 0 || inside == 8)
+        return false;
+    for (int i = 0; i < 8; i++)
+        for (int axis = 0; axis < 3; axis++) {
+            int j = i | 1 << axis;
+            if (j == i || (d[i] < 0) == (d[j] < 0))
+                continue;
+            for (int k = 0; k < 3; k++)
+                sum[k] += k == axis ? d[i] / (d[i] - d[j]) : (float)(i >> k & 1);
+            crossings++;
+        }
+    const double corner[3] = {g->corner.x, g->corner.y, g->corner.z};
+    const size_t cell[3] = {at % step[1], at / step[1] % (size_t)g->size[1], at / step[2]};
+    for (int k = 0; k < 3; k++)
+        out[k] = (float)(corner[k] + g->step * ((double)cell[k] + (double)(sum[k] / (float)crossings)));
+    return true;
+}
+
+// The quads about the three edges from grid point `at`: each crossed edge joins the vertices of its four cubes.
+static void add_quads(const struct occluder_grid *g, const int32_t *number, size_t at, const int cell[3],
+                      struct occluder_mesh *out)
+{
+    const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
+    for (int axis = 0; axis < 3; axis++) {
+        int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        if (cell[axis] + 1 >= g->size[axis] || cell[u] < 1 || cell[v] < 1)
+            continue;
+        size_t to = at + step[axis];
+        if (!(g->weight[at] > 0 && g->weight[to] > 0) || (g->sum[at] < 0) == (g->sum[to] < 0))
+            continue;
+        const int32_t q[4] = {number[at], number[at - step[u]], number[at - step[u] - step[v]], number[at - step[v]]};
+        if (q[0] < 0 || q[1] < 0 || q[2] < 0 || q[3] < 0)
+            continue;
+        const bool along = g->sum[at] < 0; // the empty side lies along the axis
+        const int32_t corners[6] = {q[0], q[along ? 1 : 3], q[2], q[along ? 0 : 2], q[along ? 2 : 1], q[along ? 3 : 0]};
+        for (int i = 0; i < 6; i++)
+            out->corners[out->corner_count++] = (uint16_t)corners[i];
+    }
+}
+
+// Numbers the cubes' vertices; -1: no vertex. False: there are more than OCCLUDER_MAX_POINTS.
+static bool add_points(const struct occluder_grid *g, int32_t *number, struct occluder_mesh *out)
+{
+    for (int z = 0; z + 1 < g->size[2]; z++)
+        for (int y = 0; y + 1 < g->size[1]; y++)
+            for (int x = 0; x + 1 < g->size[0]; x++) {
+                const size_t at = occluder_grid_index(g, x, y, z);
+                float p[3];
+                number[at] = surface_net_point(g, at, p) ? out->point_count : -1;
+                if (number[at] < 0)
+                    continue;
+                if (out->point_count == OCCLUDER_MAX_POINTS)
+                    return false;
+                memcpy(out->points[out->point_count++], p, sizeof p);
+            }
+    return true;
+}
+
+static void add_faces(const struct occluder_grid *g, const int32_t *number, struct occluder_mesh *out)
+{
+    for (int z = 0; z + 1 < g->size[2]; z++)
+        for (int y = 0; y + 1 < g->size[1]; y++)
+            for (int x = 0; x + 1 < g->size[0]; x++)
+                add_quads(g, number, occluder_grid_index(g, x, y, z), (const int[3]){x, y, z}, out);
+}
+
+void occluder_mesh_free(struct occluder_mesh *mesh)
+{
+    free(mesh->points);
+    free(mesh->corners);
+    free(mesh->spheres);
+    *mesh = (struct occluder_mesh){0};
+}
+
+enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder_mesh *out, bool *too_large)
+{
+    const size_t count = (size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2];
+    int32_t *number = malloc(sizeof *number * count);
+    *out = (struct occluder_mesh){.points = malloc(sizeof *out->points * OCCLUDER_MAX_POINTS),
+                                  .corners = malloc(sizeof *out->corners * 18 * OCCLUDER_MAX_POINTS)};
+    *too_large = false;
+    enum status status =
+        number && out->points && out->corners ? OK : fail(ERR_MEMORY, "no memory for the room's surface");
+    if (status == OK)
+        *too_large = !add_points(g, number, out);
+    if (status == OK && !*too_large) {
+        add_faces(g, number, out);
+        status = out->corner_count ? OK : NOTHING;
+    }
+    free(number);
+    if (status != OK || *too_large)
+        occluder_mesh_free(out);
+    return status;
+}
+
+// ---------------------------------------------------------------- occlusion frustum
+
+// Culling of the occluder mesh by an occlusion frustum.
+
+void occlusion_frustum_add(struct occlusion_frustum *f, struct vec3 center, double radius_m)
+{
+    const double across[2] = {center.x, center.y}, steepest = 1.4; // radians; a side beyond is unbounded
+    const bool first = !(f->farthest_m > 0);
+    if (!(center.z + radius_m > 0))
+        return; // behind the viewpoint
+    f->farthest_m = fmax(f->farthest_m, center.z + radius_m);
+    for (int i = 0; i < 2; i++) {
+        const double away = portable_hypot(across[i], center.z),
+                     half = away > radius_m ? portable_asin(radius_m / away) : INFINITY;
+        const double to = portable_atan2(across[i], center.z), from_rad = to - half, to_rad = to + half;
+        const double low = from_rad > -steepest ? portable_tan(fmin(from_rad, steepest)) : -INFINITY;
+        const double high = to_rad < steepest ? portable_tan(fmax(to_rad, -steepest)) : INFINITY;
+        f->low[i] = first ? low : fmin(f->low[i], low);
+        f->high[i] = first ? high : fmax(f->high[i], high);
+    }
+}
+
+struct occlusion_frustum occlusion_frustum_body(const struct skeleton *in_viewer)
+{
+    struct occlusion_frustum body = {0};
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (in_viewer->confidence[j] > 0)
+            occlusion_frustum_add(&body, in_viewer->joint[j], OCCLUDER_BODY_RADIUS_M);
+    return body;
+}
+
+static bool may_occlude(const struct occluder_sphere *sphere, const struct affine_map *viewer_from_room,
+                        const struct occlusion_frustum *hidden)
+{
+    const struct vec3 *m = &sphere->middle;
+    double p[3];
+    for (int r = 0; r < 3; r++)
+        p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
+               (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
+    bool may = hidden->farthest_m > 0 && p[2] > -sphere->radius_m && p[2] < hidden->farthest_m + sphere->radius_m;
+    for (int i = 0; i < 2 && may; i++) { // distances of its centre beyond either side
+        const double low = hidden->low[i], high = hidden->high[i];
+        may = !(isfinite(low) && (low * p[2] - p[i]) / portable_hypot(low, 1) > sphere->radius_m) &&
+              !(isfinite(high) && (p[i] - high * p[2]) / portable_hypot(high, 1) > sphere->radius_m);
+    }
+    return may;
+}
+
+int occluder_mesh_cull(const struct occluder_mesh *mesh, const struct affine_map *viewer_from_room,
+                       const struct occlusion_frustum *hidden, uint16_t *corners)
+{
+    int count = 0;
+    for (const struct occluder_sphere *b = mesh->spheres; b < mesh->spheres + mesh->sphere_count; b++) {
+        if (!may_occlude(b, viewer_from_room, hidden))
+            continue;
+        memcpy(corners + count, mesh->corners + b->first, sizeof *corners * (size_t)b->count);
+        count += b->count;
+    }
+    return count;
+}
+
+// ---------------------------------------------------------------- occluder mesh
 
 // All chosen by hand.
 static const double VOXEL_M = 0.04, COARSENING = 1.3; // first voxel size; its growth while the mesh is too large
@@ -152,7 +331,7 @@ static enum status open_grid(struct occluder_grid *g, const struct take *take, d
         return open_grid(g, take, step * COARSENING);
     g->sum = calloc((size_t)count, sizeof *g->sum);
     g->weight = calloc((size_t)count, sizeof *g->weight);
-    return g->sum && g->weight ? OK : fail(ERR_MEMORY, "out of memory");
+    return g->sum && g->weight ? OK : fail(ERR_MEMORY, "no memory for the room's surface");
 }
 
 static void close_grid(struct occluder_grid *g)
@@ -288,7 +467,7 @@ static enum status find_spheres(struct occluder_mesh *out)
     out->spheres = malloc(sizeof *out->spheres * (size_t)count);
     if (!pieces || !out->spheres) {
         free(pieces);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the room's surface");
     }
     for (int i = 0; i < count; i++) {
         memcpy(pieces[i].corners, out->corners + 3 * (size_t)i, sizeof pieces[i].corners);

@@ -11,7 +11,7 @@
 struct depth_options {
     bool sky;                     // outdoors: look for the sky
     bool upright;                 // continue what stands upright above the last point
-    bool walls;                   // indoors: large upright planes are flat (large_planes.h)
+    bool walls;                   // indoors: large upright planes are flat (dense_depth.c)
     bool sparse;                  // points of scanners' lines, with gaps between them that others show through
     int reach;                    // most pixels from a point that its segment grows, of a panorama 1024 high; 24
     double tolerance;             // of a point against a local plane, share of its distance; 0.012
@@ -24,7 +24,7 @@ struct world_points {
     const float (*xyz)[3];
     const float *weight; // of each, 1 / sigma^2; NULL: all alike
     int count;
-    const uint8_t (*rgb)[4]; // point_colors.h; NULL: not known
+    const uint8_t (*rgb)[4]; // depth_seeds.h; NULL: not known
 };
 
 // Makes picture->inverse and joined. The picture must be placed. ERR_MEMORY: they are as before.

@@ -1,11 +1,290 @@
 #include "surround/depth/depth_seeds.h"
 
-#include "surround/depth/point_colors.h"
-#include "surround/picture/fast_angle.h"
+#include "base/clamp.h"
 #include "base/memory.h"
+#include "surround/picture/fast_angle.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- watershed
+
+enum { LEVELS = 64, STEP = 4 /* parts of a pixel that distances count in */ };
+
+struct flood {
+    const struct surround_picture *p;
+    int32_t *label, *next;
+    uint16_t *distance;
+    int32_t head[LEVELS], tail[LEVELS];
+    int lowest, highest;
+};
+
+static void push(struct flood *f, int level, int32_t pixel)
+{
+    f->next[pixel] = -1;
+    if (f->head[level] < 0)
+        f->head[level] = pixel;
+    else
+        f->next[f->tail[level]] = pixel;
+    f->tail[level] = pixel;
+    if (level < f->lowest)
+        f->lowest = level;
+}
+
+static int edge_between(const uint8_t *rgb, int32_t a, int32_t b)
+{
+    int most = 0;
+    for (int c = 0; c < 3; c++) {
+        const int d = abs((int)rgb[3 * (size_t)a + (size_t)c] - (int)rgb[3 * (size_t)b + (size_t)c]);
+        most = d > most ? d : most;
+    }
+    return most;
+}
+
+// Noise of a JPEG is no edge: differences below 4 are level 0; above, 3 to a level.
+static int level_of(int edge)
+{
+    const int level = edge < 4 ? 0 : (edge - 1) / 3;
+    return level < LEVELS ? level : LEVELS - 1;
+}
+
+static void spread(struct flood *f, int32_t from, int level, int most)
+{
+    const int w = f->p->width, h = f->p->height, u = from % w, v = from / w;
+    const int row_step =
+        f->p->panorama ? (int)(STEP * f->p->ray_table[2 * (w + v)] + 1) : STEP; // sine of the angle from the zenith
+    for (int k = 0; k < 4; k++) {
+        const int x = surround_picture_column(f->p, u + (k == 0) - (k == 1)), y = v + (k == 2) - (k == 3);
+        if (x < 0 || x >= w || y < 0 || y >= h)
+            continue;
+        const int32_t to = y * w + x;
+        if (f->label[to] != WATERSHED_FREE)
+            continue;
+        const int distance = f->distance[from] + (k < 2 ? row_step : STEP);
+        if (distance > most)
+            continue;
+        const int edge = level_of(edge_between(f->p->rgb, from, to));
+        if (edge > f->highest)
+            continue;
+        f->label[to] = f->label[from];
+        f->distance[to] = (uint16_t)distance;
+        push(f, edge > level ? edge : level, to);
+    }
+}
+
+enum status watershed_grow(const struct surround_picture *p, int reach, int most_edge, int32_t *label)
+{
+    const size_t pixels = (size_t)p->width * (size_t)p->height;
+    struct flood f = {.p = p, .label = label, .lowest = LEVELS, .highest = level_of(most_edge)};
+    f.next = malloc(pixels * sizeof *f.next);
+    f.distance = calloc(pixels, sizeof *f.distance);
+    enum status status = f.next && f.distance ? OK : fail(ERR_MEMORY, "no memory for a picture's segments");
+    memset(f.head, 0xff, sizeof f.head);
+    for (size_t i = 0; status == OK && i < pixels; i++)
+        if (label[i] >= 0)
+            push(&f, 0, (int32_t)i);
+    while (status == OK && f.lowest < LEVELS) {
+        const int level = f.lowest;
+        const int32_t pixel = f.head[level];
+        if (pixel < 0) {
+            f.lowest++;
+            continue;
+        }
+        f.head[level] = f.next[pixel];
+        spread(&f, pixel, level, reach * STEP);
+    }
+    free(f.next);
+    free(f.distance);
+    return status;
+}
+
+// ---------------------------------------------------------------- point colors
+
+// Chosen by hand. So many nearest pictures are asked, and so many must agree; levels that a channel may differ by.
+enum { ASKED = 5, AGREEING = 3, ALIKE_COLOR = 40 };
+// A gain is measured over points within this, from so many; the histogram's bins of a ratio, each 1 / PER_ONE.
+#define NEAR_M 10.0f
+enum { FEWEST = 200, BINS = 256, PER_ONE = 64, DARKEST = 12, BRIGHTEST = 243 };
+
+void point_colors_free(struct point_colors *colors)
+{
+    free(colors->rgb);
+    *colors = (struct point_colors){0};
+}
+
+// Points hide each other: the distance of the nearest in each of a picture's coarse cells.
+enum { CELLS_ACROSS = 256, CELLS_DOWN = 128 };
+#define HIDDEN 1.15f // farther than the cell's nearest by this factor
+
+static float *cell_of(float *nearest, const struct surround_picture *p, const struct picture_point *at)
+{
+    int x = (int)((at->u + 0.5f) * CELLS_ACROSS / (float)p->width);
+    int y = (int)((at->v + 0.5f) * CELLS_DOWN / (float)p->height);
+    x = clamp_int(x, 0, CELLS_ACROSS - 1);
+    y = clamp_int(y, 0, CELLS_DOWN - 1);
+    return &nearest[y * CELLS_ACROSS + x];
+}
+
+static void find_nearest(const struct surround_picture *p, const struct world_points *points, float *nearest)
+{
+    for (int i = 0; i < CELLS_ACROSS * CELLS_DOWN; i++)
+        nearest[i] = 1e9f;
+    for (int i = 0; i < points->count; i++) {
+        const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
+        struct picture_point at;
+        if (!surround_picture_project(p, world, &at))
+            continue;
+        float *cell = cell_of(nearest, p, &at);
+        *cell = at.distance < *cell ? at.distance : *cell;
+    }
+}
+
+static const uint8_t *pixel_at(const struct surround_picture *p, const struct picture_point *at)
+{
+    const int u = clamp_int((int)floorf(at->u + 0.5f), 0, p->width - 1);
+    const int v = clamp_int((int)floorf(at->v + 0.5f), 0, p->height - 1);
+    return p->rgb + 3 * ((size_t)v * (size_t)p->width + (size_t)u);
+}
+
+static bool are_colors_alike(const uint8_t *a, const uint8_t *b)
+{
+    for (int c = 0; c < 3; c++)
+        if (abs((int)a[c] - (int)b[c]) > ALIKE_COLOR)
+            return false;
+    return true;
+}
+
+struct seen_color {
+    float distance;
+    uint8_t rgb[3];
+};
+
+// The colours in the nearest pictures to which no other point hides the point, nearest first; returns how many.
+static int ask(const double world[3], const struct surround_picture *pictures, int count, float *nearest,
+               struct seen_color *out)
+{
+    int n = 0;
+    for (int i = 0; i < count; i++) {
+        const struct surround_picture *p = &pictures[i];
+        const struct vec3 to = v3_sub(v3(world[0], world[1], world[2]), p->world_from_camera.translation);
+        const float distance = (float)v3_length(to);
+        struct picture_point at;
+        if ((n == ASKED && out[n - 1].distance <= distance) || !surround_picture_project(p, world, &at) ||
+            at.distance > HIDDEN * *cell_of(nearest + (size_t)i * CELLS_ACROSS * CELLS_DOWN, p, &at))
+            continue;
+        int k = n < ASKED ? n++ : n - 1;
+        for (; k > 0 && out[k - 1].distance > distance; k--)
+            out[k] = out[k - 1];
+        out[k].distance = distance;
+        const uint8_t *rgb = pixel_at(p, &at);
+        for (int c = 0; c < 3; c++) {
+            const float value = rgb[c] * p->gain[c];
+            out[k].rgb[c] = (uint8_t)(value < 255 ? value : 255);
+        }
+    }
+    return n;
+}
+
+// The colour that the most others are like, and of those the one least apart from all.
+static void choose(const struct seen_color *list, int count, uint8_t rgb[4])
+{
+    int most = AGREEING, least = 1 << 30;
+    memset(rgb, 0, 4);
+    for (int i = 0; i < count; i++) {
+        int agree = 0, apart = 0;
+        for (int k = 0; k < count; k++) {
+            agree += are_colors_alike(list[i].rgb, list[k].rgb);
+            for (int c = 0; c < 3; c++)
+                apart += abs((int)list[i].rgb[c] - (int)list[k].rgb[c]);
+        }
+        if (agree < most || (agree == most && apart >= least))
+            continue;
+        most = agree;
+        least = apart;
+        memcpy(rgb, list[i].rgb, 3);
+        rgb[3] = 255;
+    }
+}
+
+enum status point_colors_make(struct point_colors *colors, const struct world_points *points,
+                              const struct surround_picture *pictures, int count)
+{
+    const size_t wanted = (size_t)points->count;
+    if (wanted + 1 > colors->room) {
+        uint8_t(*rgb)[4] = realloc(colors->rgb, (wanted + wanted / 4 + 1) * sizeof *rgb);
+        if (!rgb)
+            return fail(ERR_MEMORY, "no memory for the points' colours");
+        colors->rgb = rgb;
+        colors->room = wanted + wanted / 4 + 1;
+    }
+    float *nearest = malloc(((size_t)count * CELLS_ACROSS * CELLS_DOWN + 1) * sizeof *nearest);
+    if (!nearest)
+        return fail(ERR_MEMORY, "no memory for the points' colours");
+    for (int i = 0; i < count; i++)
+        find_nearest(&pictures[i], points, nearest + (size_t)i * CELLS_ACROSS * CELLS_DOWN);
+    for (int i = 0; i < points->count; i++) {
+        const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
+        struct seen_color list[ASKED];
+        choose(list, ask(world, pictures, count, nearest, list), colors->rgb[i]);
+    }
+    free(nearest);
+    return OK;
+}
+
+// What a picture's colours are to be multiplied by to be like the points' (its exposure): the median over the points
+// within a few metres, which it mostly sees.
+static void point_colors_gain(const struct surround_picture *p, const struct world_points *points, float gain[3])
+{
+    int histogram[3][BINS] = {{0}}, n = 0;
+    for (int i = 0; i < points->count; i++) {
+        const double world[3] = {points->xyz[i][0], points->xyz[i][1], points->xyz[i][2]};
+        const uint8_t *rgb = points->rgb[i];
+        struct picture_point at;
+        if (!rgb[3] || !surround_picture_project(p, world, &at) || at.distance > NEAR_M)
+            continue;
+        const uint8_t *pixel = pixel_at(p, &at);
+        bool usable = true;
+        for (int c = 0; c < 3; c++)
+            usable = usable && pixel[c] > DARKEST && pixel[c] < BRIGHTEST && rgb[c] > DARKEST && rgb[c] < BRIGHTEST;
+        if (!usable)
+            continue;
+        for (int c = 0; c < 3; c++) {
+            const int bin = (int)(PER_ONE * (float)rgb[c] / (float)pixel[c]);
+            histogram[c][bin < BINS ? bin : BINS - 1]++;
+        }
+        n++;
+    }
+    for (int c = 0; c < 3; c++) {
+        int bin = 0;
+        for (int sum = histogram[c][0]; 2 * sum < n && bin + 1 < BINS;)
+            sum += histogram[c][++bin];
+        gain[c] = n < FEWEST ? p->gain[c] : ((float)bin + 0.5f) / PER_ONE;
+    }
+}
+
+// Whether any of the 3 x 3 pixels around (u, v), times gain, has a point's colour. Of a point without one: true.
+static bool point_color_agrees(const struct surround_picture *p, int u, int v, const float gain[3],
+                               const uint8_t rgb[4])
+{
+    if (!rgb[3])
+        return true;
+    for (int k = 0; k < 9; k++) {
+        const int x = surround_picture_column(p, u + k % 3 - 1), y = v + k / 3 - 1;
+        if (x < 0 || x >= p->width || y < 0 || y >= p->height)
+            continue;
+        const uint8_t *pixel = p->rgb + 3 * ((size_t)y * (size_t)p->width + (size_t)x);
+        bool agrees = true;
+        for (int c = 0; c < 3 && agrees; c++) {
+            const float value = pixel[c] * gain[c];
+            agrees = fabsf((value < 255 ? value : 255) - rgb[c]) <= ALIKE_COLOR;
+        }
+        if (agrees)
+            return true;
+    }
+    return false;
+}
+
+// ---------------------------------------------------------------- depth seeds
 
 enum { NEIGHBOURS = 40, ENOUGH = 14, WIDEST = 20, TRIPLES = 8 };
 // For what hides a point: a wider window, since the near surface may be the sparser one. Of 20 to 400 seeds in it, 50
@@ -276,7 +555,7 @@ static bool has_color(const struct surround_picture *p, const struct seed *a, co
     return true;
 }
 
-static bool alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
+static bool are_seeds_alike(const struct surround_picture *p, const struct seed *a, const struct seed *b)
 {
     const uint8_t *x = p->rgb + 3 * ((size_t)a->v * (size_t)p->width + (size_t)a->u);
     const uint8_t *y = p->rgb + 3 * ((size_t)b->v * (size_t)p->width + (size_t)b->u);
@@ -294,7 +573,7 @@ static bool is_surrounded(const struct depth_seeds *s, const struct surround_pic
     bool in_front[4] = {0};
     for (int i = 0; i < count; i++) {
         const struct seed *o = &s->list[near[i]];
-        if (alike(p, seed, o))
+        if (are_seeds_alike(p, seed, o))
             in_front[(o->u > seed->u) + 2 * (o->v > seed->v)] = true;
     }
     return in_front[0] + in_front[1] + in_front[2] + in_front[3] >= 3;
@@ -354,7 +633,7 @@ static enum status fit_visible(struct depth_seeds *s, const struct surround_pict
 {
     bool *misled = malloc((size_t)s->count + 1);
     if (!misled)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture's depth");
     for (int i = 0; i < s->count; i++)
         misled[i] = is_misled(s, p, &s->list[i]);
     for (int i = 0; i < s->count; i++)
@@ -384,7 +663,7 @@ enum status depth_seeds_make(struct depth_seeds *s, const struct surround_pictur
                               .before = alloc_cache_aligned((size_t)(p->width + 1) * (size_t)(p->height + 1) * 4)};
     if (!s->list || !s->at || !s->before) {
         depth_seeds_free(s);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture's depth");
     }
     memset(s->at, 0xff, pixels * sizeof *s->at);
     set_up(s, p);

@@ -3,7 +3,6 @@
 // it will drive in the next two seconds; a line to what is nearest, with its distance, in a colour that warns; the
 // picture's age; and a warning when the link is lost. Drawn into a surround_view.
 #pragma once
-#include "surround/drive/drive_path.h"
 #include "surround/drive/robot_motion.h"
 #include "surround/view/surround_view.h"
 

@@ -89,7 +89,7 @@ static void on_image(void *self, const struct ros_image *image)
         return;
     void *copy = malloc(bytes);
     if (!copy) {
-        failure_keep(&r->failure, fail(ERR_MEMORY, "out of memory"));
+        failure_keep(&r->failure, fail(ERR_MEMORY, "no memory for the robot's link"));
         return;
     }
     memcpy(copy, image->rgb ? (const void *)image->rgb : image->depth, bytes);

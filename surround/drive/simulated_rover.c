@@ -67,7 +67,7 @@ static enum status depth_of(struct simulated_rover *r, struct depth_points *poin
     const struct rover_options *how = &r->how;
     const struct lens lens = rover_depth_lens(how);
     uint16_t *depth = malloc((size_t)lens.width * (size_t)lens.height * sizeof *depth);
-    enum status status = depth ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for the simulated robot");
     for (int c = 0; status == OK && c < SURROUND_DEPTH_CAMERAS; c++) {
         const struct pose at = rover_depth_camera(c);
         const uint32_t seed = how->seed * 2654435761u + (uint32_t)(4 * r->surroundings.taken + c) + 1;
@@ -85,7 +85,7 @@ static enum status capture(struct simulated_rover *r)
     struct depth_points points = {0};
     struct surround_picture picture;
     uint8_t *rgb = malloc((size_t)width * (size_t)height * 3);
-    enum status status = rgb ? OK : fail(ERR_MEMORY, "out of memory");
+    enum status status = rgb ? OK : fail(ERR_MEMORY, "no memory for the simulated robot");
     if (status != OK)
         return status;
     box_world_panorama(&r->world, pose_multiply(r->world_from_body, s->body_from_panorama), width, height, rgb);

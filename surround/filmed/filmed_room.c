@@ -27,7 +27,7 @@ static enum status take_view(struct surroundings *room, const struct place *plac
     struct surround_picture picture = {0};
     struct depth_points points = {0};
     enum status status = rgb ? jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, lens.width, lens.height)
-                             : fail(ERR_MEMORY, "out of memory");
+                             : fail(ERR_MEMORY, "no memory for the filmed room");
     if (status == OK)
         status = surround_image_undistort(rgb, &lens);
     if (status != OK) {
@@ -72,7 +72,7 @@ enum status filmed_room_trim(struct surroundings *room, struct pose world_from_v
 {
     const struct surround_picture **ranked = malloc((size_t)(room->taken + 1) * sizeof *ranked);
     if (!ranked)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the filmed room");
     int count = 0;
     for (int i = 0; i < room->taken; i++)
         if (room->pictures[i].inverse)

@@ -2,7 +2,7 @@
 
 #include "platform/screen/gpu_draw2d.h"
 #include "reenact/render/shaders.h"
-#include "surround/gpu/surround_renderer_internal.h"
+#include "surround/gpu/surround_renderer.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +26,7 @@ enum status operator_picture_open(struct operator_picture **out, struct gpu *gpu
     static const uint8_t white[4] = {255, 255, 255, 255};
     struct operator_picture *o = *out = calloc(1, sizeof *o);
     if (!o)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the driver's picture");
     const struct gpu_draw2d_shaders shaders = {shader_find("draw2d.vert"), shader_find("draw2d.frag")};
     o->gpu = gpu;
     enum status status = surround_renderer_open(&o->renderer, gpu);

@@ -1,11 +1,315 @@
 #include "surround/gpu/surround_renderer.h"
 
 #include "reenact/render/shaders.h"
-#include "surround/gpu/surround_renderer_internal.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+// ---------------------------------------------------------------- surround readback
+
+// The drawn image's depth read back, and a box tinted over it.
+
+enum tint_uniform { TINT_LENS, BOX_FROM_VIEW, BOX, TINT, TINT_UNIFORMS };
+
+// The renderer's programs. ERR_DEVICE, ERR_MEMORY.
+static enum status surround_renderer_open_overlay(struct surround_renderer *r)
+{
+    static const char *const tint_names[TINT_UNIFORMS] = {
+        [TINT_LENS] = "view_lens", [BOX_FROM_VIEW] = "box_from_view", [BOX] = "box", [TINT] = "tint"};
+    static const char *const sample_names[1] = {"step_px"}, *const samplers[] = {"surface"};
+    struct gpu_program_source text = {.name = "surround_tint",
+                                      .vertex = shader_find("fullscreen.vert"),
+                                      .fragment = shader_find("surround_tint.frag"),
+                                      .uniforms = tint_names,
+                                      .uniform_count = TINT_UNIFORMS,
+                                      .samplers = samplers,
+                                      .sampler_count = 1};
+    enum status status = gpu_program_open(&r->tint_program, r->gpu, &text);
+    text.name = "surround_sample";
+    text.fragment = shader_find("surround_sample.frag");
+    text.uniforms = sample_names;
+    text.uniform_count = 1;
+    return status == OK ? gpu_program_open(&r->sample_program, r->gpu, &text) : status;
+}
+
+// Of the middle of each step x step pixels.
+static struct lens sampled_lens(const struct lens *of, int step)
+{
+    struct lens l = *of;
+    l.width = of->width / step;
+    l.height = of->height / step;
+    l.fx /= step;
+    l.fy /= step;
+    l.cx = (of->cx - step / 2) / step;
+    l.cy = (of->cy - step / 2) / step;
+    return l;
+}
+
+static enum status fit_sample(struct surround_renderer *r, const struct lens *lens, struct surround_view *view)
+{
+    enum status status = OK;
+    if (!r->sample || lens->width != r->sample_width || lens->height != r->sample_height) {
+        gpu_target_close(&r->sample);
+        r->sample_width = lens->width;
+        r->sample_height = lens->height;
+        status = gpu_target_open_color(&r->sample, r->gpu, lens->width, lens->height);
+    }
+    if (status == OK && (!view->inverse_z || view->lens.width != lens->width || view->lens.height != lens->height)) {
+        surround_view_close(view);
+        status = surround_view_open(view, lens);
+    }
+    view->lens = *lens;
+    return status;
+}
+
+enum status surround_renderer_read_depth(struct surround_renderer *r, int step, struct surround_view *view)
+{
+    if (!r->image)
+        return NOTHING;
+    const struct lens lens = sampled_lens(&r->lens, step);
+    const size_t pixels = (size_t)lens.width * (size_t)lens.height;
+    const float step_px[4] = {(float)step, 0, 0, 0};
+    enum status status = fit_sample(r, &lens, view);
+    uint8_t *rgba = malloc(4 * pixels + 1);
+    if (status == OK && !rgba)
+        status = fail(ERR_MEMORY, "no memory for reading a picture back");
+    if (status == OK) {
+        view->world_from_view = r->world_from_view;
+        quat_to_matrix(r->world_from_view.rotation, view->axes);
+        gpu_program_set(r->sample_program, 0, step_px, 1);
+        gpu_draw(&(struct gpu_job){.target = r->sample,
+                                   .program = r->sample_program,
+                                   .mesh = r->fullscreen,
+                                   .textures = {gpu_target_texture(r->surface)}});
+        status = gpu_target_read(r->sample, rgba);
+    }
+    for (size_t i = 0; i < pixels && status == OK; i++) {
+        view->inverse_z[i] = surround_inverse_z(rgba + 4 * i);
+        view->source[i] = rgba[4 * i + 3] ? SOURCE_SEEN : SOURCE_UNSEEN;
+    }
+    free(rgba);
+    return status;
+}
+
+// ---------------------------------------------------------------- a box
+
+// The box's bounds in the image; all of it where the box reaches behind the eye.
+static struct gpu_box bounds_of(const struct surround_renderer *r, const struct surround_box *box)
+{
+    const struct pose view_from_box = pose_multiply(pose_inverse(r->world_from_view), box->world_from_box);
+    double left = r->lens.width, right = 0, top = r->lens.height, bottom = 0;
+    for (int k = 0; k < 8; k++) {
+        const double *x = k & 1 ? box->high : box->low, *y = k & 2 ? box->high : box->low;
+        const double *z = k & 4 ? box->high : box->low;
+        const struct vec3 c = pose_apply(view_from_box, v3(x[0], y[1], z[2]));
+        if (c.z < VIEW_NEAREST_M)
+            return (struct gpu_box){0};
+        const double u = r->lens.fx * c.x / c.z + r->lens.cx, v = r->lens.fy * c.y / c.z + r->lens.cy;
+        left = fmin(left, u), right = fmax(right, u);
+        top = fmin(top, v), bottom = fmax(bottom, v);
+    }
+    left = fmin(fmax(floor(left), 0), r->lens.width), top = fmin(fmax(floor(top), 0), r->lens.height);
+    right = fmin(ceil(right) + 1, r->lens.width), bottom = fmin(ceil(bottom) + 1, r->lens.height);
+    return (struct gpu_box){(int)left, (int)top, (int)fmax(right - left, 1), (int)fmax(bottom - top, 1)};
+}
+
+void surround_renderer_tint(struct surround_renderer *r, const struct surround_box *box)
+{
+    const float lens[4] = {(float)r->lens.fx, (float)r->lens.fy, (float)r->lens.cx, (float)r->lens.cy};
+    float rows[12], corners[8] = {0}, tint[4];
+    surround_rows_of(pose_multiply(pose_inverse(box->world_from_box), r->world_from_view), rows);
+    for (int i = 0; i < 3; i++) {
+        corners[i] = (float)box->low[i];
+        corners[4 + i] = (float)box->high[i];
+        tint[i] = (float)(box->opacity * box->color[i] / 255);
+    }
+    corners[3] = (float)VIEW_NEAREST_M;
+    tint[3] = (float)box->opacity;
+    gpu_program_set(r->tint_program, TINT_LENS, lens, 1);
+    gpu_program_set(r->tint_program, BOX_FROM_VIEW, rows, 3);
+    gpu_program_set(r->tint_program, BOX, corners, 2);
+    gpu_program_set(r->tint_program, TINT, tint, 1);
+    gpu_draw(&(struct gpu_job){.target = r->image,
+                               .program = r->tint_program,
+                               .mesh = r->fullscreen,
+                               .textures = {gpu_target_texture(r->surface)},
+                               .blend = true,
+                               .within = bounds_of(r, box)});
+}
+
+// ---------------------------------------------------------------- picture store
+
+static void empty(struct stored_picture *p)
+{
+    for (int i = 0; i < p->count; i++)
+        gpu_mesh_close(&p->pieces[i].mesh);
+    free(p->pieces);
+    *p = (struct stored_picture){0};
+}
+
+// what was zeroed, too
+static void picture_store_close(struct picture_store *s)
+{
+    for (int i = 0; i < s->layers && s->pictures; i++)
+        empty(&s->pictures[i]);
+    free(s->pictures);
+    gpu_texture_close(&s->colors);
+    gpu_texture_close(&s->depths);
+    gpu_texture_close(&s->ranges);
+    *s = (struct picture_store){.gpu = s->gpu, .now = s->now};
+}
+
+static enum status open_arrays(struct picture_store *s, int layers, int width, int height)
+{
+    picture_store_close(s);
+    s->layers = layers;
+    s->width = width;
+    s->height = height;
+    s->pictures = calloc((size_t)layers, sizeof *s->pictures);
+    enum status status = s->pictures ? OK : fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
+    if (status == OK)
+        status = gpu_texture_open_array(&s->colors, s->gpu,
+                                        &(struct gpu_array_layout){GPU_ARRAY_RGB8, width, height, layers});
+    if (status == OK)
+        status = gpu_texture_open_array(&s->depths, s->gpu,
+                                        &(struct gpu_array_layout){GPU_ARRAY_R16F, width, height, layers});
+    const struct gpu_array_layout half = {GPU_ARRAY_RG16F, (width + 1) / 2, (height + 1) / 2, layers};
+    if (status == OK)
+        status = gpu_texture_open_array(&s->ranges, s->gpu, &half);
+    if (status != OK)
+        picture_store_close(s);
+    return status;
+}
+
+// Makes the arrays fit these pictures, which are of one size, all at a time; what is there is lost if they did not.
+// To be called before each image. ERR_DEVICE, ERR_MEMORY.
+static enum status picture_store_fit(struct picture_store *s, const struct surround_picture *const *pictures, int count)
+{
+    int layers = s->layers ? s->layers : 1;
+    s->now++;
+    while (layers < count) // doubled, so that growing is rare
+        layers *= 2;
+    if (!count || (pictures[0]->width == s->width && pictures[0]->height == s->height && layers == s->layers))
+        return OK;
+    return open_arrays(s, layers, pictures[0]->width, pictures[0]->height);
+}
+
+// The layer of a picture for the present image; -1: it is not there.
+static int picture_store_find(struct picture_store *s, int64_t depth_number)
+{
+    assert(depth_number);
+    for (int i = 0; i < s->layers; i++)
+        if (s->pictures[i].depth_number == depth_number) {
+            s->pictures[i].used = s->now;
+            return i;
+        }
+    return -1;
+}
+
+// ---------------------------------------------------------------- putting in
+
+// 1/m: has a sign in 16 bits, and counts as infinitely far in surround_surface.vert, whose tolerance is 1e-4.
+#define LEAST_SIGNED 6.2e-5f
+
+// The pixel's number; negative: it is outside.
+static int64_t pixel_at(const struct surround_picture *p, int x, int y)
+{
+    x = surround_picture_column(p, x);
+    return x < 0 || x >= p->width || y < 0 || y >= p->height ? -1 : (int64_t)y * p->width + x;
+}
+
+// Of each 2 x 2 pixels and those around them, so that it holds the 3 x 3 about each of the four.
+static void fill_ranges(const struct surround_picture *p, float (*out)[2])
+{
+    for (int y = 0; y < p->height; y += 2)
+        for (int x = 0; x < p->width; x += 2, out++) {
+            float least = 6e4f, most = DEPTH_UNKNOWN; // the largest that 16 bits hold
+            bool measured = false;
+            for (int j = -1; j <= 2; j++)
+                for (int i = -1; i <= 2; i++) {
+                    const int64_t at = pixel_at(p, x + i, y + j);
+                    if (at < 0 || p->inverse[at] < 0)
+                        continue;
+                    least = fminf(least, p->inverse[at]);
+                    most = fmaxf(most, p->inverse[at]);
+                    measured |= i >= 0 && i < 2 && j >= 0 && j < 2 && !(p->joined[at] & DEPTH_EXTRAPOLATED);
+                }
+            (*out)[0] = measured ? least : -fmaxf(least, LEAST_SIGNED);
+            (*out)[1] = most;
+        }
+}
+
+static enum status upload_images(struct picture_store *s, const struct surround_picture *p, int layer)
+{
+    const int across = (p->width + 1) / 2, down = (p->height + 1) / 2;
+    float(*ranges)[2] = malloc(sizeof *ranges * (size_t)across * (size_t)down);
+    if (!ranges)
+        return fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
+    fill_ranges(p, ranges);
+    gpu_texture_write_layer(s->colors, layer, p->width, p->height, p->rgb);
+    gpu_texture_write_layer(s->depths, layer, p->width, p->height, p->inverse);
+    gpu_texture_write_layer(s->ranges, layer, across, down, ranges);
+    free(ranges);
+    return OK;
+}
+
+static enum status upload_mesh(struct picture_store *s, const struct surround_mesh *mesh, struct stored_picture *to)
+{
+    enum status status = OK;
+    if (!(to->pieces = calloc((size_t)mesh->count + 1, sizeof *to->pieces)))
+        status = fail(ERR_MEMORY, "no memory for the pictures on the graphics card");
+    for (int i = 0; i < mesh->count && status == OK; i++) {
+        const struct surround_mesh_piece *from = &mesh->pieces[i];
+        struct stored_piece *piece = &to->pieces[to->count];
+        const struct gpu_mesh_data data = {from->vertices[0], 4, from->vertex_count, from->indices, from->index_count};
+        status = gpu_mesh_open(&piece->mesh, s->gpu, &data);
+        memcpy(piece->rays, from->rays, sizeof piece->rays);
+        piece->least = from->least;
+        piece->most = from->most;
+        to->count += status == OK;
+    }
+    return status;
+}
+
+static enum status upload_surface(struct picture_store *s, const struct surround_picture *p, struct stored_picture *to)
+{
+    struct surround_mesh mesh;
+    if (p->mesh)
+        return upload_mesh(s, p->mesh, to);
+    enum status status = surround_mesh_make(&mesh, p, surround_mesh_tolerance(p));
+    if (status == OK)
+        status = upload_mesh(s, &mesh, to);
+    surround_mesh_free(&mesh);
+    return status;
+}
+
+// Puts a picture in, in place of one that the present image has not asked for. It has rgb, inverse and joined, and its
+// mesh or what one is made of; nothing of it is kept. ERR_DEVICE, ERR_MEMORY.
+static enum status picture_store_add(struct picture_store *s, const struct surround_picture *p, int *layer)
+{
+    int oldest = 0;
+    for (int i = 1; i < s->layers; i++)
+        if (s->pictures[i].used < s->pictures[oldest].used)
+            oldest = i;
+    struct stored_picture *to = &s->pictures[oldest];
+    assert(to->used < s->now);
+    empty(to);
+    enum status status = upload_images(s, p, oldest);
+    if (status == OK)
+        status = upload_surface(s, p, to);
+    if (status != OK) {
+        empty(to);
+        return status;
+    }
+    to->depth_number = p->depth_number;
+    to->used = s->now;
+    *layer = oldest;
+    return OK;
+}
+
+// ---------------------------------------------------------------- surround renderer
 
 enum { PARTS = 4, JUDGES = 8 }; // vec4s of a picture in surround_picture.glsl; pictures that test one's depth
 #define NEAREST_M ((float)VIEW_NEAREST_M)
@@ -75,7 +379,7 @@ enum status surround_renderer_open(struct surround_renderer **out, struct gpu *g
 {
     struct surround_renderer *r = *out = calloc(1, sizeof *r);
     if (!r)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for the surroundings' renderer");
     r->gpu = r->store.gpu = gpu;
     enum status status = surround_renderer_open_overlay(r);
     if (status == OK)

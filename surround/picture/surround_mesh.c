@@ -5,6 +5,30 @@
 #include <stdlib.h>
 #include <string.h>
 
+// ---------------------------------------------------------------- surround mesh free
+
+// Freeing a mesh, apart from making it, which stands on pictures.
+
+void surround_mesh_free(struct surround_mesh *m)
+{
+    for (int i = 0; i < m->count; i++) {
+        free(m->pieces[i].vertices);
+        free(m->pieces[i].indices);
+    }
+    free(m->pieces);
+    *m = (struct surround_mesh){0};
+}
+
+void surround_picture_free_mesh(struct surround_picture *p)
+{
+    if (p->mesh)
+        surround_mesh_free(p->mesh);
+    free(p->mesh);
+    p->mesh = NULL;
+}
+
+// ---------------------------------------------------------------- surround mesh
+
 enum { BLOCK = 16, MOST_VERTICES = 65536, GRID = 5 };
 // A piece is at most this wide and high, radians: between the rays of its grid it bulges by at most 4 %.
 #define PIECE_RAD 0.8f
@@ -252,7 +276,7 @@ static enum status keep_piece(struct maker *m, struct node low, struct node high
 {
     struct surround_mesh_piece *pieces = realloc(m->mesh->pieces, sizeof *pieces * ((size_t)m->mesh->count + 1));
     if (!pieces)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture's mesh");
     m->mesh->pieces = pieces;
     struct surround_mesh_piece *piece = &pieces[m->mesh->count++];
     *piece = (struct surround_mesh_piece){.vertices = malloc(sizeof *piece->vertices * (size_t)m->vertex_count),
@@ -260,7 +284,7 @@ static enum status keep_piece(struct maker *m, struct node low, struct node high
                                           .vertex_count = m->vertex_count,
                                           .index_count = m->index_count};
     if (!piece->vertices || !piece->indices)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture's mesh");
     memcpy(piece->vertices, m->vertices, sizeof *piece->vertices * (size_t)m->vertex_count);
     memcpy(piece->indices, m->indices, sizeof *piece->indices * (size_t)m->index_count);
     set_bounds(m, piece, low, high);
@@ -331,7 +355,7 @@ static enum status open_maker(struct maker *m)
     // Each vertex of the lattice has two triangles; a quarter's four have two.
     m->indices = malloc(3 * 2 * MOST_VERTICES * sizeof *m->indices);
     if (!m->error || !m->number || !m->vertices || !m->members || !m->indices)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture's mesh");
     for (size_t i = 0; i < count; i++)
         m->number[i] = -1;
     return OK;
@@ -366,8 +390,8 @@ enum status surround_picture_make_mesh(struct surround_picture *p)
 {
     surround_picture_free_mesh(p);
     p->mesh = calloc(1, sizeof *p->mesh);
-    const enum status status =
-        p->mesh ? surround_mesh_make(p->mesh, p, surround_mesh_tolerance(p)) : fail(ERR_MEMORY, "out of memory");
+    const enum status status = p->mesh ? surround_mesh_make(p->mesh, p, surround_mesh_tolerance(p))
+                                       : fail(ERR_MEMORY, "no memory for a picture's mesh");
     if (status != OK)
         surround_picture_free_mesh(p);
     return status;

@@ -21,7 +21,7 @@ enum status surround_picture_make(struct surround_picture *p, uint8_t *rgb, int 
     p->ray_table = malloc(sizeof *p->ray_table * 2 * (size_t)(width + height));
     if (!p->ray_table) {
         surround_picture_free(p);
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture of the surroundings");
     }
     for (int i = 0; i < width + height; i++) {
         const double angle = i < width ? (i + 0.5) / width * 2 * PI - PI : (i - width + 0.5) / height * PI;
@@ -39,7 +39,7 @@ enum status surround_image_undistort(uint8_t *rgb, struct lens *lens)
         return OK;
     uint8_t *taken = malloc(bytes);
     if (!taken)
-        return fail(ERR_MEMORY, "out of memory");
+        return fail(ERR_MEMORY, "no memory for a picture of the surroundings");
     memcpy(taken, rgb, bytes);
     const double largest = lens_max_radius2(lens);
     for (int v = 0; v < lens->height; v++)

@@ -4,7 +4,7 @@
 
 #include "app/view/avatar_builder.h"
 #include "base/clock.h"
-#include "reenact/avatar/avatar_store.h"
+#include "reenact/avatar/avatar.h"
 #include "tests/support/rehearsed.h"
 
 #include <stdatomic.h>

@@ -3,8 +3,7 @@
 #include "tests/support/test.h"
 
 #include "app/camera/camera_feed.h"
-#include "app/camera/mailbox.h"
-#include "app/state/frame_skip.h"
+#include "app/state/frame_times.h"
 #include "base/clock.h"
 #include "tests/support/rehearsal.h"
 

@@ -2,7 +2,7 @@
 // nothing is predicted in vain.
 #include "tests/support/test.h"
 
-#include "app/state/playback_predictor.h"
+#include "app/state/playback_clock.h"
 
 #define MS ((int64_t)1000000)
 static const int64_t EACH_NS = 100 * MS / 3, LENGTH_NS = 3000 * MS;

@@ -1,7 +1,7 @@
 // Waiting for a gap ends when it begins, also if it has begun before, and after a limit.
 #include "tests/support/test.h"
 
-#include "app/camera/present_gap.h"
+#include "app/camera/camera_feed.h"
 #include "base/clock.h"
 
 #include <pthread.h>

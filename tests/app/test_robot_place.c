@@ -1,6 +1,6 @@
 // Where a robot's world is in a place: panoramas of the rendered room, whose poses in the robot's world are known, are
 // found by the room's tags; where they show nothing of it nothing is claimed.
-#include "app/place/robot_place_finder.h"
+#include "app/place/robot_place.h"
 #include "recording/recorded_drive.h"
 #include "base/clock.h"
 #include "tests/support/film.h"

@@ -1,9 +1,8 @@
 // The app's behaviour without a window: playback, gestures, keys and hints, the resolution governor, redraws.
 #include "tests/support/test.h"
 
-#include "app/state/resolution_governor.h"
-#include "app/ui/input_map.h"
 #include "app/state/frame_times.h"
+#include "app/ui/input_map.h"
 #include "app/viewer/viewer.h"
 
 #include <string.h>

@@ -2,7 +2,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "base/condition.h"
+#include "base/threads.h"
 
 static void test_wait_ends_at_its_time(void **state)
 {

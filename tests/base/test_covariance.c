@@ -2,7 +2,7 @@
 #include "tests/support/random.h"
 #include "tests/support/test.h"
 
-#include "base/covariance.h"
+#include "base/linear_algebra.h"
 
 #include <stdio.h>
 

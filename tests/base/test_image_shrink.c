@@ -1,5 +1,5 @@
 // Smaller copies: means of what each pixel covers, of whole and of other ratios.
-#include "base/image_shrink.h"
+#include "base/pixels.h"
 #include "tests/support/test.h"
 
 static void test_means(void **state)

@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "base/clock.h"
-#include "base/pipeline.h"
+#include "base/threads.h"
 
 #include <stdatomic.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // The bounded queue between the recorder's threads.
 #include "tests/support/test.h"
 
-#include "base/queue.h"
+#include "base/threads.h"
 
 #include <pthread.h>
 

@@ -1,7 +1,7 @@
 // Thread priorities affect the calling thread and those that it starts, and no other.
 #include "tests/support/test.h"
 
-#include "base/thread_priority.h"
+#include "base/threads.h"
 
 #include <pthread.h>
 #include <sched.h>

@@ -1,7 +1,7 @@
 // A worker thread is told of changes, tells of its own, and ends when it is closed, whatever it waits for.
 #include "tests/support/test.h"
 
-#include "base/worker_thread.h"
+#include "base/threads.h"
 
 #include <semaphore.h>
 #include <stdlib.h>

@@ -5,7 +5,7 @@
 #include "tests/bench/bench_attempts.h"
 #include "tests/bench/bench.h"
 
-#include "base/parallel.h"
+#include "base/threads.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -5,7 +5,7 @@
 #include "tests/bench/bench_views_mesh.h"
 
 #include "reenact/avatar/avatar.h"
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -8,7 +8,7 @@
 #include "tests/support/rehearsed.h"
 #include "tests/support/work.h"
 
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <math.h>
 #include <stdio.h>

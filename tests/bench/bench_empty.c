@@ -1,7 +1,7 @@
 // Stage "skeleton" on images of rooms without a person: how many are taken for one at a film's start.
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "capture/body_points.h"
+#include "capture/point_finder.h"
 #include "capture/tracking/tracker.h"
 #include "platform/sensors/source.h"
 

@@ -6,7 +6,6 @@
 #include "platform/files/jpeg.h"
 #include "platform/files/png.h"
 #include "reenact/render/actor_renderer.h"
-#include "reenact/render/actor_renderer_live.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"

@@ -2,7 +2,7 @@
 #include "tests/bench/bench_page.h"
 
 #include "base/clock.h"
-#include "base/html.h"
+#include "base/text.h"
 
 #include <ctype.h>
 #include <math.h>

@@ -2,7 +2,7 @@
 #include "tests/bench/bench_page.h"
 #include "tests/bench/bench_study.h"
 
-#include "reenact/render/lod_error.h"
+#include "reenact/render/actor_renderer.h"
 #include "reenact/skeleton/body_cylinders.h"
 
 #include <math.h>
@@ -141,7 +141,7 @@ enum status bench_put_budget(const struct bench_page *page, const struct bench_w
 
 // ------------------------------------------------------------- levels of detail
 
-// What is kept of the model at a distance, and why: errors predicted before drawing (lod_error.h).
+// What is kept of the model at a distance, and why: errors predicted before drawing (actor_renderer.h).
 static void put_kept(FILE *f)
 {
     static const double distances[] = {0.7, 1, 1.5, 2, 3, 4, 6, 8, 12, 20, 40};

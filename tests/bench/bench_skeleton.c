@@ -10,7 +10,7 @@
 #include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
 
-#include "capture/body_points.h"
+#include "capture/point_finder.h"
 #include "capture/tracking/tracker.h"
 
 #include <stdio.h>

@@ -1,5 +1,5 @@
 // The stability stage: the table of hard cases (tests/stability), as text, as JSON, or as a section of the page.
-#include "base/html.h"
+#include "base/text.h"
 #include "tests/bench/bench_page.h"
 #include "tests/bench/bench_stages.h"
 #include "tests/stability/stability.h"

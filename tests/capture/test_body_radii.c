@@ -2,7 +2,7 @@
 #include "tests/support/test.h"
 
 #include "capture/body_radii.h"
-#include "recording/pose_score.h"
+#include "recording/place.h"
 
 #include <string.h>
 

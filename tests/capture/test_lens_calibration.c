@@ -1,7 +1,6 @@
 // A lens from rendered pictures of boards of circles and chequers, also by the command, and a rolling shutter's
 // read-out from a swing before a tag of the small world.
 #include "capture/calibration/lens_calibration.h"
-#include "capture/calibration/readout.h"
 #include "locate/tag_corners.h"
 #include "platform/files/json.h"
 #include "platform/files/png.h"

@@ -5,7 +5,6 @@
 #include "base/clock.h"
 #include "capture/follow.h"
 #include "capture/point_finder.h"
-#include "capture/point_motion.h"
 #include "tests/world/world.h"
 
 #include <stdatomic.h>

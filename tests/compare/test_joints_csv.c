@@ -2,7 +2,7 @@
 #include "compare/joint_samples.h"
 #include "compare/comparison.h"
 #include "compare/movement.h"
-#include "compare/not_judged.h"
+#include "compare/findings.h"
 #include "compare/report.h"
 #include "tests/support/exercise.h"
 #include "tests/support/scratch.h"

@@ -1,5 +1,5 @@
 // A sliding weighed quantile against sorting every window anew.
-#include "compare/sliding_quantile.h"
+#include "compare/movement.h"
 #include "tests/support/random.h"
 #include "tests/support/test.h"
 

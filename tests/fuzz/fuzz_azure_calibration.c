@@ -2,7 +2,7 @@
 // them stays inside the image.
 #include "tests/fuzz/fuzz.h"
 
-#include "platform/sensors/azure_lens.h"
+#include "platform/sensors/azure_kinect.h"
 
 #include <math.h>
 

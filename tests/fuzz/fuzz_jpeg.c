@@ -2,7 +2,6 @@
 #include "tests/fuzz/fuzz.h"
 
 #include "platform/files/jpeg.h"
-#include "platform/files/jpeg_metadata.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

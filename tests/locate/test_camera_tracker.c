@@ -1,6 +1,6 @@
 // A camera tracked from image to image past printed tags, the true poses known.
 #include "locate/camera_tracker.h"
-#include "locate/pose_kalman.h"
+#include "locate/pose_fusion.h"
 #include "tests/support/tag_picture.h"
 #include "tests/support/test.h"
 

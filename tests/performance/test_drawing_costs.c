@@ -2,7 +2,7 @@
 // uploaded for what has not changed; memory within the documented bound.
 #include "tests/support/test.h"
 
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 #include "tests/support/compiled.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/retake.h"

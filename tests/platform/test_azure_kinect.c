@@ -2,7 +2,7 @@
 // it, the lenses against the sensor's own formula, and a sentence for each kind of fault.
 #include "tests/support/test.h"
 
-#include "platform/sensors/azure_lens.h"
+#include "platform/sensors/azure_kinect.h"
 #include "platform/files/file.h"
 #include "platform/files/jpeg.h"
 #include "platform/sensors/source.h"

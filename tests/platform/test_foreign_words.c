@@ -4,7 +4,6 @@
 
 #include "platform/files/database.h"
 #include "platform/files/file.h"
-#include "platform/files/file_kind.h"
 #include "platform/files/image_file.h"
 #include "platform/files/png.h"
 #include "platform/sensors/source.h"

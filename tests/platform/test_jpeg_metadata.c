@@ -2,7 +2,6 @@
 #include "tests/support/test.h"
 
 #include "platform/files/jpeg.h"
-#include "platform/files/jpeg_metadata.h"
 #include "tests/support/random.h"
 
 #include <stdlib.h>

@@ -3,7 +3,7 @@
 #include "tests/support/test.h"
 
 #include "locate/tag_corners.h"
-#include "platform/vision/tag_families.h"
+#include "platform/vision/tag_detector.h"
 #include "tests/support/other_tags.h"
 #include "tests/world/world.h"
 

@@ -4,7 +4,7 @@
 #include "tests/support/random.h"
 #include "tests/support/recording_sample.h"
 
-#include "recording/erasure.h"
+#include "recording/recording_takes.h"
 #include "recording/prepared.h"
 #include "recording/recording_reader.h"
 

@@ -2,7 +2,7 @@
 #include "tests/support/recording_hash.h"
 #include "tests/support/recording_sample.h"
 
-#include "recording/pose_score.h"
+#include "recording/place.h"
 #include "recording/prepared.h"
 #include "recording/recorded_drive.h"
 #include "recording/recorded_things.h"

@@ -6,7 +6,7 @@
 
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/silhouette_constraint.h"
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #include "tests/support/random.h"
 #include "tests/support/test.h"
 
-#include "reenact/skeleton/bone_chart.h"
+#include "reenact/skeleton/body_cylinders.h"
 
 #include <string.h>
 

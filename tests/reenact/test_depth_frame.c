@@ -4,7 +4,7 @@
 #include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
-#include "reenact/observation/depth_frame_cache.h"
+#include "reenact/observation/depth_frame.h"
 
 #include <string.h>
 

@@ -3,7 +3,6 @@
 #include "tests/support/painted_person.h"
 #include "tests/support/test.h"
 
-#include "reenact/skeleton/joint_inpainting.h"
 #include "reenact/skeleton/skeleton_track.h"
 
 #include <string.h>

@@ -1,7 +1,7 @@
 // The surface of an occluder grid: where it lies, and that a surface with too many vertices is said to be one.
 #include "tests/support/test.h"
 
-#include "reenact/scene/occluder_grid.h"
+#include "reenact/scene/occluder_mesh.h"
 
 #include <stdlib.h>
 

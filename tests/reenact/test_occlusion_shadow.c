@@ -4,9 +4,9 @@
 #include "tests/support/test.h"
 
 #include "platform/files/jpeg.h"
-#include "reenact/render/actor_renderer_live.h"
+#include "reenact/render/actor_renderer.h"
 #include "reenact/render/shaders.h"
-#include "reenact/scene/occlusion_frustum.h"
+#include "reenact/scene/occluder_mesh.h"
 #include "tests/support/random.h"
 #include "tests/support/scratch.h"
 #include "tests/world/world.h"

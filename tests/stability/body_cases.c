@@ -1,5 +1,4 @@
 // The body model's fit: folded and stretched limbs, unconstrained normal equations, covariances, the pose filter.
-#include "base/covariance.h"
 #include "base/linear_algebra.h"
 #include "capture/body/body_prior.h"
 #include "capture/body/joint_posterior.h"

@@ -3,7 +3,6 @@
 #include "locate/camera_tracker.h"
 #include "locate/focal_estimate.h"
 #include "locate/pose_fusion.h"
-#include "locate/pose_kalman.h"
 #include "locate/relocalization.h"
 #include "tests/stability/stability.h"
 

@@ -1,11 +1,11 @@
 // Depth images: coding, segmentation, floor, bounds, samples inside a tag; quantised, empty, constant, saturated.
 #include "base/depth_noise.h"
 #include "capture/body/depth_evidence.h"
-#include "capture/median.h"
+#include "capture/export.h"
 #include "recording/depth_codec.h"
 #include "capture/segmentation/background_depth.h"
 #include "capture/segmentation/segment.h"
-#include "locate/tag_depth.h"
+#include "locate/tag_model.h"
 #include "tests/stability/stability.h"
 
 #include <stdlib.h>

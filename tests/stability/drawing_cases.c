@@ -1,11 +1,9 @@
 // What drawing decides before it draws: levels of detail, bounds of frusta, meshes, resolution, the orbit, gestures.
-#include "app/state/frame_skip.h"
-#include "app/state/gesture.h"
+#include "app/state/frame_times.h"
 #include "app/state/orbit.h"
-#include "app/state/resolution_governor.h"
-#include "reenact/render/lod_error.h"
-#include "reenact/render/screen_bounds.h"
-#include "reenact/scene/occlusion_frustum.h"
+#include "reenact/render/actor_renderer.h"
+#include "reenact/render/occlusion_shadow.h"
+#include "reenact/scene/occluder_mesh.h"
 #include "reenact/skeleton/body_cylinders.h"
 #include "tests/stability/stability.h"
 

@@ -1,7 +1,7 @@
 // Projection, distortion and rolling shutter (base/lens.h, locate/rolling_shutter.h).
 #include "base/lens.h"
 #include "locate/rolling_shutter.h"
-#include "reenact/observation/depth_agreement.h"
+#include "reenact/observation/depth_frame.h"
 #include "tests/stability/stability.h"
 
 // 640 x 480, principal point in the middle of an even-sided square, so that x and y have the same lens: f, c, k1, k2.

@@ -1,10 +1,9 @@
 // Time: long takes, clocks that jump, a million frames.
 #include "app/state/frame_times.h"
 #include "app/state/playback_clock.h"
-#include "app/state/playback_predictor.h"
 #include "recording/recording.h"
 #include "compare/movement.h"
-#include "reenact/skeleton/joint_inpainting.h"
+#include "reenact/skeleton/skeleton_track.h"
 #include "tests/stability/stability.h"
 
 #include <math.h>

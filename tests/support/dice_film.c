@@ -1,8 +1,8 @@
 #include "tests/support/dice_film.h"
 
 #include "base/clock.h"
-#include "base/parallel.h"
-#include "capture/body_points.h"
+#include "base/threads.h"
+#include "capture/point_finder.h"
 #include "tests/support/smoothed_film.h"
 
 #include <stdatomic.h>

@@ -1,6 +1,6 @@
 #include "tests/support/other_tags.h"
 
-#include "platform/vision/tag_families.h"
+#include "platform/vision/tag_detector.h"
 
 #include <apriltag/apriltag.h>
 #include <apriltag/tag16h5.h>
@@ -13,7 +13,7 @@
 #include <apriltag/tagStandard52h13.h>
 #include <stdlib.h>
 
-// By the numbers of platform/vision/tag_families.h.
+// By the numbers of platform/vision/tag_detector.h.
 static apriltag_family_t *create(int family)
 {
     switch (family) {

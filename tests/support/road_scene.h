@@ -2,7 +2,7 @@
 // panoramas from a vehicle, the points of its line scanners, virtual cameras with their true pictures and depth, and a
 // plain detector of white lines. World: x along the road, y left, z up; the lane's middle is y = 0.
 #pragma once
-#include "surround/depth/point_colors.h"
+#include "surround/depth/depth_seeds.h"
 #include "surround/drive/box_world.h"
 #include "surround/view/surround_view.h"
 

@@ -1,6 +1,6 @@
 #include "tests/support/surround_readback.h"
 
-#include "surround/gpu/surround_renderer_internal.h"
+#include "surround/gpu/surround_renderer.h"
 
 #include <stdlib.h>
 #include <string.h>

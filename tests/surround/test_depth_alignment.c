@@ -5,7 +5,6 @@
 #include "base/portable_math.h"
 #include "surround/alignment/depth_alignment.h"
 #include "surround/drive/simulated_rover.h"
-#include "surround/photo_refinement.h"
 #include "surround/surroundings.h"
 
 #include <stdio.h>

@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "surround/drive/drive_session.h"
-#include "surround/drive/head_tracker.h"
+#include "surround/drive/robot_motion.h"
 #include "surround/picture/surround_mesh.h"
 #include "tests/support/drive_trial.h"
 

@@ -4,7 +4,6 @@
 
 #include "formats/ply.h"
 #include "platform/files/file.h"
-#include "surround/reading/pose_list.h"
 #include "surround/reading/surround_set.h"
 #include "tests/support/scratch.h"
 

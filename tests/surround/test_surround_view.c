@@ -6,7 +6,7 @@
 #include "tests/support/box_room.h"
 #include "surround/depth/depth_seeds.h"
 #include "surround/drive/simulated_rover.h"
-#include "surround/view/exposure.h"
+#include "surround/view/view_merge.h"
 
 #include <stdio.h>
 

@@ -1,6 +1,6 @@
 #include "tests/world/actor.h"
 
-#include "base/parallel.h"
+#include "base/threads.h"
 #include "tests/world/shadow.h"
 #include "tests/world/numbers.h"
 

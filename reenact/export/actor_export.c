@@ -1,0 +1,429 @@
+#include "reenact/export/actor_export.h"
+
+#include "formats/glb_builder.h"
+#include "formats/ply.h"
+#include "platform/files/png.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// ---------------------------------------------------------------- actor motion
+
+// The bones of the avatar over a take, as nodes of a scene: each bone's node lies where the bone begins, with the bind
+// pose's axes, below the node of the bone it hangs from. Internal to this folder. Pure.
+
+extern const char *const bone_names[BONE_COUNT];
+
+// Of each bone, of each known frame: its pose with respect to its parent's node; rotations go on from frame to frame
+// without a change of sign.
+struct actor_motion {
+    int count;
+    float *time_s;                       // [count]
+    float (*translation[BONE_COUNT])[3]; // [count]
+    float (*rotation[BONE_COUNT])[4];    // [count]; x, y, z, w
+};
+
+static void actor_motion_free(struct actor_motion *m);
+
+// ---------------------------------------------------------------- actor motion
+
+const char *const bone_names[BONE_COUNT] = {
+    [PART_HEAD] = "head",
+    [PART_UPPER_TORSO] = "upper_torso",
+    [PART_LOWER_TORSO] = "lower_torso",
+    [PART_LEFT_UPPER_ARM] = "left_upper_arm",
+    [PART_LEFT_FOREARM] = "left_forearm",
+    [PART_RIGHT_UPPER_ARM] = "right_upper_arm",
+    [PART_RIGHT_FOREARM] = "right_forearm",
+    [PART_LEFT_THIGH] = "left_thigh",
+    [PART_LEFT_SHIN] = "left_shin",
+    [PART_RIGHT_THIGH] = "right_thigh",
+    [PART_RIGHT_SHIN] = "right_shin",
+    [BONE_LEFT_FOOT] = "left_foot",
+    [BONE_RIGHT_FOOT] = "right_foot",
+    [BONE_LEFT_HAND] = "left_hand",
+    [BONE_RIGHT_HAND] = "right_hand",
+    [BONE_SKULL] = "skull",
+};
+
+// -1: the upper torso, which has none
+static int bone_parent(int bone)
+{
+    for (int i = 0; i < BONE_LINKS; i++)
+        if (bone_links[i].b == bone)
+            return bone_links[i].a;
+    return -1;
+}
+
+// Where each bone begins, bind-pose axes.
+static void bone_origins(const struct bind_pose *bind, struct vec3 origin[BONE_COUNT])
+{
+    origin[PART_UPPER_TORSO] = bind->frame[PART_UPPER_TORSO].origin;
+    for (int i = 0; i < BONE_LINKS; i++) { // from the trunk outwards
+        const int bone = bone_links[i].b;
+        origin[bone] = bind->known[bone] ? bind->frame[bone].origin : origin[bone_links[i].a];
+    }
+}
+
+static double seconds_at(const struct take *take, int64_t frame)
+{
+    return (double)(take_entry(take, frame)->time_ns - take_entry(take, 0)->time_ns) * 1e-9;
+}
+
+// The bones at a frame, from the bind pose into the world. NOTHING: not known.
+static enum status bones_at_frame(const struct actor_export *a, int64_t frame, struct bone_transforms *out)
+{
+    struct track_sample sample;
+    const int64_t since_ns = take_entry(a->take, frame)->time_ns - take_entry(a->take, 0)->time_ns;
+    enum status status = skeleton_track_at(a->track, since_ns, true, &sample);
+    if (status == OK && sample.frame != frame)
+        status = NOTHING; // without a skeleton of its own
+    struct bone_transforms joints;
+    if (status == OK)
+        status = bone_transforms_of(&a->avatar->bind_pose, &sample.skeleton, &joints);
+    if (status != OK)
+        return status;
+    const struct bone_corrections corrections = avatar_corrections(a->avatar, frame);
+    *out = bone_corrections_apply(&joints, &corrections);
+    return OK;
+}
+
+static void add_key(struct actor_motion *m, const struct vec3 origin[BONE_COUNT], const struct bone_transforms *at)
+{
+    const int key = m->count;
+    for (int b = 0; b < BONE_COUNT; b++) {
+        const int parent = bone_parent(b);
+        const struct pose node = {at->bone[b].rotation, pose_apply(at->bone[b], origin[b])};
+        struct pose local = node;
+        if (parent >= 0) {
+            const struct pose above = {at->bone[parent].rotation, pose_apply(at->bone[parent], origin[parent])};
+            local = pose_multiply(pose_inverse(above), node);
+        }
+        const struct quat q = quat_unit(local.rotation);
+        float *rotation = m->rotation[b][key], *translation = m->translation[b][key];
+        float along = 1;
+        if (key) {
+            const float *before = m->rotation[b][key - 1];
+            along = (float)q.x * before[0] + (float)q.y * before[1] + (float)q.z * before[2] + (float)q.w * before[3];
+        }
+        const float sign = along < 0 ? -1 : 1;
+        for (int k = 0; k < 4; k++)
+            rotation[k] = sign * (float)(&q.x)[k];
+        for (int k = 0; k < 3; k++)
+            translation[k] = (float)(&local.translation.x)[k];
+    }
+}
+
+static enum status motion_open(struct actor_motion *m, size_t frames)
+{
+    *m = (struct actor_motion){.time_s = malloc(frames * sizeof *m->time_s)};
+    bool whole = m->time_s;
+    for (int b = 0; b < BONE_COUNT; b++) {
+        m->translation[b] = malloc(frames * sizeof *m->translation[b]);
+        m->rotation[b] = malloc(frames * sizeof *m->rotation[b]);
+        whole = whole && m->translation[b] && m->rotation[b];
+    }
+    return whole ? OK : fail(ERR_MEMORY, "no memory for the actor's motion");
+}
+
+// ERR_INPUT, ERR_MEMORY
+static enum status actor_motion_make(struct actor_motion *out, const struct actor_export *a)
+{
+    const int64_t frames = take_frame_count(a->take);
+    struct vec3 origin[BONE_COUNT];
+    bone_origins(&a->avatar->bind_pose, origin);
+    enum status status = motion_open(out, (size_t)frames);
+    for (int64_t i = 0; i < frames && status >= 0; i++) {
+        struct bone_transforms at;
+        status = bones_at_frame(a, i, &at);
+        if (status != OK)
+            continue;
+        add_key(out, origin, &at);
+        out->time_s[out->count++] = (float)seconds_at(a->take, i);
+    }
+    if (status >= 0)
+        status = out->count ? OK : fail(ERR_INPUT, "the take shows no trunk of a person, so there is no motion");
+    if (status != OK)
+        actor_motion_free(out);
+    return status;
+}
+
+static void actor_motion_free(struct actor_motion *m)
+{
+    free(m->time_s);
+    for (int b = 0; b < BONE_COUNT; b++) {
+        free(m->translation[b]);
+        free(m->rotation[b]);
+    }
+    *m = (struct actor_motion){0};
+}
+
+// ---------------------------------------------------------------- actor mesh
+
+// The avatar's surface at one instant, as PLY.
+
+// A linear colour (vertex_color.h) as a byte.
+static uint8_t byte_of(float linear)
+{
+    const float encoded = sqrtf(fmaxf(0, linear));
+    return (uint8_t)(fminf(1, encoded) * 255 + 0.5F);
+}
+
+enum status actor_export_mesh_ply(const struct actor_export *a, int64_t frame, FILE *out)
+{
+    const struct surface_mesh *s = &a->avatar->surface;
+    struct bone_transforms at;
+    struct ply ply = {0};
+    enum status status = bones_at_frame(a, frame, &at);
+    for (int i = 0; i < s->point_count && status == OK; i++) {
+        const float *color = a->avatar->vertex_colors.color[i];
+        const uint8_t rgb[3] = {byte_of(color[0]), byte_of(color[1]), byte_of(color[2])};
+        struct vec3 p, n;
+        linear_blend_skin(&a->avatar->skins[i], &at, s->points[i], s->normals[i], &p, &n);
+        status = ply_add_point(&ply, p, rgb);
+    }
+    for (int i = 0; i < s->corner_count && status == OK; i += 3)
+        status = ply_add_triangle(&ply, s->corners[i], s->corners[i + 1], s->corners[i + 2]);
+    if (status == OK)
+        ply_print(&ply, "world axes, z up", out);
+    ply_free(&ply);
+    return status;
+}
+
+// ---------------------------------------------------------------- actor gltf
+
+// The actor as glTF 2.0.
+
+// Nodes: the bones have their own numbers.
+enum { NODE_ACTOR = BONE_COUNT, NODE_MESH };
+enum { WEIGHTS = 4 };
+_Static_assert((int)SKIN_BONES <= (int)WEIGHTS, "glTF has four weights a vertex");
+
+struct vertex_arrays {
+    float (*position)[3], (*normal)[3], (*uv)[2], (*weights)[WEIGHTS];
+    uint8_t (*joints)[WEIGHTS];
+};
+
+// Bones without weight are 0, as the specification wants it, and the weights add up to 1 in single precision.
+static void put_weights(const struct skin_weights *skin, uint8_t joints[WEIGHTS], float weights[WEIGHTS])
+{
+    float rest = 1;
+    memset(joints, 0, WEIGHTS * sizeof *joints);
+    memset(weights, 0, WEIGHTS * sizeof *weights);
+    for (int k = SKIN_BONES - 1; k > 0; k--)
+        if (skin->weight[k] > 0) {
+            joints[k] = skin->bone[k];
+            weights[k] = skin->weight[k];
+            rest -= weights[k];
+        }
+    joints[0] = skin->bone[0];
+    weights[0] = rest;
+    for (int k = 1; k < SKIN_BONES; k++)
+        if (weights[k] > 0 && joints[k] == joints[0]) {
+            weights[0] += weights[k];
+            weights[k] = 0;
+            joints[k] = 0;
+        }
+}
+
+static void fill_vertices(const struct vertex_arrays *v, const struct avatar *avatar)
+{
+    const struct texture_atlas *atlas = &avatar->atlas;
+    for (int i = 0; i < atlas->mesh.point_count; i++) {
+        struct vec3 n = v3_unit(atlas->normals[i]);
+        if (!(v3_length(n) > 0))
+            n = v3(0, 0, 1);
+        for (int k = 0; k < 3; k++) {
+            v->position[i][k] = (float)(&atlas->points[i].x)[k];
+            v->normal[i][k] = (float)(&n.x)[k];
+        }
+        v->uv[i][0] = atlas->mesh.at[i][0] / (float)atlas->mesh.width;
+        v->uv[i][1] = atlas->mesh.at[i][1] / (float)atlas->mesh.height;
+        put_weights(&avatar->skins[atlas->mesh.points[i]], v->joints[i], v->weights[i]);
+    }
+}
+
+static void add_vertices(struct glb *g, struct json *attributes, const struct vertex_arrays *v, int n)
+{
+    const struct glb_layout position = {GLB_FLOAT, 3, n, GLB_VERTICES, true},
+                            normal = {GLB_FLOAT, 3, n, GLB_VERTICES, false},
+                            uv = {GLB_FLOAT, 2, n, GLB_VERTICES, false}, joints = {GLB_U8, 4, n, GLB_VERTICES, false},
+                            weights = {GLB_FLOAT, 4, n, GLB_VERTICES, false};
+    json_add_number(attributes, "POSITION", glb_add_accessor(g, v->position, &position));
+    json_add_number(attributes, "NORMAL", glb_add_accessor(g, v->normal, &normal));
+    json_add_number(attributes, "TEXCOORD_0", glb_add_accessor(g, v->uv, &uv));
+    json_add_number(attributes, "JOINTS_0", glb_add_accessor(g, v->joints, &joints));
+    json_add_number(attributes, "WEIGHTS_0", glb_add_accessor(g, v->weights, &weights));
+}
+
+static enum status add_mesh(struct glb *g, const struct avatar *avatar)
+{
+    const struct uv_mesh *m = &avatar->atlas.mesh;
+    const size_t n = (size_t)m->point_count;
+    struct vertex_arrays v = {malloc(n * sizeof *v.position), malloc(n * sizeof *v.normal), malloc(n * sizeof *v.uv),
+                              malloc(n * sizeof *v.weights), malloc(n * sizeof *v.joints)};
+    enum status status = OK;
+    if (v.position && v.normal && v.uv && v.weights && v.joints) {
+        struct json *mesh = json_add_object(json_add_array(g->root, "meshes"), NULL);
+        struct json *primitive = json_add_object(json_add_array(mesh, "primitives"), NULL);
+        fill_vertices(&v, avatar);
+        add_vertices(g, json_add_object(primitive, "attributes"), &v, m->point_count);
+        const struct glb_layout corners = {GLB_U32, 1, m->corner_count, GLB_INDICES, false};
+        json_add_number(primitive, "indices", glb_add_accessor(g, m->corners, &corners));
+        json_add_number(primitive, "material", 0);
+        json_add_string(mesh, "name", "actor");
+    } else {
+        status = fail(ERR_MEMORY, "no memory for a glTF file");
+    }
+    free(v.position);
+    free(v.normal);
+    free(v.uv);
+    free(v.weights);
+    free(v.joints);
+    return status;
+}
+
+static enum status add_material(struct glb *g, const struct texture_atlas *atlas)
+{
+    enum { REPEAT_NOT = 33071, LINEAR = 9729 };
+    uint8_t *png;
+    size_t count;
+    enum status status = png_encode(&(struct png_layout){PNG_RGB8, atlas->mesh.width, atlas->mesh.height}, atlas->color,
+                                    6, &png, &count);
+    if (status != OK)
+        return status;
+    struct json *image = json_add_object(json_add_array(g->root, "images"), NULL);
+    json_add_number(image, "bufferView", glb_add_view(g, png, count, GLB_NO_TARGET));
+    json_add_string(image, "mimeType", "image/png");
+    free(png);
+    struct json *sampler = json_add_object(json_add_array(g->root, "samplers"), NULL);
+    json_add_number(sampler, "magFilter", LINEAR);
+    json_add_number(sampler, "minFilter", LINEAR); // charts lie two texels apart: coarser levels would mix them
+    json_add_number(sampler, "wrapS", REPEAT_NOT);
+    json_add_number(sampler, "wrapT", REPEAT_NOT);
+    struct json *texture = json_add_object(json_add_array(g->root, "textures"), NULL);
+    json_add_number(texture, "source", 0);
+    json_add_number(texture, "sampler", 0);
+    struct json *material = json_add_object(json_add_array(g->root, "materials"), NULL);
+    struct json *surface = json_add_object(material, "pbrMetallicRoughness");
+    json_add_number(json_add_object(surface, "baseColorTexture"), "index", 0);
+    json_add_number(surface, "metallicFactor", 0);
+    json_add_number(surface, "roughnessFactor", 1);
+    json_add_object(json_add_object(material, "extensions"), "KHR_materials_unlit");
+    json_add_string(json_add_array(g->root, "extensionsUsed"), NULL, "KHR_materials_unlit");
+    return OK;
+}
+
+static void push_floats(struct json *array, const float *values, int count)
+{
+    for (int i = 0; i < count; i++)
+        json_push_number(array, (double)values[i]);
+}
+
+static void add_bone(struct json *nodes, int bone, const struct actor_motion *motion)
+{
+    struct json *node = json_add_object(nodes, NULL), *children = NULL;
+    json_add_string(node, "name", bone_names[bone]);
+    push_floats(json_add_array(node, "translation"), motion->translation[bone][0], 3);
+    push_floats(json_add_array(node, "rotation"), motion->rotation[bone][0], 4);
+    for (int b = 0; b < BONE_COUNT; b++)
+        if (bone_parent(b) == bone) {
+            if (!children)
+                children = json_add_array(node, "children");
+            json_push_number(children, b);
+        }
+}
+
+static void add_scene(struct glb *g, const struct actor_export *a, const struct actor_motion *motion)
+{
+    static const float y_up_from_z_up[4] = {-0.70710678F, 0, 0, 0.70710678F};
+    struct json *nodes = json_add_array(g->root, "nodes");
+    for (int b = 0; b < BONE_COUNT; b++)
+        add_bone(nodes, b, motion);
+    struct json *actor = json_add_object(nodes, NULL), *mesh = json_add_object(nodes, NULL);
+    json_add_string(actor, "name", a->name);
+    push_floats(json_add_array(actor, "rotation"), y_up_from_z_up, 4);
+    json_push_number(json_add_array(actor, "children"), PART_UPPER_TORSO);
+    json_add_string(mesh, "name", "surface");
+    json_add_number(mesh, "mesh", 0);
+    json_add_number(mesh, "skin", 0);
+    json_add_number(g->root, "scene", 0);
+    struct json *roots = json_add_array(json_add_object(json_add_array(g->root, "scenes"), NULL), "nodes");
+    json_push_number(roots, NODE_ACTOR);
+    json_push_number(roots, NODE_MESH);
+}
+
+static void add_skin(struct glb *g, const struct bind_pose *bind)
+{
+    struct vec3 origin[BONE_COUNT];
+    float inverse[BONE_COUNT][16]; // column by column
+    bone_origins(bind, origin);
+    struct json *skin = json_add_object(json_add_array(g->root, "skins"), NULL);
+    struct json *joints = json_add_array(skin, "joints");
+    for (int b = 0; b < BONE_COUNT; b++) {
+        const struct vec3 o = origin[b];
+        memcpy(inverse[b],
+               (const float[16]){1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -(float)o.x, -(float)o.y, -(float)o.z, 1},
+               sizeof inverse[b]);
+        json_push_number(joints, b);
+    }
+    json_add_number(skin, "skeleton", NODE_ACTOR);
+    const struct glb_layout layout = {GLB_FLOAT, 16, BONE_COUNT, GLB_NO_TARGET, false};
+    json_add_number(skin, "inverseBindMatrices", glb_add_accessor(g, inverse, &layout));
+}
+
+static void add_channel(struct json *channels, int sampler, int bone, const char *path)
+{
+    struct json *channel = json_add_object(channels, NULL);
+    json_add_number(channel, "sampler", sampler);
+    struct json *target = json_add_object(channel, "target");
+    json_add_number(target, "node", bone);
+    json_add_string(target, "path", path);
+}
+
+static void add_sampler(struct json *samplers, int times, int values)
+{
+    struct json *sampler = json_add_object(samplers, NULL);
+    json_add_number(sampler, "input", times);
+    json_add_number(sampler, "output", values);
+    json_add_string(sampler, "interpolation", "LINEAR");
+}
+
+static void add_animation(struct glb *g, const struct actor_export *a, const struct actor_motion *m)
+{
+    struct json *animation = json_add_object(json_add_array(g->root, "animations"), NULL);
+    json_add_string(animation, "name", a->name);
+    struct json *samplers = json_add_array(animation, "samplers"), *channels = json_add_array(animation, "channels");
+    const struct glb_layout times = {GLB_FLOAT, 1, m->count, GLB_NO_TARGET, true},
+                            translations = {GLB_FLOAT, 3, m->count, GLB_NO_TARGET, false},
+                            rotations = {GLB_FLOAT, 4, m->count, GLB_NO_TARGET, false};
+    const int at = glb_add_accessor(g, m->time_s, &times);
+    for (int b = 0; b < BONE_COUNT; b++) {
+        add_sampler(samplers, at, glb_add_accessor(g, m->translation[b], &translations));
+        add_channel(channels, 2 * b, b, "translation");
+        add_sampler(samplers, at, glb_add_accessor(g, m->rotation[b], &rotations));
+        add_channel(channels, 2 * b + 1, b, "rotation");
+    }
+}
+
+enum status actor_export_glb(const struct actor_export *a, uint8_t **bytes, size_t *count)
+{
+    struct actor_motion motion;
+    struct glb g = {0};
+    enum status status = actor_motion_make(&motion, a);
+    if (status != OK)
+        return status;
+    glb_open(&g);
+    status = add_mesh(&g, a->avatar);
+    if (status == OK)
+        status = add_material(&g, &a->avatar->atlas);
+    if (status == OK) {
+        add_scene(&g, a, &motion);
+        add_skin(&g, &a->avatar->bind_pose);
+        add_animation(&g, a, &motion);
+        status = glb_print(&g, bytes, count);
+    }
+    glb_close(&g);
+    actor_motion_free(&motion);
+    return status;
+}
